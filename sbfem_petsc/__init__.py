@@ -89,8 +89,6 @@ _HOME = {
     "reduce_matrices": "reduction.matrices",
     "save": "record.files",
     "read": "record.files",
-    "save_result": "results.nonlinear",
-    "read_result": "results.nonlinear",
     "write_animation": "results.animation",
     "Harmonic": "signals.waves",
     "ToneBurst": "signals.waves",

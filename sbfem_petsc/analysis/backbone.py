@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -27,12 +28,12 @@ from ..continuation.problems.free_start import PACE, first_motion
 from ..errors import SolveError, on_all_ranks
 from ..motion.excitation import one_sided
 from ..motion.loading import communicator
-from ..motion.period_map import FixedPoint
+from ..motion.period_map import FixedPoint, require_waves
 from ..motion.preparation import period_memory
 from ..motion.step_plan import CONTACT_STEP
 from ..parallel import collective
 from ..progress import Progress, progress_bar
-from ..recording.backbones import write_backbone_alone
+from ..record.record import Record, derived, described, quantity
 from ..reduction.build import reduced
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
@@ -51,82 +52,108 @@ NEXT = 2e-3
 HARMONICS = 20
 
 
-@dataclass(frozen=True, eq=False)
-class Backbone(Orbits):
+@described
+class Backbone(Orbits, Record):
     """Free periodic motions, point by point along their branch.
 
-    Attributes
-    ----------
-    mode : int
-        The followed one, counted from 1.
-    energy : (n,) array
-        J, at t = 0, where the velocity of the followed mode vanishes.
-    frequency : (n,) array
-        Hz.
-    frequency_error : (n,) array
-        What half the step changes, Hz, an estimate; nan without refinement, or where half the step leads
-        elsewhere, as it may at an interaction with a high mode.
-    damping_ratio : (n,) array
-        By the rate of decay: xi / (4 pi f), of a linear system of the same frequency whose amplitude falls as
-        that of a free vibration does at the moment, by exp(-xi t / 2) (the modal damping ratio of Krack
-        2015); without damping the trace that the steps leave, about 1e-14.
-    damping_error : (n,) array
-        What half the step changes of it, as `frequency_error`.
-    energy_damping_ratio : (n,) array
-        By the energy: what the dampers take in a period over 4 pi times the energy, that of a linear system
-        which loses the same share of its energy in a period; `damping_ratio` times twice the mean kinetic
-        energy over the energy, and the same where nothing touches.
-    energy_damping_error : (n,) array
-        What half the step changes of it.
-    states : (n, 2 m) array
-        (Omega q, q') at t = 0.
-    multipliers : (n, k) complex array
-        Floquet multipliers by falling modulus, in conjugate pairs, without those that every free motion has:
-        +1 along the motion and, without damping, +1 along the branch; with damping less what the
-        self-excitation gives to every disturbance. Empty if they were not asked for.
-    point_harmonics : (n, points, 2, 21) complex array
-        Harmonics 0 to 20 of the displacement of all named points, m.
-    point_amplitudes : (n, points) array
-        Half the peak-to-peak of u_y, m.
-    passed : tuple of (float, float)
-        Energies on either side of interactions with higher modes that were passed over, J: all on whose
-        tongue the state would change by more than 1e-3 of itself.
-    events : tuple of FreeEvent
-        Turns in energy, located between the points, and where the branch becomes stable or unstable.
-    damped : bool
-    reason : str
-        Why the branch ends.
-    complete : bool
-        Whether it reached the last energy.
+    Errors are what half the step changes, estimates; nan without refinement, or where half the step leads
+    elsewhere, as it may at an interaction with a high mode. The damping ratio by the rate of decay is
+    xi / (4 pi f), of a linear system of the same frequency whose amplitude falls as that of a free vibration
+    does at the moment, by exp(-xi t / 2) (the modal damping ratio of Krack 2015); without damping the trace
+    that the steps leave, about 1e-14. That by the energy is what the dampers take in a period over 4 pi times
+    the energy; it is the other one times twice the mean kinetic energy over the energy, and the same where
+    nothing touches.
+
+    Multipliers, empty if they were not asked for, are without those that every free motion has: +1 along the
+    motion and, without damping, +1 along the branch; with damping less what the self-excitation gives to
+    every disturbance. Interactions that were passed over are all on whose tongue the state would change by
+    more than 1e-3 of itself. Events are turns in energy, located between the points, and where the branch
+    becomes stable or unstable.
     """
 
-    mode: int
-    energy: np.ndarray
-    frequency: np.ndarray
-    frequency_error: np.ndarray
-    damping_ratio: np.ndarray
-    damping_error: np.ndarray
-    energy_damping_ratio: np.ndarray
-    energy_damping_error: np.ndarray
-    states: np.ndarray
-    multipliers: np.ndarray
-    point_harmonics: np.ndarray
-    point_amplitudes: np.ndarray
-    passed: tuple[tuple[float, float], ...]
-    events: tuple[FreeEvent, ...]
-    damped: bool
-    reason: str
-    complete: bool
+    labels: ClassVar = {"place": "points"}
+    coordinates: ClassVar = ("energy", "frequency", "stable")
+
+    mode: int = quantity("1", "the followed one, from 1", least=1)
+    energy: np.ndarray = quantity(
+        "J", "energy at t = 0, where the velocity of the followed mode vanishes", "point", least=0.0
+    )
+    frequency: np.ndarray = quantity("Hz", "its frequency", "point", least=1e-300)
+    frequency_error: np.ndarray = quantity("Hz", "error of the frequency", "point", finite=False)
+    damping_ratio: np.ndarray = quantity("1", "damping ratio by the rate of decay", "point")
+    damping_error: np.ndarray = quantity("1", "error of damping_ratio", "point", finite=False)
+    energy_damping_ratio: np.ndarray = quantity("1", "damping ratio by the energy", "point")
+    energy_damping_error: np.ndarray = quantity("1", "error of energy_damping_ratio", "point", finite=False)
+    states: np.ndarray = quantity("m sqrt(kg)/s", "(Omega q, q') at t = 0", "point state", detail=True)
+    multipliers: np.ndarray = quantity(
+        "1", "Floquet multipliers, by falling modulus", "point multiplier", kinds="c", detail=True
+    )
+    point_harmonics: np.ndarray = quantity(
+        "m",
+        "harmonics 0 to 20 of the displacement",
+        "point place xy harmonic",
+        called="harmonics",
+        kinds="c",
+        detail=True,
+    )
+    point_amplitudes: np.ndarray = quantity(
+        "m", "half the peak-to-peak of u_y", "point place", called="amplitude", least=0.0
+    )
+    passed: tuple[tuple[float, float], ...] = quantity(
+        "J", "energies on either side of interactions with higher modes passed over", "interaction side"
+    )
+    events: tuple[FreeEvent, ...] = quantity(text="in order", part="FreeEvent")
+    damped: bool = quantity("1", "whether with the model's damping")
+    reason: str = quantity(text="why the branch ends")
+    complete: bool = quantity("1", "whether it reached the last energy", row=True)
     _system: FreeSystem = field(repr=False)
-    _excitation: np.ndarray = field(repr=False)
-    _own_frequency: np.ndarray = field(repr=False)
+    excitation: np.ndarray = quantity(
+        "1/s", "self-excitation that makes up for damping", "point", detail=True
+    )
+    own_frequency: np.ndarray = quantity(
+        "Hz",
+        "frequency in the branch's own steps",
+        "point",
+        detail=True,
+        least=1e-300,
+    )
+
+    @derived(text="the reduced model", part="ReducedModel", back=True, detail=True)
+    def reduced_model(self) -> ReducedModel:
+        """The reduced model."""
+        return self.reduced
+
+    @derived("1", "time steps a period of the motion", back=True, detail=True, least=1)
+    def steps(self) -> int:
+        """A period."""
+        return self._system.steps
+
+    @classmethod
+    def _revived(cls, found: dict[str, Any]) -> Backbone:
+        """From a file: the system anew."""
+        reduced, steps = found.pop("reduced_model"), found.pop("steps")
+        if reduced is None or steps is None or found["mode"] > len(reduced.omega):
+            raise ValueError("the reduced model, the steps or the mode is missing")
+        require_waves(steps, 1)
+        return cls(**found | {"_system": FreeSystem(reduced, found["mode"] - 1, steps)})
+
+    def check(self) -> None:
+        """Raise ValueError unless points and model belong together."""
+        modes, places = len(self.reduced.omega), len(self.points)
+        if (
+            not len(self.energy)
+            or self.states.shape[1] != 2 * modes
+            or self.point_harmonics.shape[1:3] != (places, 2)
+            or any(event.after > len(self.energy) for event in self.events)
+        ):
+            raise ValueError(f"{len(self.energy)} motions are not those of {modes} modes and {places} points")
 
     @property
     def reduced(self) -> ReducedModel:
         """The reduced model whose motions these are."""
         return self._system.reduced
 
-    @property
+    @derived("1", "whether small disturbances die out", "point", kinds="b")
     def stable(self) -> np.ndarray:
         """(n,) bool: no multiplier outside the unit circle by more than 1e-5; True throughout where stability
         was not asked for.
@@ -146,7 +173,7 @@ class Backbone(Orbits):
         self-excitation that keeps it going.
         """
         k = index_of("orbit", "k", k, len(self.energy))
-        driven = self._system.at(float(self._own_frequency[k]), float(self._excitation[k]))
+        driven = self._system.at(float(self.own_frequency[k]), float(self.excitation[k]))
         motion = driven.run(self.states[k])
         shot = FixedPoint(self.states[k], driven, motion, (float(np.linalg.norm(motion.residual)),))
         return make_orbit(shot, self.multipliers[k], UNCERTAIN, "point of a backbone")
@@ -216,7 +243,7 @@ def backbone(
     stability : bool
         Compute Floquet multipliers.
     file : str, optional
-        HDF5 file that is kept up to date (`read_result`).
+        Journal that is kept up to date (`read`).
     resume : bool
         Go on from `file` if it exists, with the same model, mode, range and settings.
     progress : callable, "auto" or None
@@ -242,7 +269,7 @@ def backbone(
     with contextlib.ExitStack() as stack:
         record = None
         if file is not None:
-            record = stack.enter_context(LineFile(comm, file, write_backbone_alone, resume=resume))
+            record = stack.enter_context(LineFile(comm, file, resume=resume))
             told = {"mode": mode, "start": start, "stop": stop, "steps": steps, "damped": damping}
             told |= {"interactions": interactions, "refine": refine, "stability": stability}
             reduction, _ = record.begin(reduction, told, np.array([start, stop]))

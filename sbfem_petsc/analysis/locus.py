@@ -24,7 +24,6 @@ from ..motion.family import Family
 from ..motion.period_map import Period
 from ..parallel import collective
 from ..progress import Progress, progress_bar
-from ..recording.loci import write_locus_alone
 from .analysis import analysis
 from .options import GrazingOptions, LociOptions, LocusOptions
 
@@ -75,7 +74,7 @@ def locus(
     largest_step : float, optional
         Largest change of the factor from a point to the next one, for a finer line.
     file : str, optional
-        HDF5 file that is kept up to date (`read_result`).
+        Journal that is kept up to date (`read`).
     resume : bool
         Continue `file` if it exists, with the same branch, bifurcation and settings.
     progress : callable, "auto" or None
@@ -129,7 +128,7 @@ def locus(
     with contextlib.ExitStack() as stack:
         record = None
         if file is not None:
-            record = stack.enter_context(LineFile(comm, file, write_locus_alone, resume=resume))
+            record = stack.enter_context(LineFile(comm, file, resume=resume))
             told = {"kind": bifurcation.kind, "row": -1 if row is None else row, "parameter": parameter}
             told |= {"lower": limits[0], "upper": limits[1], "factor": factor}
             period, begin = _recorded(record, period, told, begin)

@@ -16,7 +16,6 @@ from ..errors import SolveError, on_all_ranks
 from ..motion.period_map import Period
 from ..parallel import collective
 from ..progress import Progress, progress_bar
-from ..recording.tori import write_torus_branch_alone
 from .analysis import analysis
 from .options import QuasiPeriodicResponseOptions
 
@@ -63,7 +62,7 @@ def quasi_periodic_response(
     stability : bool
         Compute the largest Lyapunov exponents.
     file : str, optional
-        HDF5 file that is kept up to date (`read_result`).
+        Journal that is kept up to date (`read`).
     resume : bool
         Continue `file` if it exists, with the same guess and settings.
     progress : callable, "auto" or None
@@ -95,7 +94,7 @@ def quasi_periodic_response(
     with contextlib.ExitStack() as stack:
         record, lines = None, []
         if file is not None:
-            record = stack.enter_context(LineFile(own.comm, file, write_torus_branch_alone, resume=resume))
+            record = stack.enter_context(LineFile(own.comm, file, resume=resume))
             own, known = _recorded(
                 record, own, {"stop": stop, "stability": stability, "growing": growing}, known
             )

@@ -12,14 +12,11 @@ import numpy as np
 
 from meshing.warnings import IncompleteBranch
 
-from ..capacity import available_memory
 from ..checks import index_of
 from ..errors import caller_level
-from ..motion.excitation import Excitation
-from ..motion.period_map import FixedPoint, Period
+from ..motion.period_map import FixedPoint, OfPeriod, Period
 from ..motion.states import Point
-from ..record.record import Record, derived, described, quantity
-from ..recording.excitations import LINES, WAVES
+from ..record.record import derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
 from ..system.plausibility import furthest_of_lines
 from .bifurcations import Bifurcation
@@ -28,7 +25,7 @@ from .problems.driven_orbits import ParameterRange
 
 
 @described
-class Branch(Orbits, Record):
+class Branch(Orbits, OfPeriod):
     """A branch of periodic motions, point by point in order of arc length.
 
     `map` is the period map whose fixed points these are, None for an unreduced model, whose states and
@@ -84,33 +81,14 @@ class Branch(Orbits, Record):
     map: Period | None = field(repr=False)
     fixed_frequency: float | None = quantity("Hz", "if it is not the parameter", default=None, least=0.0)
 
-    @derived(text="the reduced model", part="ReducedModel", back=True, detail=True)
-    def reduced_model(self) -> ReducedModel | None:
-        """None for an unreduced one."""
-        return self.reduced
-
-    @derived(text="the loads", part="Excitation", back=True, detail=True)
-    def excitation(self) -> Excitation | None:
-        """None for an unreduced model."""
-        return None if self.map is None else self.map.excitation
-
-    @derived("1", "time steps a period of the motion", back=True, detail=True, least=1)
-    def steps(self) -> int | None:
-        """None for an unreduced model."""
-        return None if self.map is None else self.map.steps
+    @property
+    def _map(self) -> Period | None:
+        return self.map
 
     @classmethod
     def _revived(cls, found: dict[str, Any]) -> Branch:
-        """From a file: the map anew from the reduced model and the loads."""
-        parts = reduced, excitation, steps = (found.pop(n) for n in ("reduced_model", "excitation", "steps"))
-        contact = found.pop("contact")
-        if reduced is None:
-            return cls(**found)
-        if any(part is None for part in parts):
-            raise ValueError("the loads or the steps are missing")
-        if WAVES * steps * min(len(excitation.orders), LINES) > available_memory():
-            raise ValueError(f"{steps} steps a period need more memory than is free")
-        return cls(**found | {"map": Period(reduced, excitation, steps, contact)})
+        """From a file: the map anew."""
+        return cls(**found | {"map": cls._map_of(found)})
 
     def check(self) -> None:
         """Raise ValueError unless points, model and loads belong together."""
@@ -166,11 +144,6 @@ class Branch(Orbits, Record):
     def points(self) -> tuple[str, ...]:
         """Named points."""
         return self.names
-
-    @derived("1", "whether it is computed with contact", back=True, detail=True)
-    def contact(self) -> bool:
-        """Whether it is computed with contact."""
-        return self.map is None or self.map.pairs > 0
 
     @property
     def over(self) -> ParameterRange:

@@ -3,32 +3,30 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from ..motion.period_map import Period
 from ..motion.unreduced.period import UnreducedPeriod
-from ..parallel import collective, on_root
+from ..parallel import collective
 from ..petsc import MPI
-from ..record.files import from_image, image
-from ..record.journal import Journal, Kept
-from ..reduction.comparison import adopted, close, difference, in_rows
+from ..record.files import image
+from ..record.journal import Kept
+from ..recording import run_file
+from ..recording.run_file import RunFile
 from ..reduction.reduced_model import ReducedModel
 from .branch import Branch
 from .follow import Line
 from .problem import Point
 from .problems.driven_orbits import ParameterRange
 
-WHAT = "branch file"
-# Seconds between two updates of the branch beside its points.
-PAUSE = 2.0
 # Marks a run whose branch has come to its end, which is not followed again.
 FINISHED = "finished"
 
 
-class BranchFile:
+class BranchFile(RunFile):
     """The file of a branch under way; a `branch_following.BranchRecorder` and a context manager. Rank 0
     writes.
 
@@ -37,48 +35,21 @@ class BranchFile:
 
     Parameters
     ----------
-    comm : Comm
-    path : str
-    resume : bool
-        Continue the file if it exists; False: replace it.
+    comm, path, resume
+        See `RunFile`.
 
     Attributes
     ----------
     former : (states (n, k), values (n,), float, str) or None
         Points of the run that is resumed, the length of its next step and why it ended.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If the file is of another kind, is damaged, is being written by another run or cannot be written.
     """
 
     def __init__(self, comm: MPI.Comm, path: Any, *, resume: bool = False):
-        self.comm = comm
+        super().__init__(comm, path, "branch", resume=resume)
         self.former: tuple[np.ndarray, np.ndarray, float, str] | None = None
-        self._journal: Journal | None = None
         self._head: dict[str, Any] = {}
         self._told: list[Point] = []
         self._finished, self._begun, self._written = False, -1, -np.inf
-        try:
-            with collective(comm):
-                if comm.rank == 0:
-                    self._journal = Journal(path, WHAT, resume=resume)
-        except BaseException:
-            self.close()
-            raise
-
-    def __enter__(self) -> BranchFile:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Give the file up to others."""
-        if self._journal is not None:
-            self._journal.close()
-            self._journal = None
 
     def begin(
         self, period: Period, over: ParameterRange, any_steps: bool = False
@@ -102,11 +73,9 @@ class BranchFile:
         ValueError
             If the file was written for another model, load or range.
         """
+        reduced = self.adopt(period.reduced)
         conditions = {**_conditions(period, over), "contact": period.pairs > 0}
-        head = self._begin(conditions, period.reduced, any_steps)
-        stored = self.comm.bcast(on_root(self.comm, lambda: head and from_image(head["model"])))
-        steps = self.comm.bcast(head and head["steps"])
-        reduced = in_rows(period.reduced if stored is None else adopted(stored, period.reduced))
+        steps = self._begin(conditions, any_steps)
         if self.comm.rank == 0:
             self._head["model"] = image(reduced)
         return reduced, steps or period.steps
@@ -115,57 +84,25 @@ class BranchFile:
         """The same of motions of an unreduced model, on as many ranks as the run that is gone on with began
         with. Collective.
         """
-        march = period.march(over.frequency or over.start)
-        self._begin(
-            {
-                **_conditions(period, over),
-                "contact": period.contact,
-                "ranks": self.comm.size,
-                "fingerprint": march.fingerprint(),
-            },
-            None,
-            False,
-        )
+        march, own = period.march(over.frequency or over.start), _conditions(period, over)
+        own |= {"contact": period.contact, "ranks": self.comm.size, "fingerprint": march.fingerprint()}
+        self._begin(own)
 
-    def _begin(
-        self, conditions: dict[str, Any], reduced: ReducedModel | None, any_steps: bool
-    ) -> dict[str, Any] | None:
-        """Compare with a former run, and take up its points; its head, on rank 0."""
-        self._head, head, found = {"kept": "branch", **conditions}, None, None
+    def _begin(self, conditions: dict[str, Any], any_steps: bool = False) -> int:
+        """Compare with a former run, and take up its points; its steps, 0 if there is none."""
+        self._head, found = {"kept": self.kept, **conditions}, None
         with collective(self.comm):
-            if self._journal is not None and self._journal.former is not None:
-                former = self._journal.former
-                head = former.head
-                self._require_same(head, reduced, any_steps)
-                points = _points(former)
-                finished = bool(former.state) and former.state["reason"] == FINISHED
-                found = (points if points[0].size else None), finished, head["steps"]
+            if self._former is not None:
+                given = {name: v for name, v in conditions.items() if not (any_steps and name == "steps")}
+                self.require_same(given)
+                points, state = _points(self._former), self._former.state
+                finished = bool(state) and state["reason"] == FINISHED
+                found = (points if points[0].size else None), finished, self._former.head["steps"]
         found = self.comm.bcast(found)
-        if found is not None:
-            self.former, self._finished, self._begun = found
-        return head
-
-    def _require_same(self, stored: Mapping[str, Any], reduced: ReducedModel | None, any_steps: bool) -> None:
-        path = self._journal.path if self._journal is not None else ""
-        if stored.get("kept") != "branch" or ("model" in stored) != (reduced is not None):
-            raise ValueError(f"{WHAT} {path!r} is of another kind of run; name another file")
-        if reduced is not None and (other := difference(from_image(stored["model"]), reduced)):
-            raise ValueError(
-                f"{WHAT} {path!r} was written for another model ({other}); resume with that model, or name "
-                "another file"
-            )
-        for name, value in self._head.items():
-            if (any_steps and name == "steps") or (name in stored and close(stored[name], value)):
-                continue
-            if np.ndim(value):
-                raise ValueError(
-                    f"{WHAT} {path!r} was written for other {name}; resume with the same {name}, or name "
-                    "another file"
-                )
-            raise ValueError(
-                f"{WHAT} {path!r} was written with {name} = {stored.get(name)}, not {value}; resume with the "
-                "same value, or name another file"
-            )
+        if found is None:
+            return 0
+        self.former, self._finished, self._begun = found
+        return self._begun
 
     def update(self, branch: Callable[[], Branch], line: Line, last: bool = False) -> None:
         """Keep the points of a line that are new, and at most every two seconds but for the last time the
@@ -180,7 +117,7 @@ class BranchFile:
             min(len(self._told), len(line.points)),
         )
         new = np.array([problem.whole(point.u) for point in line.points[first:]])
-        due = self.comm.bcast(last or time.monotonic() - self._written > PAUSE)
+        due = self.comm.bcast(last or time.monotonic() - self._written > run_file.PAUSE)
         found = branch() if due else None
         with collective(self.comm):
             if self._journal is not None:
@@ -236,16 +173,3 @@ def _points(kept: Kept) -> tuple[np.ndarray, np.ndarray, float, str]:
         points = np.concatenate(parts) if parts else points
         length, reason = float(frame["length"]), str(frame["reason"])
     return points[:, :-1], points[:, -1], length, reason
-
-
-def result_of(kept: Kept, in_memory: bool = True) -> Branch:
-    """The branch of a journal, as far as it had come two seconds before its end at most.
-
-    Raises
-    ------
-    ValueError
-        If there is none yet.
-    """
-    if "result" not in kept.state:
-        raise ValueError(f"{WHAT} {kept.path!r} holds no branch yet")
-    return from_image(kept.state["result"])

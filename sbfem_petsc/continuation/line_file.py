@@ -1,53 +1,46 @@
-"""The file of lines that are followed by continuation: their points beside the result made of them."""
+"""The journal of lines that are followed by continuation: their points beside the result made of them."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
-import h5py
 import numpy as np
 
-from ..parallel import on_root
+from ..parallel import collective, on_root
 from ..petsc import MPI
-from ..recording.hdf5 import new_hdf5, opened, put
-from ..recording.kept_file import KeptFile
-from ..recording.reduced_models import read_reduced_model, write_reduced_model
-from ..recording.sound import number, numbers, text, truth
-from ..reduction.comparison import adopted, in_rows
+from ..record.files import image
+from ..record.journal import Frame
+from ..record.record import Record
+from ..recording import run_file
+from ..recording.run_file import RunFile
 from ..reduction.reduced_model import ReducedModel
 from .follow import Line
-from .problem import Problem
+from .problem import Point, Problem
 
 System = TypeVar("System", ReducedModel, None)
-WHAT, FORM, VERSION = "result file", "sbfem-petsc result", 2
+# What is kept of each point, in one array behind the other.
+_PARTS = ("unknowns", "memory")
 
 
-class LineFile(KeptFile):
+class LineFile(RunFile):
     """The file of a result under way, whose lines a later run can go on with; a context manager.
+
+    A frame holds points of a line, and from which one on they take the place of former ones; the state beside
+    the journal is the result that was made of them, at most two seconds ago.
 
     Parameters
     ----------
-    comm : Comm
-    path : str
-    write : callable
-        Writes a result into an open file.
-    resume : bool
-        Continue the file if it exists; False: replace it.
-
-    Raises
-    ------
-    TypeError, ValueError
-        See `KeptFile`.
+    comm, path, resume
+        See `RunFile`.
     """
 
-    def __init__(
-        self, comm: MPI.Comm, path: Any, write: Callable[[h5py.File, Any], None], *, resume: bool = False
-    ):
-        self._write, self._conditions = write, dict[str, Any]()
-        self._reduced: ReducedModel | None = None
-        self._begin, self._former = np.zeros(0), list[dict[str, Any]]()
-        super().__init__(comm, path, WHAT, FORM, VERSION, resume=resume)
+    def __init__(self, comm: MPI.Comm, path: Any, *, resume: bool = False):
+        super().__init__(comm, path, "result", resume=resume)
+        self._head, self._lines = dict[str, Any](), list[Frame]()
+        self._told: list[tuple[list[Point], tuple]] = []
+        self._begun, self._written = False, -np.inf
 
     def begin(
         self, reduced: System, conditions: Mapping[str, Any], start: np.ndarray
@@ -73,92 +66,81 @@ class LineFile(KeptFile):
         ValueError
             If the file was written for another model or under other conditions.
         """
-        found = on_root(self.comm, lambda: self._read(reduced, conditions) if self.continued else None)
-        found = self.comm.bcast(found)
-        self._conditions, self._begin = dict(conditions), np.array(start, dtype=float)
-        known: Any = reduced
+        known: Any = None if reduced is None else self.adopt(reduced)
+        found = self.comm.bcast(on_root(self.comm, lambda: self._read(conditions)))
+        begin = np.array(start, dtype=float)
         if found is not None:
-            stored, self._begin, self._former = found
-            known = None if reduced is None else adopted(stored, reduced)
-        self._reduced = known = None if known is None else in_rows(known)
-        return known, self._begin
+            begin, self._lines = found
+        if self.comm.rank == 0:
+            self._head = {"kept": self.kept, **conditions, "begins": begin}
+            if known is not None:
+                self._head["model"] = image(known)
+        return known, begin
 
-    def _read(self, reduced: ReducedModel | None, conditions: Mapping[str, Any]):
-        with opened(self.path, WHAT, self.forms) as file:
-            if "continuation" not in file:
-                raise ValueError(f"{WHAT} {self.path!r} is no file of a run; name another file")
-            group = file["continuation"]
-            known = {**group.attrs, **{name: item[()] for name, item in group["conditions"].items()}}
-            if set(known) != set(conditions) or (reduced is None) == ("reduced_model" in group):
-                raise ValueError(f"{WHAT} {self.path!r} is of another kind of run; name another file")
-            stored = None if reduced is None else read_reduced_model(group["reduced_model"])
-            both = None if stored is None or reduced is None else (stored, reduced)
-            self.require_same(both, known, conditions)
-            lines = [_read_line(group["lines"][name]) for name in sorted(group["lines"])]
-            return stored, numbers(group, "start", None), lines
+    def _read(self, conditions: Mapping[str, Any]) -> tuple[np.ndarray, list[Frame]] | None:
+        if self._former is None:
+            return None
+        self.require_same(conditions)
+        lines: list[Frame] = []
+        for frame in self._former.frames():
+            number, first = frame["line"], frame["first"]
+            former = lines[number] if number < len(lines) else {"points": []}
+            own = zip(*(np.split(frame[n], np.cumsum(frame[f"{n} sizes"])[:-1]) for n in _PARTS))
+            points = [(u, value, m) for (u, m), value in zip(own, frame["value"].tolist())]
+            lines[number : number + 1] = [{**frame, "points": former["points"][:first] + points}]
+        return self._former.head["begins"], lines
 
     def lines(self, problem: Problem) -> list[Line]:
         """The lines of the run that is gone on with, as solutions of a problem."""
-        return [
+        found = [
             Line(
-                [problem.recalled(*point) for point in zip(line["unknowns"], line["value"], line["memory"])],
+                [problem.recalled(*point) for point in line["points"]],
                 line["length"],
                 line["sign"],
                 line["reason"],
                 line["complete"],
             )
-            for line in self._former
+            for line in self._lines
         ]
+        self._told = [(list(line.points), _facts(line)) for line in found]
+        return found
 
-    def update(self, result: Callable[[], Any], lines: Sequence[Line], last: bool = False) -> None:
-        """Write the result as it is and the lines, at most every two seconds but for the last time.
-        Collective.
+    def update(self, result: Callable[[], Record], lines: Sequence[Line], last: bool = False) -> None:
+        """Keep what is new of the lines, and at most every two seconds but for the last time the result made
+        of them. Collective.
         """
-        self.save(lambda: self._put(result(), lines), last)
+        due = self.comm.bcast(last or time.monotonic() - self._written > run_file.PAUSE)
+        found = result() if due else None
+        with collective(self.comm):
+            if self._journal is not None:
+                if not self._begun:
+                    former = self._former
+                    self._journal.begin(self._head, 0 if former is None else len(former.ends) - 1)
+                    self._begun = True
+                for number, line in enumerate(lines):
+                    self._keep(number, line)
+                if found is not None:
+                    self._journal.checkpoint({"result": image(found)})
+                    self._written = time.monotonic()
 
-    def _put(self, result: Any, lines: Sequence[Line]) -> None:
-        with new_hdf5(self.path, WHAT, FORM, VERSION) as file:
-            self._write(file, result)
-            group = file.create_group("continuation")
-            arrays = group.create_group("conditions")
-            for name, value in self._conditions.items():
-                if np.ndim(value):
-                    arrays[name] = value
-                else:
-                    group.attrs[name] = value
-            put(group, "start", self._begin, "SI", "what the lines begin with")
-            if self._reduced is not None:
-                write_reduced_model(group.create_group("reduced_model"), self._reduced)
-            for k, line in enumerate(lines):
-                _write_line(group.create_group(f"lines/{k:03d}"), line)
-
-
-def _write_line(group: h5py.Group, line: Line) -> None:
-    group.attrs.update(
-        {
-            "length": line.length,
-            "sign": np.nan if line.sign is None else line.sign,
-            "reason": line.reason,
-            "complete": line.complete,
-        }
-    )
-    memories = [point.problem.memory(point) for point in line.points]
-    put(group, "value", line.values, "SI", "what the range is over")
-    for name, parts in (("unknowns", [point.u for point in line.points]), ("memory", memories)):
-        put(group, name, np.concatenate(parts), "SI", f"{name} of all points, one behind the other")
-        put(group, f"{name}_sizes", [len(part) for part in parts], "1", "numbers of each point")
+    def _keep(self, number: int, line: Line) -> None:
+        """A frame of what is new of a line."""
+        told, facts = self._told[number] if number < len(self._told) else ([], None)
+        same = [one is other for one, other in zip(told, line.points)]
+        first = same.index(False) if False in same else len(same)
+        new = line.points[first:]
+        if not new and len(told) == len(line.points) and facts == _facts(line):
+            return
+        frame: Frame = {"line": number, "first": first, "value": np.array([point.value for point in new])}
+        frame |= dict(zip(("length", "sign", "reason", "complete"), _facts(line)))
+        memories = [point.problem.memory(point) for point in new]
+        for name, parts in zip(_PARTS, ([point.u for point in new], memories)):
+            frame[name] = np.concatenate([*parts, np.zeros(0)])
+            frame[f"{name} sizes"] = np.array([len(part) for part in parts], dtype=int)
+        assert self._journal is not None  # the caller has asked
+        self._journal.append(frame)
+        self._told[number : number + 1] = [(list(line.points), _facts(line))]
 
 
-def _read_line(group: h5py.Group) -> dict[str, Any]:
-    value = numbers(group, "value", None)
-    found = {"value": value.tolist(), "length": number(group, "length", least=0.0)}
-    for name in ("unknowns", "memory"):
-        sizes = numbers(group, f"{name}_sizes", len(value), kinds="iu", least=0)
-        found[name] = np.split(numbers(group, name, int(sizes.sum())), np.cumsum(sizes)[:-1])
-    sign = number(group, "sign", finite=False)
-    return {
-        **found,
-        "sign": None if np.isnan(sign) else sign,
-        "reason": text(group, "reason"),
-        "complete": truth(group, "complete"),
-    }
+def _facts(line: Line) -> tuple[float, float | None, str, bool]:
+    return line.length, line.sign, line.reason, line.complete

@@ -11,13 +11,14 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from ..record.record import Record, described, quantity
-from ..recording.excitations import LINES
 from ..reduction.reduced_model import ReducedModel
 from ..signals.samples import Samples
 from ..signals.sampling import FIRST, resolved
 from ..signals.signal import Constant, Signal, Sum
 from ..signals.waves import Chirp, Harmonic, Step, ToneBurst
 
+# Lines up to which motions over time are products with their waves; of more, Fourier transforms.
+LINES = 64
 # Harmonics of a load below this share of its largest one are rounding.
 ROUND_OFF = 1e-12
 # Relative distance of a tone from a harmonic of the base frequency that rounding explains.
@@ -53,12 +54,6 @@ class Excitation(Record):
         dims="order:further_order jump:further_jump",
         default=None,
     )
-
-    @classmethod
-    def of_file(cls, periods: int, *, jumps=None, further=None, **lines) -> Excitation:
-        """From what `read_excitation` reads."""
-        further = further and cls.of_file(periods, **further)
-        return cls(periods=periods, jumps=jumps and Jumps(**jumps), further=further, **lines)
 
     @classmethod
     def of(cls, signals, frequency: float, periods: int | None, bound: int) -> Excitation:

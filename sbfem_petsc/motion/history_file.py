@@ -16,8 +16,9 @@ from ..errors import SolveError
 from ..parallel import collective
 from ..petsc import MPI
 from ..record.files import from_image, image
-from ..record.journal import Journal, Kept, read
-from ..reduction.comparison import adopted, close, difference, in_rows
+from ..record.journal import Kept, read
+from ..recording.run_file import RunFile
+from ..reduction.comparison import close
 from ..reduction.reduced_model import ReducedModel
 from ..signals.signal import Signal
 from ..system.tip_facts import TipFacts
@@ -31,7 +32,7 @@ WHAT = "history file"
 SIGNAL_CHECKS = 4097
 
 
-class HistoryFile:
+class HistoryFile(RunFile):
     """The file of a running history; an `integration.Recorder` and a context manager. Rank 0 writes.
 
     A frame holds the rows of a chunk, the state beside the journal what the next chunk goes on from. A
@@ -40,12 +41,10 @@ class HistoryFile:
 
     Parameters
     ----------
-    comm : Comm
-    path : str
+    comm, path, resume
+        See `RunFile`.
     kind : {"reduced", "unreduced"}
         Of the model.
-    resume : bool
-        Continue the file if it exists; False: replace it.
     in_memory : bool
         False: rows are let go of once they are in the file.
 
@@ -54,81 +53,41 @@ class HistoryFile:
     former : FormerRun or None
         The run that is continued.
     in_memory : bool
-
-    Raises
-    ------
-    TypeError, ValueError
-        If the file is no history of this kind, is damaged, is being written by another run or cannot be
-        written.
     """
 
     def __init__(self, comm: MPI.Comm, path: Any, *, kind: str, resume: bool = False, in_memory: bool = True):
-        self.comm, self.kind, self.in_memory = comm, kind, in_memory
-        self.path = os.fspath(path) if isinstance(path, os.PathLike) else path
-        self._journal: Journal | None = None
+        super().__init__(comm, path, "history", resume=resume)
+        self.kind, self.in_memory = kind, in_memory
         self._reduced: ReducedModel | None = None
         former = None
         try:
             with collective(comm):
-                if comm.rank == 0:
-                    self._journal = Journal(path, WHAT, resume=resume)
-                    former = self._former_run(self._journal)
+                former = self._former_run()
         except BaseException:
             self.close()
             raise
         self.former: FormerRun | None = comm.bcast(former)
 
-    def _former_run(self, journal: Journal) -> FormerRun | None:
-        kept = journal.former
+    def _former_run(self) -> FormerRun | None:
+        kept = self._former
         if kept is None:
             return None
-        if kept.head.get("kept") != "history":
-            raise ValueError(f"{WHAT} {journal.path!r} is that of another kind of run; name another file")
         if kept.head["kind"] != self.kind:
             kinds = {"reduced": "a reduced", "unreduced": "an unreduced"}
             raise ValueError(
-                f"{WHAT} {journal.path!r} is that of {kinds[kept.head['kind']]} model, not of "
+                f"{WHAT} {self.path!r} is that of {kinds[kept.head['kind']]} model, not of "
                 f"{kinds[self.kind]} one; name another file"
             )
         if not kept.state:  # killed before the first one: there is nothing to go on with
-            journal.former = None
+            assert self._journal is not None  # it has left something
+            self._journal.former = None
             return None
         return FormerRun(kept.state["count"], kept.head["step"], kept.head["decimation"])
 
-    def __enter__(self) -> HistoryFile:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Give the file up to others."""
-        if self._journal is not None:
-            self._journal.close()
-            self._journal = None
-
     # ------------------------------------------------------------------ before the first step
     def adopt(self, reduced: ReducedModel) -> ReducedModel:
-        """The reduced model to integrate: of a run that is resumed the file's own, so that the history is
-        the same to the last bit; else the one given, as it would come from the file. Collective.
-
-        Raises
-        ------
-        ValueError
-            If the file was written for another model or other loads.
-        """
-        stored = None
-        with collective(self.comm):
-            if self._journal is not None and self._journal.former is not None:
-                stored = from_image(self._journal.former.head["model"])
-                other = difference(stored, reduced)
-                if other:
-                    raise ValueError(
-                        f"{WHAT} {self.path!r} was written for another model ({other}); give that "
-                        "model, or name another file"
-                    )
-        stored = self.comm.bcast(stored)
-        self._reduced = in_rows(reduced if stored is None else adopted(stored, reduced))
+        """See `RunFile`."""
+        self._reduced = super().adopt(reduced)
         return self._reduced
 
     def begin(
@@ -186,19 +145,14 @@ class HistoryFile:
     def _require_same(self, former: Kept, mine: Mapping[str, Any], signals: Sequence[Signal]) -> None:
         """Refuse a file of another model, other settings or signals, and one that reaches further."""
         theirs, path = former.head, self.path
-        for name, value in mine.items():
-            if name in ("points", "tip_names", "fingerprint"):
-                if name not in theirs or not (
-                    close(theirs[name], value) if name == "fingerprint" else theirs[name] == value
-                ):
-                    raise ValueError(
-                        f"{WHAT} {path!r} was written for another model or other loads; give those, or "
-                        "name another file"
-                    )
-            elif name != "count" and (name not in theirs or not close(theirs[name], value)):
+        of_model = {"points", "tip_names", "fingerprint"}
+        self.require_same({name: v for name, v in mine.items() if name not in of_model | {"count"}})
+        for name in of_model & mine.keys():
+            one, other = theirs.get(name, ""), mine[name]
+            if not (close(one, other) if name == "fingerprint" else one == other):
                 raise ValueError(
-                    f"{WHAT} {path!r} was written with {name} = {theirs.get(name)}, not {value}; "
-                    "give the same value, or name another file"
+                    f"{WHAT} {path!r} was written for another model or other loads; give those, or "
+                    "name another file"
                 )
         end, asked = former.state["count"] * theirs["step"], mine["count"] * mine["step"]
         if former.state["count"] > mine["count"]:

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 from ..capacity import require_compiler, require_memory
 from ..checks import shown
 from ..parallel import collective
-from ..recording.excitations import LINES
 from ..reduction.reduced_model import ReducedModel
 from ..signals.waves import Harmonic
 from ..system.model import Model
-from .excitation import Excitation
+from .excitation import LINES, Excitation
 from .loading import communicator, loading, serving
 from .period_map import Period
 from .step_plan import CONTACT_STEP, warn_if_coarse

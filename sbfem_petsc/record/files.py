@@ -33,8 +33,8 @@ from .record import Record
 # Of the layout: files of another one are refused.
 SCHEMA = 3
 WHAT = "result file"
-# What reads a journal, by what it says it keeps.
-KEPT = {"history": "motion.history_file", "branch": "continuation.branch_file"}
+# What reads a journal, by what it says it keeps; where nothing does, the result stands in its state.
+KEPT = {"history": "motion.history_file", "branch": "", "result": ""}
 # What compression gains at most.
 DEFLATE = 1032
 # What reading of what is not there, or is something else, ends in.
@@ -147,8 +147,13 @@ def _kept(path: str, in_memory: bool) -> Any:
         kept = journal.read(os.path.realpath(path))
         if kept.head.get("kept") not in KEPT:
             raise ValueError(f"it is of another kind of run than {', '.join(KEPT)}")
-        home = importlib.import_module(f"{_root()}.{KEPT[kept.head['kept']]}")
-        found = home.result_of(kept, in_memory)
+        reader = KEPT[kept.head["kept"]]
+        if not reader and "result" not in kept.state:
+            raise ValueError(f"{path!r} holds no result yet")
+        if reader:
+            found = importlib.import_module(f"{_root()}.{reader}").result_of(kept, in_memory)
+        else:
+            found = from_image(kept.state["result"])
     found._told(path)
     return found
 

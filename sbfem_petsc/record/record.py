@@ -31,6 +31,7 @@ else:  # of Python 3.11, for type checkers alone
 
 # Entries of the axes that every result has.
 AXES = {"xy": ("x", "y"), "component": ("I", "II"), "stress": ("xx", "yy", "xy")}
+AXES |= {"side": ("before", "behind")}
 # Kinds of NumPy's types by the types of fields.
 KINDS = {"bool": "b", "int": "iu", "float": "f", "complex": "c", "str": "U"}
 # The axis of what has none.
@@ -315,6 +316,8 @@ class Record:
                 value = np.stack([np.asarray(v) for v in value.values()], axis) if value else None
                 if value is None:
                     continue
+            if isinstance(value, tuple) and not value and len(dims) > 1:
+                value = np.zeros((0,) * len(dims))
             unit = about.unit if about.unit_of is None else about.unit_of(self)
             yield Quantity(entry, np.asarray(value) if dims else value, unit, dims, names)
 

@@ -16,8 +16,8 @@ import numpy as np
 from meshing.whole_file import reason
 
 from ..checks import path as checked_path
+from ..record.files import require_own
 from ..writing import replaced
-from .sound import require_own
 
 # Groups whose data sets are written while a run goes on, and have checksums of their own.
 RUNNING = ("rows", "running")
@@ -127,7 +127,7 @@ def opened(path: Any, what: str, forms: Mapping[str, int]) -> Iterator[h5py.File
                 "to it; write it again"
             )
         try:
-            require_own(file)
+            require_own(file, os.path.getsize(path))
             yield file
         except _UNSOUND as error:
             if type(error) not in _UNSOUND or path in str(error):
@@ -192,14 +192,3 @@ def _checksum(path: str, size: int, skipped: Sequence[Sequence[int]]) -> int:
                 total, place = zlib.crc32(part, total), place + len(part)
             place = first + length
     return total
-
-
-def put(group: h5py.Group, name: str, values: Any, unit: str, description: str) -> None:
-    """A data set with its unit ("1" without dimension) and what it is."""
-    dataset = group.create_dataset(name, data=np.asarray(values))
-    dataset.attrs["unit"], dataset.attrs["description"] = unit, description
-
-
-def put_texts(group: h5py.Group, name: str, values: Sequence[str]) -> None:
-    """A list of texts as an attribute; it may be empty."""
-    group.attrs.create(name, list(values), shape=(len(values),), dtype=h5py.string_dtype())

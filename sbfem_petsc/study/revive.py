@@ -7,7 +7,6 @@ import os
 import re
 from typing import Any
 
-import h5py
 import numpy as np
 
 import sbfem_petsc as sb
@@ -172,25 +171,11 @@ def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animat
 
 def _recorded(home: str, name: str) -> Any:
     """A result that an analysis left in a file of its own; None if there is none."""
-    readers = {
-        "history.journal": sb.read,
-        "curve.journal": sb.read,
-        "curve.h5": sb.read,
-        "orbit.h5": sb.read,
-        "result.h5": _result,
-    }
-    for ending, read in readers.items():
+    for ending in ("history.journal", "curve.journal", "result.journal", "curve.h5", "orbit.h5", "result.h5"):
         file = regular_file(home, PARTS, f"{name}.{ending}")
         if file is not None:
-            return read(file)
+            return sb.read(file)
     return None
-
-
-def _result(path: str) -> Any:
-    """A result: backbones and quasi-periodic motions are no records yet."""
-    with h5py.File(path) as file:
-        record = "schema" in file.attrs
-    return sb.read(path) if record else sb.read_result(path)
 
 
 def export_results(path: str, wanted: list[str], output: str | None, comm: Any, watch: Watch) -> list[str]:

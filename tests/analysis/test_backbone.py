@@ -396,7 +396,7 @@ def test_multipliers_and_damping_of_two_masses(damped):
         assert found.complete
         ours, conjugate = np.sort_complex(found.multipliers), np.sort_complex(found.multipliers.conj())
         assert ours == pytest.approx(conjugate, abs=1e-12)
-        loss = (0.02 * 3.0 - 0.5 * found._excitation) / found._own_frequency
+        loss = (0.02 * 3.0 - 0.5 * found.excitation) / found.own_frequency
         assert np.prod(found.multipliers, axis=1) == pytest.approx(np.exp(-loss), rel=3e-5)
         for k in np.linspace(len(found.energy) // 2, len(found.energy) - 1, 5).astype(int):
             ratio, values = independent(found, k)

@@ -10,9 +10,7 @@ import numpy as np
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
-from sbfem_petsc.continuation import branch_file
-from sbfem_petsc.record.journal import is_journal
-from sbfem_petsc.recording import kept_file
+from sbfem_petsc.recording import run_file
 from tests.systems import beside_another, two_masses
 
 TURN = 2.0 * np.pi
@@ -108,13 +106,13 @@ FAMILIES = {
 
 def values(path: str) -> np.ndarray:
     """The last column of what a file holds."""
-    found = (sb.read if is_journal(path) else sb.read_result)(path)
+    found = sb.read(path)
     return found.energy if isinstance(found, sb.Backbone) else found.value
 
 
 def killed(kind: str, path: str, after: int, **asked) -> None:
     """Follow a family into a file, and end by SIGKILL at so many points."""
-    kept_file.PAUSE = branch_file.PAUSE = 0.0
+    run_file.PAUSE = 0.0
     told: list[float] = []
 
     def tell(done: float) -> None:

@@ -9,7 +9,7 @@ from sbfem_petsc.continuation.newton import correct
 from sbfem_petsc.continuation.problem import Metric
 from sbfem_petsc.petsc import MPI
 
-from .problems import Equations
+from .problems import Equations, Values
 
 
 class Forced(Equations):
@@ -42,15 +42,15 @@ def follow_forced(problem, first, within, file, resume=False, progress=lambda sh
     """Its line in a file, its folds and its period doublings."""
 
     def told(line):
-        kept.update(lambda: line.values, [line])
+        kept.update(lambda: Values(line.values), [line])
         progress((line.values[-1] - within.lower) / within.extent)
 
-    with LineFile(MPI.COMM_SELF, file, lambda f, v: f.create_dataset("value", data=v), resume=resume) as kept:
+    with LineFile(MPI.COMM_SELF, file, resume=resume) as kept:
         kept.begin(None, {"lower": within.lower, "upper": within.upper}, first)
         level = Metric(problem, first).level(first, first[-1])
         line = (kept.lines(problem) or [Line([correct(problem, first, level)])])[0]
         follow(line, within, Settings(), told)
-        kept.update(lambda: line.values, [line], last=True)
+        kept.update(lambda: Values(line.values), [line], last=True)
     pairs = [tuple(map(doubled, line.points[k : k + 2])) for k in range(len(line.points) - 1)]
     folds = [found[1] for k in range(1, len(pairs)) if (found := fold(line, k))]
     return line, folds, [find_zero(line, k, doubled, p)[0] for k, p in enumerate(pairs) if p[0] * p[1] < 0.0]

@@ -6,6 +6,14 @@ import numpy as np
 
 from sbfem_petsc.continuation.linear import Dense, Krylov
 from sbfem_petsc.continuation.problem import BaseProblem, Lost
+from sbfem_petsc.record.record import Record, described, quantity
+
+
+@described
+class Values(Record):
+    """Those of a line."""
+
+    value: np.ndarray = quantity("rad/s", "frequencies", "point")
 
 
 class Equations(BaseProblem):

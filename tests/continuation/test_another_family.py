@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from sbfem_petsc.continuation.problem import Range
-from sbfem_petsc.recording import kept_file
+from sbfem_petsc.recording import run_file
 from tests.parallel import ROOT
 
 from .forced import Forced, follow_forced
@@ -32,7 +32,7 @@ def slope(x):
 
 def killed(path, after):
     """Follow it into a file, and end by SIGKILL at so many points."""
-    kept_file.PAUSE, told = 0.0, []
+    run_file.PAUSE, told = 0.0, []
 
     def tell(share):
         told.append(share)

@@ -10,6 +10,7 @@ import pytest
 import sbfem_petsc as sb
 from tests.continuation.families import FAMILIES, curve, locus, unreduced, values
 from tests.parallel import ROOT, answer, on_ranks
+from tests.results.same import inverted
 from tests.systems import beside_another
 
 PROGRAM = """
@@ -89,7 +90,7 @@ def test_tori_killed_and_resumed_on_two_ranks(tmp_path):
     """Tori, whose samples the ranks share: to the same points, 1e-12 of each number."""
     path = str(tmp_path / "line.h5")
     assert on_ranks(2, SHARED + PROGRAM, "tori", path, "4", check=False).returncode
-    begun = sb.read_result(path)
+    begun = sb.read(path)
     found = answer(on_ranks(2, SHARED + RESUMED, "tori", path))
     assert 0 < len(begun) < len(found["one"]) == len(found["other"])
     np.testing.assert_allclose(found["one"], found["other"], rtol=1e-12)
@@ -103,11 +104,20 @@ def test_another_run_is_refused(tmp_path):
         sb.locus(curve(), point, 0.9, 1.2, file=path, resume=True)
     with pytest.raises(ValueError, match="was written with parameter = load, not damping"):
         sb.locus(curve(), point, 0.9, 1.1, parameter="damping", file=path, resume=True)
-    sb.save(path, sb.read_result(path))
-    with pytest.raises(ValueError, match="is an HDF5 file of another kind, not sbfem-petsc result"):
+    sb.save(path, sb.read(path))
+    with pytest.raises(ValueError, match="is no file of a run; name another file"):
         sb.locus(curve(), point, 0.9, 1.1, file=path, resume=True)
     with pytest.raises(ValueError, match="locus: resume = True needs the file"):
         sb.locus(curve(), point, 0.9, 1.1, resume=True)
+
+
+@pytest.mark.parametrize("ending", ["", ".state"])
+def test_changed_bytes_are_told(ending, tmp_path):
+    """Some bytes of a line's journal, of its points and of the result made of them."""
+    path = str(tmp_path / "line.journal")
+    locus(file=path)
+    told, without, silent = inverted(f"{path}{ending}", lambda _: sb.read(path), every=61)
+    assert silent == [] and without == 0 and told > 50
 
 
 def test_more_points_go_on(tmp_path):
@@ -153,9 +163,9 @@ import os, sys
 import numpy as np
 import sbfem_petsc as sb
 from mpi4py import MPI
-from sbfem_petsc.recording import kept_file
+from sbfem_petsc.recording import run_file
 from tests.numbers import bodies
-kept_file.PAUSE, told = 0.0, []
+run_file.PAUSE, told = 0.0, []
 
 def tell(done):
     told.append(done)
@@ -177,7 +187,7 @@ def test_a_backbone_on_two_ranks(tmp_path):
     whole, killed = str(tmp_path / "whole.h5"), str(tmp_path / "killed.h5")
     on_ranks(2, ON_RANKS, whole, "0")
     assert on_ranks(2, ON_RANKS, killed, "5", check=False).returncode
-    assert 0 < len(sb.read_result(killed)) < len(sb.read_result(whole))
+    assert 0 < len(sb.read(killed)) < len(sb.read(whole))
     on_ranks(2, ON_RANKS, killed, "0")
     found, expected = np.load(killed + ".npy"), np.load(whole + ".npy")
     sizes = np.abs(expected[:, :-2]).max(axis=1, keepdims=True)

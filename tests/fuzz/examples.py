@@ -401,8 +401,6 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
         lambda: {"model": model(), "load": PUSH, "band": 5000.0},
     ],
     "reduce_matrices": [lambda: {**matrices(), "modes": 2, "contact_laws": None}],
-    "save_result": [lambda: {"result": quasi_periodic(), "path": "saved.h5"}],
-    "read_result": [lambda: {"path": "given/result.h5"}],
     "write_animation": [
         lambda: {
             "folder": "animation",
@@ -873,7 +871,6 @@ def write_files() -> None:
     sb.transient(oscillator(), 20.0, 0.01, 1e-3, file="given/history.h5")
     sb.save("given/orbit.h5", orbit())
     sb.save("given/branch.h5", branch())
-    sb.save_result(quasi_periodic(), "given/result.h5")
     mesh().save("given/mesh.h5")
     sb.save("given/results.h5", modal())
     with open("given/small.toml", "w", encoding="utf-8") as file:

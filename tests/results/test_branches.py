@@ -15,8 +15,8 @@ import pytest
 import sbfem_petsc as sb
 from meshing.warnings import IncompleteBranch
 from sbfem_petsc.contact.law import Tied, Unilateral
-from sbfem_petsc.continuation import branch_file as module
 from sbfem_petsc.continuation import follow as following
+from sbfem_petsc.recording import run_file as module
 from tests.results.same import compared, inverted
 from tests.systems import same_products
 

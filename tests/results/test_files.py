@@ -230,7 +230,11 @@ def test_rows_by_their_numbers():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("kind", ["orbit", "branch", "locus", "basins", "swept_response", "history"])
+@pytest.mark.parametrize(
+    "kind",
+    ["orbit", "branch", "locus", "basins", "swept_response", "history"]
+    + ["backbone", "quasi_periodic", "quasi_periodic_branch"],
+)
 def test_inverted_bytes(kind, tmp_path):
     """Every 61st byte of a file of each kind: told of, or without effect."""
     path = tmp_path / "result.h5"

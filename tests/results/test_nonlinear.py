@@ -3,16 +3,15 @@ found, and can be gone on with.
 """
 
 import dataclasses
+import json
 
 import h5py
 import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.continuation.problems.free import FreeSystem
-from sbfem_petsc.continuation.problems.own_tone import OwnTone
 from sbfem_petsc.plot import plot_backbone, plot_branches, plot_quasi_periodic
-from sbfem_petsc.reduction.reduced_model import ReducedModel
+from sbfem_petsc.record.layout import bare
 from tests.fuzz import examples
 from tests.results.same import compared
 from tests.systems import same_products
@@ -32,55 +31,18 @@ MADE = {
 }
 
 
-RECORDS = ("loci", "locus", "basins", "swept response", "swept responses", "orbit", "branch")
-
-
-def same(found, expected, name):
-    """Every field, but for the model, the loads and what is made of the others."""
-    assert type(found) is type(expected) or isinstance(expected, float), name
-    if isinstance(expected, np.ndarray):
-        np.testing.assert_array_equal(found, expected, err_msg=name)
-    elif isinstance(expected, tuple):
-        assert len(found) == len(expected), name
-        for k, (one, other) in enumerate(zip(found, expected)):
-            same(one, other, f"{name}[{k}]")
-    elif isinstance(expected, FreeSystem):
-        assert (found.mode, found.steps) == (expected.mode, expected.steps)
-        same(found.reduced, expected.reduced, f"{name}.reduced")
-    elif isinstance(expected, OwnTone):
-        assert (found.parameter, found.frequency, found.samples) == (
-            expected.parameter,
-            expected.frequency,
-            expected.samples,
-        )
-        assert (found.period.steps, found.period.pairs) == (expected.period.steps, expected.period.pairs)
-        same(found.period.excitation, expected.period.excitation, f"{name}.excitation")
-    elif dataclasses.is_dataclass(expected):
-        for field in dataclasses.fields(expected):
-            if isinstance(expected, ReducedModel) and field.name in ("loads", "model", "modal"):
-                continue
-            if field.name not in ("uncertainty", "period"):
-                same(getattr(found, field.name), getattr(expected, field.name), f"{name}.{field.name}")
-    else:
-        assert found == expected or (found != found and expected != expected), name
-
-
 @pytest.mark.parametrize("kind", MADE)
 def test_what_is_read_is_what_was_found(kind, tmp_path):
     result, path = MADE[kind](), tmp_path / "result.h5"
-    if kind in RECORDS:
-        sb.save(path, result)
-        found = sb.read(path)
-        compared(found, result)
-        return
-    sb.save_result(result, path)
-    found = sb.read_result(path)
+    sb.save(path, result)
+    found = sb.read(path)
+    compared(found, result)
     assert repr(found) == repr(result)
-    same(found, result, kind)
     missing = []
 
     def look(name, item):
-        if isinstance(item, h5py.Dataset) and not {"unit", "description"} <= set(item.attrs):
+        told = {"units", "long_name"} <= set(item.attrs)
+        if isinstance(item, h5py.Dataset) and not bare(item) and not told:
             missing.append(name)
 
     with h5py.File(path) as file:
@@ -88,18 +50,54 @@ def test_what_is_read_is_what_was_found(kind, tmp_path):
     assert not missing
 
 
+@pytest.mark.parametrize("kind", ["backbone", "two tones", "own tone", "branch of tori"])
+def test_tables_and_views(kind, tmp_path):
+    """One table an axis, with units; a summary that JSON holds; a table in notebooks."""
+    result = MADE[kind]()
+    result.to_csv(tmp_path / "a.csv")
+    first = np.genfromtxt(tmp_path / "a.csv", delimiter=",", names=True)
+    if kind == "backbone":
+        np.testing.assert_array_equal(first["frequency_Hz"], result.frequency)
+        np.testing.assert_array_equal(first["amplitude_A_m"], result.amplitude("A"))
+    elif kind == "branch of tori":
+        np.testing.assert_array_equal(first["frequencies_f2_Hz"], result.frequencies[:, 1])
+        np.testing.assert_array_equal(first["amplitude_f1_plus_f2_1_m"], np.abs(result.line(1, 1, "1")))
+    else:
+        point = result.points[0]
+        for m, n, frequency, real, imag, *_ in first.tolist():
+            assert frequency == pytest.approx(abs(m * result.frequencies[0] + n * result.frequencies[1]))
+            value = result.line(int(m), int(n), point)
+            assert value == complex(real, imag) or np.conj(value) == complex(real, imag)
+        assert len(first) > 100 and (np.diff(first["frequency_Hz"]) >= 0.0).all()
+    assert json.loads(json.dumps(result.summary(), allow_nan=False))
+    assert result._repr_html_().startswith("<b>")
+
+
+@pytest.mark.parametrize("kind", ["backbone", "two tones", "branch of tori"])
+def test_views(kind, tmp_path):
+    """Of xarray, from memory and from the file."""
+    xarray, result = pytest.importorskip("xarray"), MADE[kind]()
+    found = result.to_xarray()
+    assert all({"units", "long_name"} <= set(item.attrs) for item in found.data_vars.values())
+    pytest.importorskip("netCDF4")
+    sb.save(tmp_path / "a.h5", result)
+    name = {"backbone": "energy", "two tones": "states", "branch of tori": "value"}[kind]
+    with xarray.open_datatree(tmp_path / "a.h5") as tree:
+        np.testing.assert_array_equal(tree[name], getattr(result, name))
+
+
 def test_a_backbone_gives_its_motions(tmp_path):
     result = examples.backbone()
-    sb.save_result(result, tmp_path / "backbone.h5")
-    found = sb.read_result(tmp_path / "backbone.h5")
+    sb.save(tmp_path / "backbone.h5", result)
+    found = sb.read(tmp_path / "backbone.h5")
     same_products(found.orbit(-1).displacement("A"), result.orbit(-1).displacement("A"))
 
 
 def test_tori_are_gone_on_with(tmp_path):
     """From what was read as from what was found: the next motion, and one of more samples."""
     branch = examples.quasi_periodic_branch()
-    sb.save_result(branch, tmp_path / "tori.h5")
-    found = sb.read_result(tmp_path / "tori.h5")
+    sb.save(tmp_path / "tori.h5", branch)
+    found = sb.read(tmp_path / "tori.h5")
     options = {"points": 2, "stability": False, "progress": None}
     one, other = (sb.quasi_periodic_response(item.motions[0], 0.095, **options) for item in (found, branch))
     assert len(one) == 2
@@ -112,14 +110,13 @@ def test_tori_are_gone_on_with(tmp_path):
 
 def test_what_is_no_result(tmp_path):
     backbone, locus = examples.backbone(), examples.locus()
-    for wrong in (3, [], (backbone,), [locus, backbone], {"a": locus}):
-        if wrong == []:  # no lines at all are loci
-            sb.save_result(wrong, tmp_path / "none.h5")
-            assert sb.read_result(tmp_path / "none.h5") == ()
-            continue
-        with pytest.raises(TypeError, match="save_result: result = "):
-            sb.save_result(wrong, tmp_path / "wrong.h5")
-    assert [path.name for path in tmp_path.iterdir()] == ["none.h5"]
+    for wrong in (3, [], (backbone, 3), {"a": None}):
+        with pytest.raises(ValueError if wrong == [] else TypeError, match="save: result = "):
+            sb.save(tmp_path / "wrong.h5", wrong)
+    assert not list(tmp_path.iterdir())
+    for several in ((locus, backbone), {"a": locus, "b": backbone}):
+        sb.save(tmp_path / "several.h5", several)
+        compared(sb.read(tmp_path / "several.h5"), several)
 
 
 def test_picture_of_tori():

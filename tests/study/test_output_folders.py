@@ -10,8 +10,8 @@ import pytest
 
 from meshing import Beam
 from meshing.folder_index import INDEX, HeldFolder, listed
+from sbfem_petsc.record.journal import Journal
 from sbfem_petsc.recording.hdf5 import new_hdf5, opened
-from sbfem_petsc.recording.lock import WriterLock
 from sbfem_petsc.study import rows, run
 from tests.study.small_case import CASE, sbfem, written
 
@@ -174,19 +174,16 @@ def test_links_in_a_sweep(folder, part):
     assert (contents(goal) if goal.is_dir() else goal.read_bytes()) == before
 
 
-def test_rows_and_locks_are_not_written_through_links(tmp_path):
+def test_rows_are_not_written_through_links(tmp_path):
     """Of files that a run writes while it goes on, whatever the folder."""
     goal = tmp_path / "goal"
     goal.write_text("mine")
     (tmp_path / "a.rows").symlink_to(goal)
-    (tmp_path / ".h.h5.lock").symlink_to(goal)
     with pytest.raises(ValueError, match="is a link"):
         rows.append(str(tmp_path / "a.rows"), rows.Row(0, "", 0.0))
-    with pytest.raises(ValueError, match="is a link"):
-        WriterLock(str(tmp_path / "h.h5"), "history file")
-    os.mkfifo(tmp_path / ".p.h5.lock")
+    os.mkfifo(tmp_path / "p.journal")
     with pytest.raises(ValueError, match="no regular file"):
-        WriterLock(str(tmp_path / "p.h5"), "history file")
+        Journal(str(tmp_path / "p.journal"), "history file", resume=False)
     assert goal.read_text() == "mine"
 
 

@@ -553,8 +553,8 @@ def test_branches(tmp_path):
     assert len(own["value"]) <= 3 and len(own["lines"]["A"]["magnitude"][0]) == len(own["line"])
     # results are read from their own files for other pictures
     for name, kind in (("own", sb.QuasiPeriodicBranch), ("free", sb.Backbone), ("attraction", sb.Basins)):
-        file = tmp_path / "out" / "analyses" / f"{name}.result.h5"
-        assert isinstance(sb.read(file) if name == "attraction" else sb.read_result(file), kind)
+        ending = "journal" if name == "free" else "h5"
+        assert isinstance(sb.read(tmp_path / "out" / "analyses" / f"{name}.result.{ending}"), kind)
     drawn = {path.name for path in (tmp_path / "out" / "pictures").iterdir()}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(revive, "Structure", None)  # nothing is computed again

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from dataclasses import replace
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from ...checks import names_of
 from ...errors import SolveError, on_all_ranks
-from ...writing import write_table
+from ...record.record import Record, derived, described, quantity
 from ..events import refine
 from ..follow import CLOSED, Follower, Line, Settings
 from ..problem import Point, Range
@@ -27,44 +26,70 @@ NOISE = 0.04
 EXCURSION = 0.02
 
 
-@dataclass(frozen=True, eq=False)
-class QuasiPeriodicBranch:
-    """A branch of quasi-periodic motions with a tone of their own, in order of arc length.
+# Multiples of both tones of the lines in tables.
+MAIN = {"f1": (1, 0), "f2": (0, 1), "f1_plus_f2": (1, 1), "f1_minus_f2": (1, -1)}
 
-    Attributes
-    ----------
-    parameter : {"frequency", "load", "damping", "gap"}
-    value : (n,) array
-        Forcing frequency (Hz), or factor on the oscillating loads, all damping ratios or all gaps.
-    motions : tuple of QuasiPeriodic
-    reason : str
-        Why it ends.
-    complete : bool
-        Whether it reached the end of the range, or has closed.
-    """
 
-    parameter: str
-    value: np.ndarray
-    motions: tuple[QuasiPeriodic, ...]
-    reason: str
-    complete: bool
+@described
+class QuasiPeriodicBranch(Record):
+    """A branch of quasi-periodic motions with a tone of their own, in order of arc length."""
+
+    labels: ClassVar = {"place": "points", "tone": "tones", "line": "main"}
+    coordinates: ClassVar = ("value", "frequencies", "stable")
+
+    parameter: str = quantity(text="what it is over", one_of=("frequency", "load", "damping", "gap"))
+    value: np.ndarray = quantity(
+        "Hz or 1",
+        "forcing frequency, or factor on the oscillating loads, all damping ratios or all gaps",
+        "point",
+        least=1e-300,
+        unit_of=lambda branch: "Hz" if branch.parameter == "frequency" else "1",
+    )
+    motions: tuple[QuasiPeriodic, ...] = quantity(text="in order", part="QuasiPeriodic", detail=True)
+    reason: str = quantity(text="why the curve ends")
+    complete: bool = quantity("1", "whether it reached the end of the range, or has closed", row=True)
+
+    def check(self) -> None:
+        """Raise ValueError unless motions and values belong together."""
+        fits = len(self.motions) == len(self.value) > 0
+        for motion, value in zip(self.motions, self.value.tolist()):
+            own = motion.own
+            fits &= own is not None and own.parameter == self.parameter and motion.points == self.points
+            fits &= self.parameter == "frequency" or getattr(own, self.parameter) == value
+        if not fits:
+            raise ValueError(f"it is over {self.parameter!r} and has {len(self.motions)} motions")
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Named points."""
+        return self.motions[0].points
+
+    @property
+    def tones(self) -> tuple[str, str]:
+        """Names of the tones."""
+        return "f1", "f2"
+
+    @property
+    def main(self) -> tuple[str, ...]:
+        """Names of the lines that tables have."""
+        return tuple(MAIN)
 
     def __len__(self) -> int:
         return len(self.motions)
 
-    @property
+    @derived("Hz", "f1 and the motion's own f2", "point tone")
     def frequencies(self) -> np.ndarray:
         """(n, 2): f1 and the motion's own f2, Hz."""
         return np.array([motion.frequencies for motion in self.motions])
 
-    @property
+    @derived("1", "whether small disturbances die out", "point", kinds="b")
     def stable(self) -> np.ndarray:
         """(n,) bool; True throughout where stability was not asked for, but for motions that their samples do
         not resolve, which are none.
         """
         return np.array([motion.resolved and motion.stable is not False for motion in self.motions])
 
-    @property
+    @derived("1", "share of the highest quarter of the harmonics of the samples", "point")
     def tail(self) -> np.ndarray:
         """(n,) share of the highest quarter of the harmonics of the samples, `QuasiPeriodic.tail`."""
         return np.array([motion.tail for motion in self.motions])
@@ -79,31 +104,16 @@ class QuasiPeriodicBranch:
         """(n,) complex amplitudes at m f1 + n f2, m."""
         return np.array([motion.line(m, n, point, direction) for motion in self.motions])
 
-    def to_csv(self, path: str, points: tuple[str, ...] | None = None) -> None:
-        """Write parameter, frequencies, verdict and the main lines of points (default: all) as
-        comma-separated values.
+    @derived("N", "largest contact resultant", "point")
+    def contact_peak(self) -> np.ndarray:
+        """(n,): N."""
+        return np.array([motion.contact_peak for motion in self.motions])
 
-        Raises
-        ------
-        TypeError, ValueError, KeyError
-            If it cannot be written, or for an unknown point.
-        """
-        columns = {
-            "frequency_Hz" if self.parameter == "frequency" else f"{self.parameter}_factor": self.value,
-            "first_Hz": self.frequencies[:, 0],
-            "own_Hz": self.frequencies[:, 1],
-            "stable": self.stable.astype(int),
-            "tail": self.tail,
-        }
-        for point in self.motions[0].points if points is None else names_of("to_csv", "points", points):
-            for name, line in (
-                ("f1", (1, 0)),
-                ("f2", (0, 1)),
-                ("f1_plus_f2", (1, 1)),
-                ("f1_minus_f2", (1, -1)),
-            ):
-                columns[f"{name}_y_{point}_m"] = np.abs(self.line(*line, point))
-        write_table(path, columns)
+    @derived("m", "amplitudes of u_y at the main lines", "point line place", called="amplitude")
+    def amplitudes(self) -> np.ndarray:
+        """(n, 4, points): at f1, f2, f1 + f2 and f1 - f2."""
+        lines = [np.abs([self.line(*of, name) for name in self.points]) for of in MAIN.values()]
+        return np.moveaxis(np.reshape(lines, (len(MAIN), len(self.points), len(self))), -1, 0)
 
     def __repr__(self) -> str:
         own = self.frequencies[:, 1]

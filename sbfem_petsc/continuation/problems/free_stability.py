@@ -6,10 +6,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
+from ...record.record import Record, described, quantity
 from ..events import find_zero, fold, insert
 from ..follow import Line
 from ..problem import Metric, Point
@@ -30,29 +30,19 @@ EXTENT, NEAR = 1e-3, 1.2
 HALVINGS, FRACTIONS = 4, (0.5, 0.4, 0.6)
 
 
-class FreeEvent(NamedTuple):
+@described
+class FreeEvent(Record):
     """A place on a branch of free motions.
 
-    Attributes
-    ----------
-    kind : {"fold", "period doubling", "Neimark-Sacker", "branch point"}
-        "fold": the branch turns in energy; else a multiplier leaves or enters the unit circle, through -1, as
-        one of a pair, or through 1.
-    energy : float
-        J.
-    frequency : float
-        Hz, in the branch's own steps.
-    multiplier : complex
-        The one of largest modulus next to it.
-    after : int
-        Index of the point of the branch behind it.
+    Of kind "fold" the branch turns in energy; else a multiplier leaves or enters the unit circle, through -1,
+    as one of a pair, or through 1.
     """
 
-    kind: str
-    energy: float
-    frequency: float
-    multiplier: complex
-    after: int
+    kind: str = quantity(text="what it is", one_of=KINDS)
+    energy: float = quantity("J", "energy of the motion", least=1e-300)
+    frequency: float = quantity("Hz", "its frequency, in the branch's own steps", least=1e-300)
+    multiplier: complex = quantity("1", "the one of largest modulus next to it", finite=False)
+    after: int = quantity("1", "index of the point of the branch behind it", least=0, detail=True)
 
 
 def free_multipliers(state: FreeState, *, damped: bool) -> np.ndarray:

@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ...errors import PetscFailure, SolveError
-from ...motion.period_map import DrivenPeriod, Period
+from ...motion.period_map import DrivenPeriod, OfPeriod, Period
 from ...petsc import MPI
+from ...record.record import described, quantity
 from ..bifurcations import Bifurcation
 from ..newton import correct
 from ..problem import Lost, Metric, Point
@@ -34,38 +35,45 @@ SHARES = (1.0, 0.5)
 SHRUNK = 0.1
 
 
-@dataclass(frozen=True, eq=False)
-class OwnTone:
-    """The map of one period of the loads, over a parameter, at N points of a curve.
-
-    Attributes
-    ----------
-    period : Period
-    parameter : {"frequency", "load", "damping", "gap"}
-    frequency : float or None
-        Forcing frequency, Hz, where another one is the parameter.
-    samples : int
-        Odd.
-    comm : MPI.Comm
-        Ranks that share the samples.
-    load, damping, gap : float
-        Factors on the oscillating loads, the damping ratios and the initial gaps, where they are not the
-        parameter.
+@described
+class OwnTone(OfPeriod):
+    """The map of one period of the loads, over a parameter, at N points of a curve, `samples`, an odd number
+    that the ranks of `comm` share.
     """
 
     period: Period
-    parameter: str
-    frequency: float | None
-    samples: int
+    parameter: str = quantity(text="what it is over", one_of=("frequency", "load", "damping", "gap"))
+    frequency: float | None = quantity("Hz", "forcing frequency, where another one is the parameter", least=0)
+    samples: int = quantity("1", "phases of the motion's own tone", least=3)
     comm: MPI.Comm
-    load: float = 1.0
-    damping: float = 1.0
-    gap: float = 1.0
+    load: float = quantity("1", "factor on the oscillating loads", default=1.0, least=0.0)
+    damping: float = quantity("1", "factor on the damping ratios", default=1.0, least=0.0)
+    gap: float = quantity("1", "factor on the initial gaps", default=1.0, least=0.0)
+
+    @property
+    def _map(self) -> Period:
+        return self.period
+
+    @classmethod
+    def _revived(cls, found: dict[str, Any]) -> OwnTone:
+        """From a file: the map anew."""
+        period = cls._map_of(found)
+        if period is None:
+            raise ValueError("the reduced model is missing")
+        return cls(**found | {"period": period, "comm": period.comm})
+
+    def check(self) -> None:
+        """Raise ValueError unless the frequency is known."""
+        if (self.parameter != "frequency") != bool(self.frequency) or self.samples % 2 == 0:
+            raise ValueError(
+                f"it is over {self.parameter!r} at a fixed frequency of {self.frequency} Hz, of "
+                f"{self.samples} samples"
+            )
 
     def at(self, value: float) -> OwnTone:
         """With the parameter at a value; the frequency stays None where it is the parameter."""
-        known: Any = {} if self.parameter == "frequency" else {self.parameter: value}
-        return replace(self, **known)
+        known: Any = {self.parameter: value}
+        return self if self.parameter == "frequency" else replace(self, **known)
 
     def over(self, parameter: str, value: float) -> tuple[OwnTone, float]:
         """The same map over another parameter, where this one has a value, and that of the other one."""

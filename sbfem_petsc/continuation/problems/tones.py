@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from ...errors import at_point, caller_level
 from ...motion.excitation import Excitation
 from ...motion.period_map import Period, PeriodMotion
 from ...petsc import MPI
+from ...record.record import Record, derived, described, quantity
 from ...reduction.reduced_model import ReducedModel
 from ...system.plausibility import furthest_of_lines
 from ..orbit import axis_number
@@ -37,50 +38,69 @@ STRAYED = 0.05
 WHOLE = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
-class QuasiPeriodic:
+@described
+class QuasiPeriodic(Record):
     """A steady state of two tones: u = Re sum c_mn exp(2 pi i (m f1 + n f2) t).
 
-    Attributes
-    ----------
-    frequencies : (float, float)
-        f1, f2, Hz; where f2 is the motion's own, f1 is the inverse of the period of the motion it leaves, and
-        f2 is below f1.
-    samples : int
-        Phases of the slower tone.
-    steps : int
-        In a period of the faster one.
-    reduced : ReducedModel
-    states : (samples, 2 m) array
-        Differences (Omega q, q') to the linear response at the beginning of a period of the faster tone.
-    residuals : tuple of float
-        Of Newton's method, relative to the linear response.
-    exponents : (k,) array
-        Largest Lyapunov exponents, 1/s; empty if they were not asked for. The one along the second tone's
-        phase, zero, is not among them. NaN where they would say that a motion with a tone of its own attracts
-        others, and a history from it leaves it.
-    contact_peak : float
-        Largest contact resultant, N.
-    load_factor : float
-        On the oscillating loads.
-    own : OwnTone or None
-        The map whose invariant curve this is, where the second tone is the motion's own.
+    Where f2 is the motion's own, f1 is the inverse of the period of the motion it leaves, f2 is below f1, and
+    `own` is the map whose invariant curve this is. Of the Lyapunov exponents, which are empty if they were
+    not asked for, the one along the second tone's phase, zero, is left out; they are nan where they would say
+    that a motion with a tone of its own attracts others, and a history from it leaves it.
     """
 
-    frequencies: tuple[float, float]
-    samples: int
-    steps: int
-    reduced: ReducedModel
-    states: np.ndarray
-    residuals: tuple[float, ...]
-    exponents: np.ndarray
-    contact_peak: float
-    _lines: np.ndarray = field(repr=False)
-    _swapped: bool = field(default=False, repr=False)
-    load_factor: float = 1.0
-    own: OwnTone | None = field(default=None, repr=False)
+    labels: ClassVar = {"place": "points", "tone": "tones"}
+    coordinates: ClassVar = ("multiple", "frequency")
 
-    @property
+    frequencies: tuple[float, float] = quantity("Hz", "f1 and f2", "tone", least=1e-300)
+    samples: int = quantity("1", "phases of the slower tone", least=3)
+    steps: int = quantity("1", "time steps in a period of the faster tone", least=1)
+    reduced: ReducedModel = quantity(text="the reduced model", part="ReducedModel", detail=True)
+    states: np.ndarray = quantity(
+        "m sqrt(kg)/s",
+        "differences (Omega q, q') to the linear response at the beginning of a period of the faster tone",
+        "sample state",
+        detail=True,
+    )
+    residuals: tuple[float, ...] = quantity(
+        "1", "of Newton's method, relative to the linear response", "iterate"
+    )
+    exponents: np.ndarray = quantity("1/s", "largest Lyapunov exponents", "exponent", finite=False)
+    contact_peak: float = quantity("N", "largest contact resultant", least=0.0)
+    lines: np.ndarray = quantity(
+        "m",
+        "amplitudes at multiples 0 to 20 of the faster tone plus those, about 0, of the slower one",
+        "fast slow place xy",
+        kinds="c",
+        detail=True,
+        repr=False,
+    )
+    swapped: bool = quantity("1", "whether f2 is the faster tone", default=False, detail=True, repr=False)
+    load_factor: float = quantity("1", "factor on the oscillating loads", default=1.0, least=0.0)
+    own: OwnTone | None = quantity(
+        text="the map, where the second tone is the motion's own",
+        part="OwnTone",
+        default=None,
+        detail=True,
+        repr=False,
+    )
+
+    def check(self) -> None:
+        """Raise ValueError unless curve, lines and model belong together."""
+        modes, places = len(self.reduced.omega), len(self.points)
+        lines = 2 * (self.samples // 2) + 1, places, 2
+        if (
+            self.states.shape != (self.samples, 2 * modes)
+            or self.lines.shape[1:] != lines
+            or not len(self.lines)
+            or len(self.frequencies) != 2
+            or (self.own is not None and self.own.samples != self.samples)
+        ):
+            raise ValueError(
+                f"{self.samples} samples, {modes} modes and {places} points do not fit states of shape "
+                f"{self.states.shape} and lines of shape {self.lines.shape}"
+            )
+
+    @derived("1", "whether disturbances die out, where that is known", row=True)
     def stable(self) -> bool | None:
         """Whether disturbances die out; None if the exponents were not asked for, or if the second tone is
         the motion's own and the samples do not resolve it (`resolved`).
@@ -89,7 +109,7 @@ class QuasiPeriodic:
             return None
         return bool(self.exponents[0] < 0.0)
 
-    @property
+    @derived("1", "share of the highest quarter of the harmonics of the samples", row=True)
     def tail(self) -> float:
         """Share (0 to 1) of what the slower tone's phase changes in the differences to the linear response
         that is in the highest quarter of the harmonics of the samples, in the norm of the energy.
@@ -99,7 +119,7 @@ class QuasiPeriodic:
         """
         return spectral_tail(self.states)
 
-    @property
+    @derived("1", "whether the samples resolve the motion")
     def resolved(self) -> bool:
         """Whether `tail` is at most 0.01 and the exponents, if asked for, are numbers.
 
@@ -117,22 +137,61 @@ class QuasiPeriodic:
         return self.reduced.points.names
 
     @property
+    def tones(self) -> tuple[str, str]:
+        """Names of the tones."""
+        return "f1", "f2"
+
+    @derived("1", "multiples of the slower tone in the lines", "slow", kinds="i", detail=True)
     def orders(self) -> np.ndarray:
         """(k,): multiples of the slower tone in `harmonics`."""
-        return np.arange(self._lines.shape[1]) - self._lines.shape[1] // 2
+        return np.arange(self.lines.shape[1]) - self.lines.shape[1] // 2
+
+    @property
+    def _listed(self) -> np.ndarray:
+        """(k, 2): multiples of the faster and the slower tone of all lines, by frequency; of a line and its
+        mirror image, which begin with 0, the one whose frequency is positive.
+        """
+        fast, slow = np.meshgrid(np.arange(len(self.lines)), self.orders, indexing="ij")
+        found = np.column_stack([fast.ravel(), slow.ravel()])
+        found = found[(found[:, 0] > 0) | (found[:, 1] >= 0)]
+        pair = np.array(self.frequencies[::-1] if self.swapped else self.frequencies)
+        return found[np.argsort(np.abs(found @ pair), kind="stable")]
+
+    @derived("1", "m and n of each line m f1 + n f2", "line tone", called="multiple", kinds="i", stored=False)
+    def line_multiples(self) -> np.ndarray:
+        """(k, 2): for tables."""
+        return self._listed[:, ::-1] if self.swapped else self._listed
+
+    @derived("Hz", "frequency of each line", "line", called="frequency", stored=False)
+    def line_frequencies(self) -> np.ndarray:
+        """(k,): for tables."""
+        return np.abs(self.line_multiples @ np.array(self.frequencies))
+
+    @derived(
+        "m",
+        "amplitude of u_y of each line",
+        "line place",
+        called="amplitude",
+        kinds="c",
+        stored=False,
+    )
+    def line_amplitudes(self) -> np.ndarray:
+        """(k, points): for tables."""
+        fast, slow = self._listed.T
+        return self.lines[fast, slow + self.lines.shape[1] // 2, :, 1]
 
     def _furthest(self, least: float = 0.0) -> float:
         """Largest displacement of a named point by its lines, m; less than `least` where that is known to be
         so.
         """
-        return furthest_of_lines(np.moveaxis(self._lines, (2, 3), (0, 1)), least)
+        return furthest_of_lines(np.moveaxis(self.lines, (2, 3), (0, 1)), least)
 
     def harmonics(self, point: str, direction: str = "y") -> np.ndarray:
         """(21, k) complex: amplitudes at the multiples 0 to 20 of the faster tone plus those of `orders` of
         the slower one, m.
         """
         index = at_point({name: k for k, name in enumerate(self.points)}, point)
-        return self._lines[:, :, index, axis_number(direction)]
+        return self.lines[:, :, index, axis_number(direction)]
 
     def line(self, m: int, n: int, point: str, direction: str = "y") -> complex:
         """Complex amplitude at m f1 + n f2, m; at (0, 0) the mean.
@@ -143,7 +202,7 @@ class QuasiPeriodic:
             If the line is beyond what the samples and steps resolve.
         """
         m, n = integer("line", "m", m), integer("line", "n", n)
-        fast, slow = (n, m) if self._swapped else (m, n)
+        fast, slow = (n, m) if self.swapped else (m, n)
         lines = self.harmonics(point, direction)
         if fast < 0 or (fast == 0 and slow < 0):
             return np.conj(self.line(-m, -n, point, direction))

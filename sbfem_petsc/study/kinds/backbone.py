@@ -19,7 +19,7 @@ class Backbone(BackboneOptions, Kind):
 
     kind: Literal["backbone"] = item(text="frequency of free vibration over its energy")
     alike = True
-    running = "result.h5"
+    running = "result.journal"
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Backbone:
         return sb.backbone(model, **self.of(BackboneOptions), **run.kept)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -12,7 +12,6 @@ import sbfem_petsc as sb
 from ...analysis.options import QuasiPeriodicOptions
 from ...loads import separate
 from ...options import item
-from ...parallel import MPI, ranks_of
 from ..case.objects import load, located
 from ..case.tables import Names, Path
 from ..costs import STEPS, Cost, Size
@@ -66,9 +65,6 @@ class QuasiPeriodic(QuasiPeriodicOptions, Kind):
         pair = (self.probe_frequency, self.pump_frequency)
         with located(case, *path):
             drives(separate(self._acting(case))[1], (max(pair), min(pair)))
-
-    def save(self, result: Any, part: Callable[[str], str]) -> None:
-        sb.on_root(ranks_of(result) or MPI.COMM_SELF, lambda: sb.save_result(result, part(self.saved)))
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
         named = lines_of(result.frequencies, self.order)

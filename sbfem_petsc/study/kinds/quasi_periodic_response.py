@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -12,7 +12,6 @@ import sbfem_petsc as sb
 from ...analysis.options import FrequencyRange, SwitchOptions, TorusCurveOptions
 from ...errors import SolveError
 from ...options import item
-from ...parallel import MPI, ranks_of
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
 from ..quantities import Quantity, Tree, of_points, quantities
 from .kind import Drawn, Loaded, Run, Values, Wanted
@@ -54,9 +53,6 @@ class QuasiPeriodicResponse(TorusCurveOptions, SwitchOptions, FrequencyRange, Lo
             **self.of(TorusCurveOptions),
             progress=run.progress,
         )
-
-    def save(self, result: Any, part: Callable[[str], str]) -> None:
-        sb.on_root(ranks_of(result) or MPI.COMM_SELF, lambda: sb.save_result(result, part(self.saved)))
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
         named = lines_of(result.frequencies[0], self.order)
