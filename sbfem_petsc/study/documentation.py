@@ -125,6 +125,7 @@ reads numbers alone) by the names below, and `pandas.read_csv` what `result.to_c
 ```python
 import h5py
 
+sb.save("push.h5", sb.static(model, sb.PointForce("A", fy=100.0)))
 with h5py.File("push.h5") as file:
     force = file["contact_force"][:]  # N
 ```
