@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from ..motion import run_file
 from ..motion.period_map import Period
+from ..motion.run_file import RunFile
 from ..motion.unreduced.period import UnreducedPeriod
 from ..parallel import collective
 from ..petsc import MPI
 from ..record.files import image
 from ..record.journal import Kept
-from ..recording import run_file
-from ..recording.run_file import RunFile
 from ..reduction.reduced_model import ReducedModel
 from .branch import Branch
 from .follow import Line

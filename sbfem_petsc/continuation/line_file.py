@@ -8,13 +8,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ..motion import run_file
+from ..motion.run_file import RunFile
 from ..parallel import collective, on_root
 from ..petsc import MPI
 from ..record.files import image
 from ..record.journal import Frame
 from ..record.record import Record
-from ..recording import run_file
-from ..recording.run_file import RunFile
 from ..reduction.reduced_model import ReducedModel
 from .follow import Line
 from .problem import Point, Problem

@@ -17,7 +17,6 @@ from ..parallel import collective
 from ..petsc import MPI
 from ..record.files import from_image, image
 from ..record.journal import Kept, read
-from ..recording.run_file import RunFile
 from ..reduction.comparison import close
 from ..reduction.reduced_model import ReducedModel
 from ..signals.signal import Signal
@@ -25,6 +24,7 @@ from ..system.tip_facts import TipFacts
 from .history import History
 from .integration import Column, FormerRun, Rows
 from .reduced_history import recorded_exchanges, reduced_columns, reduced_history
+from .run_file import RunFile
 from .unreduced.history import SampledRun, sampled_columns, unreduced_history
 
 WHAT = "history file"

@@ -25,12 +25,15 @@ class Quantity:
     text : str
     detail : bool
         Whether it is left out of the summary in JSON.
+    dims : tuple of str
+        Names of the axes; none: they are named after it.
     """
 
     value: Any
     unit: str = "1"
     text: str = ""
     detail: bool = False
+    dims: tuple[str, ...] = ()
 
 
 Tree = dict[str, Any]
@@ -51,8 +54,10 @@ def tree_of(record: Record, points: Sequence[str], details: Sequence[str] = ()) 
         if q.about.detail and q.name not in details:
             continue
         known = set(points) if "place" in q.names else set(dict(q.by_name()))
+        by = next((dim for dim in q.dims if dim in q.names), None)
+        dims = tuple(dim for dim in q.dims if dim != by)
         entries = {
-            name: Quantity(_value(item), q.unit, q.about.text, q.about.detail)
+            name: Quantity(_value(item), q.unit, q.about.text, q.about.detail, dims)
             for name, item in q.by_name()
             if name in known
         }

@@ -14,9 +14,9 @@ from meshing.folder_index import make_output_folder, regular_file
 
 from ..parallel import on_root
 from ..progress import Watch
-from ..recording.hdf5 import opened
+from ..record.layout import bare, text
 from ..writing import spare_folder
-from . import pictures, run, sweep_file
+from . import pictures
 from .case.analyses import kind_called
 from .case.case import Case, case_from_text
 from .csv_tables import write_tables
@@ -24,12 +24,9 @@ from .estimates import duration
 from .folder import PARTS
 from .quantities import Quantity, Tree, plain
 from .run import RESULTS, RunResults, read_run
-from .storage import write_json
+from .storage import holds, results_in, write_json
 from .structure import Structure
 from .sweep_file import FILE, Sweep, read_sweep, write_csv
-
-# Formats of results files, with the versions of this program.
-FORMS = {sweep_file.FORMAT: sweep_file.FORMAT_VERSION, run.FORMAT: run.FORMAT_VERSION}
 
 
 def read_any(path: str | os.PathLike[str]) -> RunResults | Sweep:
@@ -56,9 +53,9 @@ def read_any(path: str | os.PathLike[str]) -> RunResults | Sweep:
         raise ValueError(
             f"{name!r} is a case file; name the results that  sbfem run  or  sbfem sweep  made of it"
         )
-    with opened(name, "results file", FORMS) as file:
-        form = str(file.attrs["format"])
-    return read_sweep(name) if form == sweep_file.FORMAT else read_run(name)
+    with results_in(name, "run", "sweep") as file:
+        swept = holds(file) == "sweep"
+    return read_sweep(name) if swept else read_run(name)
 
 
 def described(results: RunResults | Sweep) -> str:
@@ -112,10 +109,11 @@ def _lines(tree: Tree, above: str = "") -> list[str]:
 def case_of(results: RunResults | Sweep, path: str, folder: str) -> Case:
     """The case that results were made from; the files it names are put into `folder`."""
     files: dict[str, str] = {}
-    with opened(path, "results file", FORMS) as file:
-        for number, entry in enumerate(file["case/files"].values()):
+    with results_in(path, "run", "sweep") as file:
+        named = (entry for entry in file["case/files"].values() if not bare(entry))
+        for number, entry in enumerate(named):
             # whatever the name is, nothing is written or read elsewhere; readers know formats by the ending
-            name = str(entry.attrs["name"])
+            name = text(entry.attrs["name"])
             ending = re.search(r"\.\w{1,8}$", name)
             files[name] = f"{number:03d}{ending[0] if ending else ''}"
             with open(os.path.join(folder, files[name]), "wb") as written:

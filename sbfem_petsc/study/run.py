@@ -8,9 +8,6 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-import h5py
-import numpy as np
-
 import sbfem_petsc as sb
 from meshing.folder_index import make_folder
 
@@ -18,7 +15,7 @@ from ..capacity import PlannedFile, require_disk
 from ..errors import OutOfMemory, SolveError
 from ..parallel import agreed, collective, ranks_of
 from ..progress import Watch
-from ..recording.hdf5 import new_hdf5, opened
+from ..record.layout import text, text_of
 from ..writing import check_output_folder
 from . import pictures
 from .case.case import Case, read_case
@@ -29,11 +26,9 @@ from .csv_tables import write_tables
 from .folder import Folder
 from .kinds.kind import Kind
 from .quantities import Quantity, Tree, plain
-from .storage import read_tree, write_json, write_tree
+from .storage import case_in, new_results, read_tree, results_in, write_case, write_json, write_tree
 from .structure import Structure
 
-FORMAT, FORMAT_VERSION = "sbfem-petsc case results", 2
-PART = f"{FORMAT} part"
 RESULTS, SUMMARY, PICTURES, TABLES = "results.h5", "summary.json", "pictures", "tables"
 
 
@@ -198,8 +193,7 @@ class _Run:
     def _keep(self, name: str, kind: Kind, result: Any, tree: Tree) -> None:
         with collective(self.comm):
             if self.folder is not None:
-                with new_hdf5(self.folder.part(name), "results file", PART, FORMAT_VERSION) as file:
-                    file.attrs["kind"] = kind.kind
+                with new_results(self.folder.part(name), "analysis") as file:
                     write_tree(file, tree)
                 if self.case.tables.output.csv:
                     make_folder(os.path.join(self.path, TABLES))
@@ -253,29 +247,21 @@ class _Run:
                 }
             }
             place = os.path.join(self.path, RESULTS)
-            with new_hdf5(place, "results file", FORMAT, FORMAT_VERSION) as file:
+            with new_results(place, "run") as file:
                 write_case(file.create_group("case"), self.case)
-                file.attrs["run"] = json.dumps(summary["run"])
+                file.attrs["run"] = text_of(json.dumps(summary["run"]))
                 group = file.create_group("analyses", track_order=True)
                 for name in names:
                     if not self.folder.finished(name):
                         continue
-                    with opened(self.folder.part(name), "results file", {PART: FORMAT_VERSION}) as part:
-                        part.copy(part, group, name)
-                        tree = read_tree(part)
+                    with results_in(self.folder.part(name), "analysis") as part:
+                        tree = read_tree(part, axes=True)
+                    own = group.create_group(name, track_order=True)
+                    own.attrs["kind"] = text_of(names[name].kind)
+                    write_tree(own, tree)
                     summary[name] = {"kind": names[name].kind, **plain(tree, f"/analyses/{name}")}
             write_json(os.path.join(self.path, SUMMARY), summary)
         return summary
-
-
-def write_case(group: h5py.Group, case: Case) -> None:
-    """The case's text and the files it names, from which it can be run again."""
-    group.attrs["file"] = os.path.basename(case.file)
-    group["text"] = case.text
-    files = group.create_group("files")
-    for k, (name, contents) in enumerate(case.named_files().items()):
-        data = files.create_dataset(f"{k:03d}", data=np.frombuffer(contents, dtype=np.uint8))
-        data.attrs["name"] = name
 
 
 @dataclass(frozen=True, eq=False)
@@ -337,13 +323,11 @@ def read_run(path: str | os.PathLike[str]) -> RunResults:
     """
     name = os.fspath(path)
     name = os.path.join(name, RESULTS) if os.path.isdir(name) else name
-    with opened(name, "results file", {FORMAT: FORMAT_VERSION}) as file:
-        trees = {analysis: read_tree(group) for analysis, group in file["analyses"].items()}
+    with results_in(name, "run") as file:
         return RunResults(
             name,
-            file["case/text"][()].decode(),
-            str(file["case"].attrs["file"]),
-            json.loads(file.attrs["run"]),
-            trees,
-            {analysis: str(group.attrs["kind"]) for analysis, group in file["analyses"].items()},
+            *case_in(file),
+            json.loads(text(file.attrs["run"])),
+            {analysis: read_tree(group) for analysis, group in file["analyses"].items()},
+            {analysis: text(group.attrs["kind"]) for analysis, group in file["analyses"].items()},
         )

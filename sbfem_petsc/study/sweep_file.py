@@ -11,17 +11,15 @@ from typing import Any
 import h5py
 import numpy as np
 
-import sbfem_petsc as sb
-
-from ..recording.hdf5 import new_hdf5, opened
+from ..record.layout import bare, put, text, text_of
+from ..record.record import About
 from ..writing import replaced
 from .case.case import Case, CaseTables
 from .case.locations import parse
 from .case.parameters import unit_of, words_of
 from .rows import Row
-from .run import write_case
+from .storage import case_in, new_results, results_in, value_of, write_case
 
-FORMAT, FORMAT_VERSION = "sbfem-petsc sweep", 2
 FILE, TABLE = "sweep.h5", "sweep.csv"
 # Entries up to which an array stands in the CSV file, a column each.
 WIDEST = 12
@@ -128,22 +126,23 @@ def together(case: Case, inputs: Sequence[Mapping[str, Any]], found: Mapping[int
 
 def write(sweep: Sweep, case: Case, folder: str) -> None:
     """Write sweep.h5 and sweep.csv, each replaced as a whole."""
-    with new_hdf5(os.path.join(folder, FILE), "sweep file", FORMAT, FORMAT_VERSION) as file:
-        file.attrs.update({"version": sb.__version__, "rows": len(sweep)})
+    with new_results(os.path.join(folder, FILE), "sweep") as file:
         write_case(file.create_group("case"), case)
-        text = h5py.string_dtype()
+        number = About(text="number of the row")
+        put(file, "row", np.arange(len(sweep)), number, "1", ("row",))
         # paths with dots and brackets are attributes: readers stumble over them in names
+        inputs, words, units = file.create_group("inputs"), sweep.input_words, sweep.input_units
         for k, (name, column) in enumerate(sweep.inputs.items()):
-            kind = text if column.dtype.kind in "US" else None
-            data = file.create_dataset(
-                f"inputs/{k:02d}", data=column.astype(object) if kind else column, dtype=kind
-            )
-            data.attrs["name"] = name
+            about = About(text=words[name] or name)
+            data = put(inputs, f"{k:02d}", column, about, units[name] or "1", ("row",))
+            data.attrs["name"] = text_of(name)
         for name, array in sweep.values.items():
-            data = file.create_dataset(f"values/{name}", data=array, compression="gzip")
-            data.attrs["unit"] = sweep.units.get(name, "1")
-        file.create_dataset("reasons", data=np.array(sweep.reasons, dtype=object), dtype=text)
-        file.create_dataset("seconds", data=sweep.seconds).attrs["unit"] = "s"
+            above, _, own = f"values/{name}".rpartition("/")
+            dims = ("row", *(f"{own}_{k}" for k in range(array.ndim - 1)))
+            unit = sweep.units.get(name, "1")
+            put(file.require_group(above), own, array, About(text=name), unit, dims)
+        put(file, "reasons", np.array(sweep.reasons, dtype=str), About(text="why it failed"), "1", ("row",))
+        put(file, "seconds", sweep.seconds, About(text="wall time"), "s", ("row",))
     write_csv(sweep, os.path.join(folder, TABLE))
 
 
@@ -192,26 +191,16 @@ def read_sweep(path: str | os.PathLike[str]) -> Sweep:
     """
     name = os.fspath(path)
     name = os.path.join(name, FILE) if os.path.isdir(name) else name
-    with opened(name, "sweep file", {FORMAT: FORMAT_VERSION}) as file:
+    with results_in(name, "sweep") as file:
         values: dict[str, np.ndarray] = {}
         units: dict[str, str] = {}
 
         def visit(key: str, entry: Any) -> None:
-            if isinstance(entry, h5py.Dataset):
-                values[key], units[key] = entry[()], str(entry.attrs["unit"])
+            if isinstance(entry, h5py.Dataset) and not bare(entry):
+                values[key], units[key] = value_of(entry), text(entry.attrs["units"])
 
         if "values" in file:
             file["values"].visititems(visit)
-        inputs = {}
-        for entry in file["inputs"].values():
-            column = entry.asstr()[()] if h5py.check_string_dtype(entry.dtype) else entry[()]
-            inputs[str(entry.attrs["name"])] = np.asarray(column)
-        return Sweep(
-            inputs,
-            values,
-            units,
-            [str(reason) for reason in file["reasons"].asstr()[()]],
-            file["seconds"][()],
-            file["case/text"][()].decode(),
-            str(file["case"].attrs["file"]),
-        )
+        inputs = {text(entry.attrs["name"]): value_of(entry) for entry in file["inputs"].values()}
+        reasons = value_of(file["reasons"]).tolist()
+        return Sweep(inputs, values, units, reasons, value_of(file["seconds"]), *case_in(file))

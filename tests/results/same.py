@@ -68,10 +68,12 @@ def inverted(path, read, every: int = 1, first: int = 0) -> tuple[int, int, list
 
 
 def compared(one, other) -> None:
-    """`same` of results, sequences and dicts of them."""
+    """`same` of results, sequences and dicts of them, and equality of bytes."""
     assert type(one) is type(other)
     if isinstance(one, Record):
         same(one, other)
+    elif isinstance(one, bytes):
+        assert one == other
     else:
         assert len(one) == len(other)
         for a, b in zip(*(item.values() if isinstance(item, dict) else item for item in (one, other))):

@@ -224,7 +224,7 @@ def test_texts_of_a_strangers_file_stay_texts(folder, tmp_path):
         run["failed"] = {"a\x1b[2J": "no\x00thing"}
         file.attrs["run"] = json.dumps(run)
         del file["case/text"]
-        file["case/text"] = text
+        file["case/text"] = np.frombuffer(text.encode(), np.uint8)
 
     run = shutil.copy(folder / "out" / "results.h5", tmp_path / "run.h5")  # a run's, no record's
     stranger = changed(run, tmp_path / "results.h5", change)

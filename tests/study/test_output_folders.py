@@ -6,13 +6,14 @@ import html.parser
 import os
 import shutil
 
+import numpy as np
 import pytest
 
 from meshing import Beam
 from meshing.folder_index import INDEX, HeldFolder, listed
 from sbfem_petsc.record.journal import Journal
-from sbfem_petsc.recording.hdf5 import new_hdf5, opened
-from sbfem_petsc.study import rows, run
+from sbfem_petsc.study import rows
+from sbfem_petsc.study.storage import new_results, read_tree, results_in, write_tree
 from tests.study.small_case import CASE, sbfem, written
 
 # One analysis, with a picture and a table.
@@ -291,21 +292,22 @@ def test_nothing_of_a_strangers_file_becomes_part_of_a_page(folder):
     """Kind, names, reasons, units, texts, captions: all of it is text, once and whole."""
     out = folder / "out"
     source = out / "results.h5"
-    with opened(source, "results file", {run.FORMAT: run.FORMAT_VERSION}) as file:
-        facts = file.attrs["run"].replace('"small"', '"title%s"')
-        with new_hdf5(folder / "new.h5", "results file", run.FORMAT, run.FORMAT_VERSION) as new:
-            file.copy("case", new)
-            del new["case/text"]
-            new["case/text"] = f"case{EVIL}"
+    with results_in(source, "run") as file:
+        facts = file.attrs["run"].decode().replace('"small"', '"title%s"')
+        with new_results(folder / "new.h5", "run") as new:
+            case = new.create_group("case")
+            case.create_group("files")
+            case.attrs["file"] = "case.toml"
+            case["text"] = np.frombuffer(f"case{EVIL}".encode(), np.uint8)
             escaped = EVIL.replace('"', '\\"')
             new.attrs["run"] = (facts % escaped).replace('"failed": {}', f'"failed": {{"a": "why{escaped}"}}')
             group = new.create_group("analyses", track_order=True)
             name = f"name{EVIL}".replace("/", "")
-            file.copy("analyses/push", group, name)
+            write_tree(group.create_group(name), read_tree(file["analyses/push"]))
             group[name].attrs["kind"] = f"kind{EVIL}\x1b"
             for data in group[name].values():
-                if "unit" in data.attrs:
-                    data.attrs["unit"] = f"unit{EVIL}"
+                if "units" in data.attrs:
+                    data.attrs["units"] = f"unit{EVIL}"
     os.replace(folder / "new.h5", source)
     os.rename(out / "pictures" / "push_crack1.png", out / "pictures" / f"{name}_caption{name}.png")
     done = sbfem("report", out)

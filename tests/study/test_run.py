@@ -3,6 +3,7 @@
 import inspect
 import json
 import os
+import pickle
 import shutil
 import signal
 import time
@@ -20,8 +21,10 @@ from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.problems import CaseError
 from sbfem_petsc.study.kinds.kind import Run
 from sbfem_petsc.study.run import read_run, run_case
+from sbfem_petsc.study.storage import read_tree, results_in
 from sbfem_petsc.study.structure import Structure
 from tests.parallel import on_ranks
+from tests.results.same import inverted
 from tests.study.small_case import CASE, sbfem, started, written
 
 
@@ -104,13 +107,44 @@ def test_results_file(folder):
     assert case_from_text(results.text).key == read_case(folder / "case.toml").key
     with h5py.File(folder / "out" / "results.h5") as file:
         data = file["analyses/frequencies/frequencies"]
-        assert data.attrs["unit"] == "Hz" and data.attrs["description"]
+        assert data.attrs["units"] == b"Hz" and data.attrs["long_name"]
     assert results.kinds == {
         "frequencies": "modal",
         "push": "static",
         "steady": "periodic",
         "burst": "transient",
     }
+
+
+def test_xarray_opens_the_results(folder):
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("netCDF4")
+    results = read_run(folder / "out")
+    with xarray.open_datatree(folder / "out" / "results.h5") as tree:
+        frequencies = tree["analyses/frequencies/frequencies"]
+        np.testing.assert_array_equal(frequencies, results.value("frequencies", "frequencies"))
+        assert frequencies.dims == ("mode",) and frequencies.attrs["units"] == "Hz"
+        moved = tree["analyses/burst/displacement/A"]
+        np.testing.assert_array_equal(moved, results.value("burst", "displacement", "A"))
+        assert moved.dims == ("time", "xy")
+        np.testing.assert_array_equal(moved["time"], results.value("burst", "time"))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "every"), [("results.h5", 15013), ("analyses/push.h5", 61)])
+def test_changed_bytes_of_results_are_told(folder, tmp_path, name, every):
+    """A byte that is inverted is told of, or changes nothing of what is read."""
+
+    def read(path):
+        if name == "results.h5":
+            found = read_run(path)
+            return [pickle.dumps(item) for item in (found.text, found.run, found.kinds, found.analyses)]
+        with results_in(path, "analysis") as file:
+            return [pickle.dumps(read_tree(file))]
+
+    path = shutil.copy(folder / "out" / name, tmp_path / "copy.h5")
+    told, _, silent = inverted(path, read, every)
+    assert silent == [] and told > 0
 
 
 def test_nothing_is_repeated(folder, monkeypatch):

@@ -1,1 +1,0 @@
-"""Files that are kept up to date while an analysis runs."""
