@@ -26,12 +26,12 @@ from ..petsc import MPI
 from ..writing import replaced
 from . import journal
 from .body import Body
-from .layout import bare, text, text_of, write
+from .layout import bare, text, text_of, within, write
 from .reading import records_in
 from .record import Record
 
 # Of the layout: files of another one are refused.
-SCHEMA = 3
+SCHEMA = 4
 WHAT = "result file"
 # What reads a journal, by what it says it keeps; where nothing does, the result stands in its state.
 KEPT = {"history": "motion.history_file", "branch": "", "result": ""}
@@ -74,7 +74,7 @@ def save(path: Any, result: Any) -> None:
                 if several:
                     file.attrs["several"] = len(parts)
                 for name, part in parts.items():
-                    write(file.create_group(name, track_order=True) if name else file, part, whole, seen=seen)
+                    write(within(file, name) if name else file, part, whole, seen=seen)
 
 
 def _check(result: Any, parts: Mapping[Any, Any]) -> None:

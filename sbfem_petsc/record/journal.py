@@ -30,7 +30,7 @@ from meshing.whole_file import reason
 from ..errors import SolveError
 from ..writing import destination, replaced
 
-MAGIC = b"sbfem journal 3\n"
+MAGIC = b"sbfem journal 4\n"
 # Of a frame: length of what follows, its CRC-32, CRC-32 of what follows.
 HEAD = struct.Struct("<QII")
 Frame = dict[str, Any]

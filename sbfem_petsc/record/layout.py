@@ -8,7 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from .record import About, Record, entries, expanded
+from .record import About, Record, entries, expanded, record_class
 
 # Bytes up to which data stand in a header; of a chunk of others.
 COMPACT, CHUNK = 32768, 1 << 20
@@ -48,7 +48,7 @@ def write(
         if array.dtype.kind not in kinds:
             array = array.astype(TYPES[kinds[0]], casting="same_kind")
         for dim, names in q.names.items():
-            if dim not in group:
+            if not _named(group, dim, names):
                 put(group, dim, texts_of(names), About(text=f"names of {dim}"), "1", (dim,))
         put(group, q.name, array, q.about, q.unit, q.dims)
     for name, entry in entries(type(record)).items():
@@ -61,13 +61,23 @@ def write(
         if id(part) in seen:
             group.attrs[name] = text_of(seen[id(part)])
             continue
-        own = group.create_group(name, track_order=True)
+        own = within(group, name)
         if isinstance(part, tuple):
             own.attrs["several"] = len(part)
             for k, item in enumerate(part):
-                write(own.create_group(f"{k:04d}", track_order=True), item, whole, seen=seen)
+                write(within(own, f"{k:04d}"), item, whole, seen=seen)
         else:
             write(own, part, whole, expanded(about.dims, given), seen)
+
+
+def within(group: h5py.Group, name: str) -> h5py.Group:
+    """A new group in another one, which keeps the order of what it holds and no times."""
+    how = h5py.h5p.create(h5py.h5p.GROUP_CREATE)
+    how.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED)
+    how.set_obj_track_times(False)
+    link = h5py.h5p.create(h5py.h5p.LINK_CREATE)
+    link.set_char_encoding(h5py.h5t.CSET_UTF8)
+    return h5py.Group(h5py.h5g.create(group.id, name.encode(), lcpl=link, gcpl=how))
 
 
 def put(
@@ -104,22 +114,34 @@ def put(
 
 
 def _scale(group: h5py.Group, dim: str, length: int) -> h5py.Dataset:
-    """A dimension by its name: of this group, of one above it, or a new one."""
-    here = group
-    while dim not in here and here.name != "/":
+    """A dimension by its name: of this group or one above it; or a new one, which the parts of the outermost
+    record share if it has nothing else of that name.
+    """
+    home = here = group
+    while "record" in here.attrs or "several" in here.attrs:
+        if dim in here:
+            found = here[dim]
+            if isinstance(found, h5py.Dataset) and found.shape == (length,):
+                if not found.is_scale:
+                    found.make_scale(dim)
+                return found
+            break
+        if "record" in here.attrs and dim not in _names(record_class(text(here.attrs["record"]))):
+            home = here
+        if here.name == "/":
+            break
         here = here.parent
-    if dim in here:
-        found = here[dim]
-        if isinstance(found, h5py.Dataset) and found.shape == (length,):
-            if not found.is_scale:
-                found.make_scale(dim)
-            return found
     layout = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     layout.set_obj_track_times(False)
     space = h5py.h5s.create_simple((length,))
-    made = h5py.Dataset(h5py.h5d.create(group.id, dim.encode(), h5py.h5t.IEEE_F32BE, space, layout))
+    made = h5py.Dataset(h5py.h5d.create(home.id, dim.encode(), h5py.h5t.IEEE_F32BE, space, layout))
     made.make_scale(BARE % length)
     return made
+
+
+def _names(cls: type[Record]) -> frozenset[str]:
+    """What a group of a record may hold."""
+    return frozenset(name for entry in entries(cls).values() for name in (entry.name, entry.called))
 
 
 def bare(data: h5py.Dataset) -> bool:
@@ -128,6 +150,34 @@ def bare(data: h5py.Dataset) -> bool:
         return False
     name = data.attrs.get("NAME")
     return isinstance(name, bytes) and name.startswith(BARE[:20])
+
+
+def names_along(group: h5py.Group, dim: str) -> tuple[str, ...]:
+    """Names of the entries of an axis, in this group or one above."""
+    here = group
+    while dim not in here and dim not in here.attrs and here.name != "/":
+        here = here.parent
+    item = here[dim] if dim in here else here.attrs.get(dim)
+    if isinstance(item, h5py.Dataset):
+        if bare(item):
+            return ()
+        item = item[()]
+    if item is None or isinstance(item, h5py.Empty):
+        return ()
+    found = tuple(text(entry) for entry in np.ravel(item).tolist())
+    if len(set(found)) < len(found):
+        raise ValueError(f"{dim!r} names an entry twice")
+    return found
+
+
+def _named(group: h5py.Group, dim: str, names: tuple[str, ...]) -> bool:
+    """Whether an axis has its names already: in this group, or the same ones above."""
+    here = group
+    while dim not in here and here.name != "/":
+        here = here.parent
+    found = here.get(dim)
+    texts = isinstance(found, h5py.Dataset) and found.dtype.kind == "S"
+    return dim in group or (texts and names_along(here, dim) == names)
 
 
 def text_of(words: str) -> np.ndarray:

@@ -10,7 +10,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from .layout import bare, text
+from .layout import names_along, text
 from .record import Entry, Record, entries, expanded, record_class
 
 
@@ -160,21 +160,3 @@ def sound(data: Any, entry: Entry, dims: tuple[str, ...], lengths: dict[str, int
     if array.dtype.kind in "iuf" and about.least > -math.inf and (array < about.least).any():
         raise ValueError(f"{name!r} has values below {about.least:g}")
     return array
-
-
-def names_along(group: h5py.Group, dim: str) -> tuple[str, ...]:
-    """Names of the entries of an axis, in this group or one above."""
-    here = group
-    while dim not in here and dim not in here.attrs and here.name != "/":
-        here = here.parent
-    item = here[dim] if dim in here else here.attrs.get(dim)
-    if isinstance(item, h5py.Dataset):
-        if bare(item):
-            return ()
-        item = item[()]
-    if item is None or isinstance(item, h5py.Empty):
-        return ()
-    found = tuple(text(entry) for entry in np.ravel(item).tolist())
-    if len(set(found)) < len(found):
-        raise ValueError(f"{dim!r} names an entry twice")
-    return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import field
+from typing import Any
 
 import numpy as np
 
@@ -61,14 +62,22 @@ class ReducedModel(Record):
         default=None,
         repr=False,
     )
-    tip_facts: TipFacts = quantity(
-        text="kinds of the tips", part="TipFacts", default_factory=TipFacts.none, repr=False
-    )
+    tip_facts: TipFacts = field(default_factory=TipFacts.none, repr=False)
 
     @derived(text="the unit loads", dims="load", kinds="U", detail=True)
     def unit_loads(self) -> np.ndarray | None:
         """(l,) texts, None for a system of matrices."""
         return np.array(list(map(repr, self.loads))) if self.loads else None
+
+    @derived(text="kinds of the tips", part="TipFacts", back=True)
+    def kinds_of_tips(self) -> TipFacts | None:
+        """`tip_facts`, None without tips."""
+        return None if self.tip_facts.contact_rows.tolist() == [0] else self.tip_facts
+
+    @classmethod
+    def _revived(cls, found: dict[str, Any]) -> ReducedModel:
+        """From a file: without tips none are told of."""
+        return cls(**found | {"tip_facts": found.pop("kinds_of_tips") or TipFacts.none()})
 
     def check(self) -> None:
         """Raise ValueError unless modes, rows and tips belong together."""
