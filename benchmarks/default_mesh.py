@@ -34,7 +34,7 @@ from meshing import Beam, VNotch
 from sbfem_petsc.contact.tangent import BLOCK, Derivative
 from sbfem_petsc.continuation import multipliers as stability
 from sbfem_petsc.motion.reduced_history import CHUNK
-from sbfem_petsc.system import modes, pencil
+from sbfem_petsc.system.solve import modes, pencil
 
 BEAM = Beam(0.400, 0.005, [VNotch(0.080, 0.0025, 0.0458366)])
 MATERIAL, DAMPING = sb.Material(70e9, 0.33, 2700.0), 0.002

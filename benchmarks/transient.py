@@ -86,7 +86,7 @@ def parts(model, step, repeats=400):
     """Seconds of one KSP solve and of one product with M of the unreduced model at a step, by turns so
     that neither finds its matrix in the cache.
     """
-    from sbfem_petsc.system.pencil import CondensedSolve, Pencil
+    from sbfem_petsc.system.solve.pencil import CondensedSolve, Pencil
 
     pencil = Pencil(model, 1.0, 0.0)
     solve = CondensedSolve(pencil, -4.0 / step**2, prefix="newmark_", what="benchmark")

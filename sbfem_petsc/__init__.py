@@ -53,7 +53,7 @@ _HOME = {
     "Model": "system.model",
     "rayleigh_factors": "system.model",
     "modal": "analysis.modal",
-    "Modal": "system.modal_result",
+    "Modal": "system.solve.modal_result",
     "static": "analysis.static",
     "Static": "analysis.static_result",
     "load_history": "analysis.load_history",

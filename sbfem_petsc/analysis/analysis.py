@@ -15,8 +15,8 @@ from ..checks import flag, path
 from ..checks import progress as check_progress
 from ..options import Options
 from ..parallel import agreed, collective, ranks_of
+from ..system.elements.plausibility import warn_if_large
 from ..system.model import Model
-from ..system.plausibility import warn_if_large
 
 Result = TypeVar("Result")
 Parameters = ParamSpec("Parameters")

@@ -36,8 +36,8 @@ from ..progress import Progress, progress_bar
 from ..record.record import Record, derived, described, quantity
 from ..reduction.build import reduced
 from ..reduction.reduced_model import ReducedModel
+from ..system.elements.plausibility import furthest_of_lines
 from ..system.model import Model
-from ..system.plausibility import furthest_of_lines
 from .analysis import analysis
 from .options import BackboneOptions
 

@@ -19,9 +19,9 @@ from ..loads import Loads
 from ..parallel import agreed, collective
 from ..record.record import Record, derived, described, quantity
 from ..signals.signal import Signal
+from ..system.fields.places import checked_line
+from ..system.fields.tip_facts import together
 from ..system.model import Model
-from ..system.places import checked_line
-from ..system.tip_facts import together
 from .analysis import analysis
 from .options import LoadHistoryOptions
 from .static import Static, static

@@ -9,10 +9,10 @@ import numpy as np
 
 from ..checks import shown
 from ..errors import caller_level, listed, on_all_ranks
-from ..system.modal_result import Modal
+from ..system.fields.resolution import warn_of_modes
 from ..system.model import Model
-from ..system.modes import TOLERANCE, lowest_modes, modes_in_band
-from ..system.resolution import warn_of_modes
+from ..system.solve.modal_result import Modal
+from ..system.solve.modes import TOLERANCE, lowest_modes, modes_in_band
 from .analysis import analysis
 from .estimate import Sought, refined
 from .options import ModalOptions

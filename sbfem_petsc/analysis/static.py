@@ -15,11 +15,11 @@ from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..errors import SolveError, caller_level, on_all_ranks
 from ..loads import as_loads, separate
 from ..parallel import collective
-from ..system.equilibrium import equilibrium
-from ..system.fracture import notes
+from ..system.fields.fracture import notes
+from ..system.fields.resolution import warn_of_tips
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
-from ..system.resolution import warn_of_tips
+from ..system.solve.equilibrium import equilibrium
 from .analysis import analysis
 from .estimate import Sought, refined
 from .options import StaticOptions

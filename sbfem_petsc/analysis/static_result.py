@@ -15,19 +15,19 @@ from ..petsc import MPI
 from ..record.gather import whole
 from ..record.record import Record, derived, described, quantity
 from ..system.boundary import LoadColumns
-from ..system.equilibrium import Equilibrium
-from ..system.fracture import (
+from ..system.fields.fracture import (
     contact_nodal_forces,
     contact_pressure,
     energy_release_rates,
     t_stresses,
     unresolved_contact,
 )
+from ..system.fields.places import PlaceRows, Places, checked_line, checked_place
+from ..system.fields.reactions import reactions
+from ..system.fields.sampling import Field
+from ..system.fields.tip_facts import TipFacts
 from ..system.model import Model
-from ..system.places import PlaceRows, Places, checked_line, checked_place
-from ..system.reactions import reactions
-from ..system.sampling import Field
-from ..system.tip_facts import TipFacts
+from ..system.solve.equilibrium import Equilibrium
 
 
 @described

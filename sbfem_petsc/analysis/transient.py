@@ -16,8 +16,8 @@ from meshing.warnings import StepWarning
 from ..capacity import KEPT, require_compiler
 from ..checks import choice, flag, real_array, shown
 from ..errors import caller_level
+from ..motion.files.history_file import HistoryFile
 from ..motion.history import History
-from ..motion.history_file import HistoryFile
 from ..motion.initial import modal_start
 from ..motion.integration import FormerRun, Steps, integrate, row_size
 from ..motion.loading import Loading, communicator, loading, moved_up_to, serving, warn_of_unreduced

@@ -18,7 +18,7 @@ from ..motion.period_map import FixedPoint, OfPeriod, Period
 from ..motion.states import Point
 from ..record.record import derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
-from ..system.plausibility import furthest_of_lines
+from ..system.elements.plausibility import furthest_of_lines
 from .bifurcations import Bifurcation
 from .orbit import FLOOR, Orbit, Orbits, axis_number, make_orbit, multiplier_error, verdict_of
 from .problems.driven_orbits import ParameterRange

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..motion import run_file
+from ..motion.files import run_file
+from ..motion.files.run_file import RunFile
 from ..motion.period_map import Period
-from ..motion.run_file import RunFile
 from ..motion.unreduced.period import UnreducedPeriod
 from ..parallel import collective
 from ..petsc import MPI

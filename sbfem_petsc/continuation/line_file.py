@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..motion import run_file
-from ..motion.run_file import RunFile
+from ..motion.files import run_file
+from ..motion.files.run_file import RunFile
 from ..parallel import collective, on_root
 from ..petsc import MPI
 from ..record.files import image

@@ -13,9 +13,9 @@ from ..checks import Bounds, real, shown
 from ..errors import SolveError, UnknownName, caller_level, on_all_ranks
 from ..parallel import agreed
 from ..record.record import Record, derived, described, quantity
+from ..system.fields.places import checked_line
+from ..system.fields.sampling import Field
 from ..system.model import Model
-from ..system.places import checked_line
-from ..system.sampling import Field
 from .energy import Energy
 from .states import ModalStates, Point, SampledStates
 

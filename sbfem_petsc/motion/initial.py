@@ -13,9 +13,9 @@ from ..reduction.reduced_model import ReducedModel
 from ..selement.basis import shape_functions
 from ..selement.coefficients import edge_nodes
 from ..selement.interior_motion import interior_fields
-from ..system.modal_result import Modal
-from ..system.pencil import Pencil
-from ..system.shapes import Group
+from ..system.elements.shapes import Group
+from ..system.solve.modal_result import Modal
+from ..system.solve.pencil import Pencil
 from ..system.structure import Structure
 
 # Gauss points along the radius, for functions that cells resolve.

@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import SolveError, on_all_ranks
 from ..petsc import MPI
 from ..signals.signal import Signal
-from ..system.tip_facts import TipFacts
+from ..system.fields.tip_facts import TipFacts
 from .history import History
 
 Rows = dict[str, np.ndarray]

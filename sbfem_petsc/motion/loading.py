@@ -19,8 +19,8 @@ from ..reduction.build import default_modes, reduced
 from ..reduction.reduced_model import ReducedModel
 from ..signals.sampling import known
 from ..signals.signal import Constant, Signal, as_signal
+from ..system.fields.resolution import warn_of_band, warn_of_jumps
 from ..system.model import Model
-from ..system.resolution import warn_of_band, warn_of_jumps
 
 # Hz: what a structure can be driven at.
 FASTEST = 1e15

@@ -10,9 +10,9 @@ from ..errors import SolveError, UnknownName, listed, on_all_ranks
 from ..record.record import Record, described, quantity
 from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
-from ..system.places import checked_place
-from ..system.sampling import Field
-from ..system.tip_facts import TipFacts
+from ..system.fields.places import checked_place
+from ..system.fields.sampling import Field
+from ..system.fields.tip_facts import TipFacts
 from .unreduced.kept_fields import KeptFields
 
 # The name of a point, or coordinates in m.

@@ -16,8 +16,8 @@ from ..analysis.static import Static
 from ..checks import integer, shown
 from ..parallel import collective, on_root
 from ..record.units import frequency_unit, length_unit, place_unit, stress_unit
-from ..system.modal_result import Modal
 from ..system.model import Model
+from ..system.solve.modal_result import Modal
 from .drawing import BLUE, CYCLE, MARKERS, SKY, WIDTH, Sheet, crack_title, fill
 from .outlines import Piece, contact_lengths, gather_outline, loops
 from .picture import named, picture

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..petsc import MPI
 from ..selement.basis import shape_functions, tabulated
+from ..system.fields.sampling import as_field, outline_edges, point_grid_cells, sample
 from ..system.model import Model
-from ..system.sampling import as_field, outline_edges, point_grid_cells, sample
 
 
 @dataclass(frozen=True, eq=False)

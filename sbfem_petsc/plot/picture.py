@@ -12,7 +12,7 @@ from matplotlib import rc_context
 
 from ..checks import Bounds, choice, flag, instance, integer, numbers_of, positive, real, shown
 from ..parallel import MPI, agreed, checked_communicator, collective, on_root, ranks_of
-from ..system.places import checked_place
+from ..system.fields.places import checked_place
 from .drawing import STYLE, Sheet
 
 Subject = TypeVar("Subject")

@@ -34,7 +34,7 @@ from .record import Record
 SCHEMA = 4
 WHAT = "result file"
 # What reads a journal, by what it says it keeps; where nothing does, the result stands in its state.
-KEPT = {"history": "motion.history_file", "branch": "", "result": ""}
+KEPT = {"history": "motion.files.history_file", "branch": "", "result": ""}
 # What compression gains at most.
 DEFLATE = 1032
 # What reading of what is not there, or is something else, ends in.

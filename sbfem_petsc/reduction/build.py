@@ -14,11 +14,11 @@ from ..errors import caller_level
 from ..loads import Load, SupportMotion, separate
 from ..parallel import agreed, collective
 from ..petsc import MPI
+from ..system.fields.resolution import warn_of_tips
 from ..system.idle_loads import warn_of_idle_loads
-from ..system.modal_result import Modal
 from ..system.model import Model
-from ..system.resolution import warn_of_tips
-from ..system.static_solver import block_width
+from ..system.solve.modal_result import Modal
+from ..system.solve.static_solver import block_width
 from .outputs import LinearOutput
 from .reduced_model import ReducedModel
 

@@ -14,10 +14,10 @@ from ..errors import SolveError, on_all_ranks
 from ..loads import Load
 from ..petsc import MPI, free, require_thread
 from ..record.record import Record, derived, described, quantity
-from ..system.modal_result import Modal
+from ..system.fields.sampling import Field
+from ..system.fields.tip_facts import TipFacts
 from ..system.model import Model
-from ..system.sampling import Field
-from ..system.tip_facts import TipFacts
+from ..system.solve.modal_result import Modal
 from .outputs import LinearOutput
 
 

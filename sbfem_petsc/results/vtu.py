@@ -12,9 +12,9 @@ import numpy as np
 
 from ..checks import flag, instance, integer, optional_integer, shown
 from ..parallel import agreed, collective
-from ..system.modal_result import Modal
+from ..system.fields.sampling import Patches, point_grid_cells, sample
 from ..system.model import Model
-from ..system.sampling import Patches, point_grid_cells, sample
+from ..system.solve.modal_result import Modal
 from ..writing import destination, replaced
 
 STRESSES = ("stress_xx", "stress_yy", "stress_xy", "von_mises")

@@ -10,7 +10,7 @@ import numpy as np
 from ..loads import as_loads
 from ..petsc import PETSc, free, require_thread
 from ..selement.basis import tabulated
-from .assembly import ElementBlocks
+from .solve.assembly import ElementBlocks
 
 
 def edge_metric(coordinates: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:

@@ -17,12 +17,12 @@ from ..material import Material, OrthotropicMaterial
 from ..parallel import agreed, alone, checked_communicator, collective
 from ..petsc import MPI, collect
 from ..supports import as_supports
-from .demand import require_factor
-from .distribution import declared_clamp
-from .modal_result import Modal
-from .modes import lowest_modes
-from .plausibility import warn_of_wave_speeds
-from .static_solver import Compliance, StaticSolver, compliance
+from .elements.plausibility import warn_of_wave_speeds
+from .layout.distribution import declared_clamp
+from .solve.demand import require_factor
+from .solve.modal_result import Modal
+from .solve.modes import lowest_modes
+from .solve.static_solver import Compliance, StaticSolver, compliance
 from .structure import Named, Numbers, Structure
 
 # Stands for "what the mesh declares".

@@ -20,16 +20,16 @@ from ..material import AnyMaterial, Material, OrthotropicMaterial, SectorMateria
 from ..parallel import alone, collective
 from ..petsc import MPI, PETSc, require_thread
 from ..supports import Support
-from .assembly import ElementBlocks, assemble, assemble_by_ranks
 from .boundary import LoadColumns, NodalForces, free_bodies, load_columns, spring_blocks
-from .distribution import distribute
-from .element_stiffness import Refinement
-from .gap_operator import GapOperator, gap_operator
-from .places import Places, places
-from .rows import Rows
-from .shapes import Group, solve_groups, turned_both
-from .tip_faces import TipFaces, tip_faces, tip_gaps, tip_rows
-from .tips import TipIntensities, TipPlace, tip_intensities, tip_places
+from .contact.gap_operator import GapOperator, gap_operator
+from .elements.element_stiffness import Refinement
+from .elements.shapes import Group, solve_groups, turned_both
+from .fields.places import Places, places
+from .fields.tip_faces import TipFaces, tip_faces, tip_gaps, tip_rows
+from .fields.tips import TipIntensities, TipPlace, tip_intensities, tip_places
+from .layout.distribution import distribute
+from .layout.rows import Rows
+from .solve.assembly import ElementBlocks, assemble, assemble_by_ranks
 
 
 class Named(NamedTuple):

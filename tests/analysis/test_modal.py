@@ -193,7 +193,7 @@ def test_multiple_frequencies_are_all_found(count):
     """A clamped square has many double frequencies: every count gives the lowest of a dense solution."""
     from scipy import linalg, sparse
 
-    from sbfem_petsc.system.pencil import Pencil
+    from sbfem_petsc.system.solve.pencil import Pencil
 
     edges = ["left", "right", "top", "bottom"]
     model = sb.Model(
@@ -219,7 +219,7 @@ def test_multiple_frequencies_are_all_found(count):
 def test_inertia_counts():
     """The law of inertia counts the eigenvalues below a shift, auxiliary unknowns eliminated."""
     from sbfem_petsc.petsc import PETSc
-    from sbfem_petsc.system.pencil import Pencil
+    from sbfem_petsc.system.solve.pencil import Pencil
 
     if not PETSc.Sys.hasExternalPackage("mumps"):
         pytest.skip("only MUMPS tells the inertia")
@@ -234,7 +234,7 @@ def test_inertia_counts():
 def test_small_systems(monkeypatch, clamped):
     """PETSc's own factor and full blocks, which small systems take, against MUMPS and upper halves."""
     from sbfem_petsc.petsc import PETSc
-    from sbfem_petsc.system import pencil
+    from sbfem_petsc.system.solve import pencil
 
     if not PETSc.Sys.hasExternalPackage("mumps"):
         pytest.skip("both would be PETSc's own")

@@ -11,7 +11,7 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate, VNotch
 from meshing.warnings import RoundOffWarning
-from sbfem_petsc.system import static_solver
+from sbfem_petsc.system.solve import static_solver
 from tests.reference import paper_beam, statics
 
 ALUMINIUM = sb.Material(70e9, 0.33, 2700)
@@ -135,7 +135,7 @@ def test_against_snes_variational_inequality(case):
     """The whole problem by SNES VINEWTONRSLS: minimise energy over the gaps' coordinates with gap >= 0."""
     from petsc4py import PETSc
 
-    from sbfem_petsc.system.equilibrium import equilibrium
+    from sbfem_petsc.system.solve.equilibrium import equilibrium
 
     _, model = case
     load = sb.PointForce("A", fy=100.0)

@@ -11,7 +11,7 @@ from sbfem_petsc.motion.integration import Steps
 from sbfem_petsc.motion.unreduced import steps as unreduced_steps
 from sbfem_petsc.motion.unreduced.steps import UnreducedSteps
 from sbfem_petsc.system.model import rayleigh_factors
-from sbfem_petsc.system.pencil import Pencil
+from sbfem_petsc.system.solve.pencil import Pencil
 from tests.parallel import answer, on_ranks
 from tests.reference import paper_beam
 

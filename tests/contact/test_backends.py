@@ -11,8 +11,8 @@ import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.contact.complementarity import active_set
 from sbfem_petsc.contact.law import FREE, PRESSED, PULLED
-from sbfem_petsc.system.bordered_contact import Bordered
-from sbfem_petsc.system.dual_contact import Dual
+from sbfem_petsc.system.contact.bordered_contact import Bordered
+from sbfem_petsc.system.contact.dual_contact import Dual
 from tests.contact.test_kernel_properties import gaps
 from tests.systems import ALUMINIUM
 

@@ -378,7 +378,7 @@ def test_tied_unreduced_transient():
     load, signal = sb.PointForce("A", fy=1.0), sb.ToneBurst(300.0, 2e4, 2)
     history = sb.transient(model, sb.PointForce("A", fy=signal), count * step, reduction=None, step=step)
     stiffness, gaps, _ = dense(model)
-    from sbfem_petsc.system.pencil import Pencil
+    from sbfem_petsc.system.solve.pencil import Pencil
 
     pencil = Pencil(model, 1.0, 0.0)
     mass = array_of(pencil.mass)

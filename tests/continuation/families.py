@@ -10,7 +10,7 @@ import numpy as np
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
-from sbfem_petsc.motion import run_file
+from sbfem_petsc.motion.files import run_file
 from tests.systems import beside_another, two_masses
 
 TURN = 2.0 * np.pi

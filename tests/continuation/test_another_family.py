@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from sbfem_petsc.continuation.problem import Range
-from sbfem_petsc.motion import run_file
+from sbfem_petsc.motion.files import run_file
 from tests.parallel import ROOT
 
 from .forced import Forced, follow_forced

@@ -163,7 +163,7 @@ import os, sys
 import numpy as np
 import sbfem_petsc as sb
 from mpi4py import MPI
-from sbfem_petsc.motion import run_file
+from sbfem_petsc.motion.files import run_file
 from tests.numbers import bodies
 run_file.PAUSE, told = 0.0, []
 

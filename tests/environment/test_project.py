@@ -145,6 +145,14 @@ def imported(*, in_functions: bool = True) -> dict[str, set[str]]:
     }
 
 
+def test_folders_are_small():
+    """At most 20 modules side by side."""
+    folders = {path.parent for package in PACKAGES for path in (ROOT / package).rglob("*.py")}
+    found = {str(f.relative_to(ROOT)): len([*f.glob("*.py")]) - (f / "__init__.py").exists() for f in folders}
+    assert len(found) > 25
+    assert not {name: count for name, count in found.items() if count > 20}
+
+
 @pytest.mark.slow
 def test_no_circles():
     """Neither of modules nor of rooms, which stand in the order that CONTRIBUTING.md gives."""

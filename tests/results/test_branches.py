@@ -16,7 +16,7 @@ import sbfem_petsc as sb
 from meshing.warnings import IncompleteBranch
 from sbfem_petsc.contact.law import Tied, Unilateral
 from sbfem_petsc.continuation import follow as following
-from sbfem_petsc.motion import run_file as module
+from sbfem_petsc.motion.files import run_file as module
 from tests.results.same import compared, inverted
 from tests.systems import same_products
 

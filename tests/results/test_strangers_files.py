@@ -199,7 +199,7 @@ def test_what_is_not_the_files_own(kind, files, tmp_path):
 
 def test_a_history_larger_than_the_memory(files, monkeypatch):
     """Told with the way to read it all the same."""
-    from sbfem_petsc.motion import history_file
+    from sbfem_petsc.motion.files import history_file
 
     path = files["history"].with_name("journal")
     monkeypatch.setattr(history_file, "available_memory", lambda: 1000)

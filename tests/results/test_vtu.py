@@ -10,7 +10,7 @@ import pytest
 
 from sbfem_petsc.material import Material, OrthotropicMaterial
 from sbfem_petsc.results.vtu import write_modes, write_vtu
-from sbfem_petsc.system.sampling import normal_stress_row, sample, von_mises
+from sbfem_petsc.system.fields.sampling import normal_stress_row, sample, von_mises
 from tests.numbers.bodies import two_halves
 
 GRADIENT = np.array([[1.0e-4, 4.0e-5], [-2.0e-5, -3.0e-5]])

@@ -8,8 +8,10 @@ import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate
 from sbfem_petsc.petsc import PETSc
 from sbfem_petsc.selement import solution
-from sbfem_petsc.system import assembly, bordered_contact, shapes
-from sbfem_petsc.system.assembly import ElementBlocks, assemble, assemble_like
+from sbfem_petsc.system.contact import bordered_contact
+from sbfem_petsc.system.elements import shapes
+from sbfem_petsc.system.solve import assembly
+from sbfem_petsc.system.solve.assembly import ElementBlocks, assemble, assemble_like
 from tests.parallel import answer, on_ranks
 
 STEEL = sb.Material(70e9, 0.3, 2700)

@@ -6,8 +6,8 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate
 from sbfem_petsc.petsc import PETSc
-from sbfem_petsc.system import krylov_step, modes
-from sbfem_petsc.system.krylov_step import KrylovStep
+from sbfem_petsc.system.solve import krylov_step, modes
+from sbfem_petsc.system.solve.krylov_step import KrylovStep
 from tests.systems import ALUMINIUM
 
 EDGES = ["left", "right", "top", "bottom"]

@@ -5,7 +5,7 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
-from sbfem_petsc.system.partition import Parts, number_unknowns
+from sbfem_petsc.system.layout.partition import Parts, number_unknowns
 
 STEEL = sb.Material(200e9, 0.3, 7800)
 BAR = Beam(0.1, 0.02)

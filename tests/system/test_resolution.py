@@ -10,7 +10,7 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate
-from sbfem_petsc.system.resolution import frequency_errors
+from sbfem_petsc.system.fields.resolution import frequency_errors
 from tests.parallel import answer, on_ranks
 from tests.systems import ALUMINIUM, case_p
 from tests.validation.peer import cantilever
@@ -146,7 +146,7 @@ PROGRAM = """
 import json, warnings
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate
-from sbfem_petsc.system.resolution import frequency_errors
+from sbfem_petsc.system.fields.resolution import frequency_errors
 
 warnings.simplefilter("ignore")
 model = sb.Model(Beam(0.04, 0.005).mesh(), sb.Material(70e9, 0.33, 2700))

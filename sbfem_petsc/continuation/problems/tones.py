@@ -17,7 +17,7 @@ from ...motion.period_map import Period, PeriodMotion
 from ...petsc import MPI
 from ...record.record import Record, derived, described, quantity
 from ...reduction.reduced_model import ReducedModel
-from ...system.plausibility import furthest_of_lines
+from ...system.elements.plausibility import furthest_of_lines
 from ..orbit import axis_number
 from ..problem import Point
 from .curve import RESOLVED, spectral_tail

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...loads import Load
+from ...system.fields.sampling import Field
 from ...system.model import Model
-from ...system.sampling import Field
 
 # Bytes on each rank that the fields of a motion may take; beyond it they are not kept.
 MOST = 256_000_000

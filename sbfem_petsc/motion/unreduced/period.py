@@ -21,10 +21,10 @@ from ...checks import positive
 from ...parallel import collective
 from ...petsc import stage
 from ...signals.waves import Harmonic
-from ...system.demand import require_steps
 from ...system.model import Model
-from ...system.modes import lowest_modes
-from ...system.pencil import Pencil
+from ...system.solve.demand import require_steps
+from ...system.solve.modes import lowest_modes
+from ...system.solve.pencil import Pencil
 from ..excitation import Excitation
 from ..integration import Steps, row_size
 from ..loading import Loading, loading, warn_of_unreduced

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse
 
 from ...loads import Load, SupportMotion
-from ...system.pencil import Pencil
+from ...system.solve.pencil import Pencil
 
 
 class SparseColumns:

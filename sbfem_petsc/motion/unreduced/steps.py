@@ -26,10 +26,10 @@ from scipy import sparse
 
 from ...loads import Load
 from ...petsc import MPI, free, stage
-from ...system.modal_result import Modal
 from ...system.model import Model
-from ...system.pencil import CondensedSolve, Pencil
-from ...system.static_solver import block_width
+from ...system.solve.modal_result import Modal
+from ...system.solve.pencil import CondensedSolve, Pencil
+from ...system.solve.static_solver import block_width
 from ..initial import full_shapes
 from ..integration import Steps
 from .contact import StepContact

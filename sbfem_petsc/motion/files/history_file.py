@@ -1,0 +1,276 @@
+"""The journal of a running history, reduced or not: what it holds, and how a further run continues it."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from meshing.whole_file import reason
+
+from ...capacity import SHARE, available_memory, in_bytes
+from ...errors import SolveError
+from ...parallel import collective
+from ...petsc import MPI
+from ...record.files import from_image, image
+from ...record.journal import Kept, read
+from ...reduction.comparison import close
+from ...reduction.reduced_model import ReducedModel
+from ...signals.signal import Signal
+from ...system.fields.tip_facts import TipFacts
+from ..history import History
+from ..integration import Column, FormerRun, Rows
+from ..reduced_history import recorded_exchanges, reduced_columns, reduced_history
+from ..unreduced.history import SampledRun, sampled_columns, unreduced_history
+from .run_file import RunFile
+
+WHAT = "history file"
+# Instants at which the signals of a resumed run are compared with the former run's.
+SIGNAL_CHECKS = 4097
+
+
+class HistoryFile(RunFile):
+    """The file of a running history; an `integration.Recorder` and a context manager. Rank 0 writes.
+
+    A frame holds the rows of a chunk, the state beside the journal what the next chunk goes on from. A
+    reduced model's state is the same on all ranks; of an unreduced one each has a part, and a run continues
+    on as many ranks as it began with.
+
+    Parameters
+    ----------
+    comm, path, resume
+        See `RunFile`.
+    kind : {"reduced", "unreduced"}
+        Of the model.
+    in_memory : bool
+        False: rows are let go of once they are in the file.
+
+    Attributes
+    ----------
+    former : FormerRun or None
+        The run that is continued.
+    in_memory : bool
+    """
+
+    def __init__(self, comm: MPI.Comm, path: Any, *, kind: str, resume: bool = False, in_memory: bool = True):
+        super().__init__(comm, path, "history", resume=resume)
+        self.kind, self.in_memory = kind, in_memory
+        self._reduced: ReducedModel | None = None
+        former = None
+        try:
+            with collective(comm):
+                former = self._former_run()
+        except BaseException:
+            self.close()
+            raise
+        self.former: FormerRun | None = comm.bcast(former)
+
+    def _former_run(self) -> FormerRun | None:
+        kept = self._former
+        if kept is None:
+            return None
+        if kept.head["kind"] != self.kind:
+            kinds = {"reduced": "a reduced", "unreduced": "an unreduced"}
+            raise ValueError(
+                f"{WHAT} {self.path!r} is that of {kinds[kept.head['kind']]} model, not of "
+                f"{kinds[self.kind]} one; name another file"
+            )
+        if not kept.state:  # killed before the first one: there is nothing to go on with
+            assert self._journal is not None  # it has left something
+            self._journal.former = None
+            return None
+        return FormerRun(kept.state["count"], kept.head["step"], kept.head["decimation"])
+
+    # ------------------------------------------------------------------ before the first step
+    def adopt(self, reduced: ReducedModel) -> ReducedModel:
+        """See `RunFile`."""
+        self._reduced = super().adopt(reduced)
+        return self._reduced
+
+    def begin(
+        self,
+        columns: Mapping[str, Column],
+        settings: Mapping[str, Any],
+        signals: Sequence[Signal],
+        *,
+        texts: Mapping[str, Sequence[str]] | None = None,
+        tips: TipFacts | None = None,
+        fingerprint: np.ndarray | None = None,
+    ) -> None:
+        """What is recorded, and under which conditions; of a run that is resumed they must be the file's.
+        Collective.
+
+        Parameters
+        ----------
+        columns : dict of str to Column
+        settings : dict
+            Numbers, texts and arrays by name, "count", "step", "decimation" and "chunk" among them.
+        signals : sequence of Signal
+        texts : dict of str to sequence of str, optional
+            Further names.
+        tips : TipFacts, optional
+            Of an unreduced model.
+        fingerprint : array, optional
+            Tells unreduced models apart.
+
+        Raises
+        ------
+        ValueError
+            If the file was written otherwise, or is that of a longer run.
+        """
+        self._count = int(settings["count"])
+        with collective(self.comm):
+            if self._journal is None:
+                return
+            head = {"kept": "history", "record": "History", "kind": self.kind, **settings}
+            head |= {name: list(values) for name, values in (texts or {}).items()}
+            if self.kind == "unreduced":
+                head |= {"ranks": self.comm.size, "tip_names": [] if tips is None else list(tips.names)}
+            if fingerprint is not None:
+                head["fingerprint"] = fingerprint
+            former = self._journal.former
+            if former is not None:
+                self._require_same(former, head, signals)
+                self._journal.begin({}, former.vouched)
+                return
+            head["signals"] = signal_checks(signals, settings["count"] * settings["step"])
+            for name, record in (("model", self._reduced), ("tips", tips)):
+                if record is not None:
+                    head[name] = image(record)
+            self._journal.begin(head)
+
+    def _require_same(self, former: Kept, mine: Mapping[str, Any], signals: Sequence[Signal]) -> None:
+        """Refuse a file of another model, other settings or signals, and one that reaches further."""
+        theirs, path = former.head, self.path
+        of_model = {"points", "tip_names", "fingerprint"}
+        self.require_same({name: v for name, v in mine.items() if name not in of_model | {"count"}})
+        for name in of_model & mine.keys():
+            one, other = theirs.get(name, ""), mine[name]
+            if not (close(one, other) if name == "fingerprint" else one == other):
+                raise ValueError(
+                    f"{WHAT} {path!r} was written for another model or other loads; give those, or "
+                    "name another file"
+                )
+        end, asked = former.state["count"] * theirs["step"], mine["count"] * mine["step"]
+        if former.state["count"] > mine["count"]:
+            raise ValueError(
+                f"{WHAT} {path!r} is that of a run of {end:.6g} s, longer than {asked:.6g} s; read it, "
+                "or name another file"
+            )
+        if not close(theirs["signals"], signal_checks(signals, theirs["count"] * theirs["step"])):
+            raise ValueError(
+                f"{WHAT} {path!r} was written for other load signals; give the same loads, or "
+                "name another file"
+            )
+
+    # ------------------------------------------------------------------ an integration.Recorder
+    def resume(self) -> tuple[int, Rows, np.ndarray] | None:
+        """Steps done, rows (none but in memory) and this rank's checkpoint of the former run; None for a new
+        one. Collective.
+        """
+        if self.former is None:
+            return None
+        comm, found, rows = self.comm, None, {}
+        with collective(comm):
+            if self._journal is not None and self._journal.former is not None:
+                former = self._journal.former
+                rows = rows_of(former, self.in_memory) if self.in_memory else {}
+                state = former.state
+                found = state["done"], np.split(state["state"], np.cumsum(state["sizes"])[:-1])
+        done, parts = comm.bcast(found)
+        rows = {name: comm.bcast(rows.get(name)) for name in comm.bcast(list(rows))}
+        return done, rows, parts[0 if self.kind == "reduced" else comm.rank]
+
+    def append(self, done: int, rows: Rows, checkpoint: np.ndarray) -> None:
+        """Record the rows of a chunk, then the state after it, which vouches for them. Collective."""
+        parts = self.comm.gather(checkpoint) if self.kind == "unreduced" else [checkpoint]
+        with collective(self.comm):
+            if self._journal is not None and parts is not None:
+                self._journal.append(rows)
+                sizes, state = np.array(list(map(len, parts))), np.concatenate(parts)
+                self._journal.checkpoint({"done": done, "count": self._count, "sizes": sizes, "state": state})
+
+    def recorded(self) -> Rows:
+        """All rows, on the disk, read when they are used. Collective."""
+        with collective(self.comm):
+            try:
+                return rows_of(read(os.path.realpath(self.path)), in_memory=False)
+            except (OSError, ValueError) as error:
+                raise SolveError(
+                    f"transient: rank {self.comm.rank} cannot read {WHAT} {self.path!r} ({reason(error)}); "
+                    "in_memory = False needs a folder that all ranks share"
+                ) from None
+
+
+def rows_of(kept: Kept, in_memory: bool) -> Rows:
+    """The rows that the state vouches for, one chunk behind the other: in memory, or in a file without a name
+    beside the journal, from which they are read when they are used.
+
+    Raises
+    ------
+    ValueError
+        If they are no numbers, or there is no memory for them.
+    """
+    size = kept.ends[kept.vouched]
+    if in_memory and size > SHARE * available_memory():
+        raise ValueError(
+            f"{WHAT} {kept.path!r} would take {in_bytes(size)} of memory, "
+            f"{in_bytes(SHARE * available_memory())} are free; read it with in_memory = False"
+        )
+    count, shapes = 0, dict[str, tuple[int, ...]]()
+    for frame in kept.frames(kept.vouched):
+        count += len(frame["time"])
+        shapes = {name: values.shape[1:] for name, values in frame.items()}
+    rows = {}
+    for name, shape in shapes.items():
+        whole = (count, *shape)
+        if in_memory or not count * int(np.prod(shape, dtype=int)):
+            rows[name] = np.empty(whole)
+        else:
+            with tempfile.TemporaryFile(dir=os.path.dirname(kept.path) or ".") as file:
+                rows[name] = np.memmap(file, float, "w+", shape=whole)
+    first = 0
+    for frame in kept.frames(kept.vouched):
+        last = first + len(frame["time"])
+        for name, values in frame.items():
+            if values.shape[1:] != shapes[name] or not np.isfinite(values).all():
+                raise ValueError(f"its {name} of rows {first + 1} to {last} are not all finite numbers")
+            rows[name][first:last] = values
+        first = last
+    return rows
+
+
+def result_of(kept: Kept, in_memory: bool = True) -> History:
+    """The history of a journal, as far as it has come.
+
+    Raises
+    ------
+    ValueError
+        If its rows are not those of its model.
+    """
+    head, state = kept.head, kept.state
+    if not state:
+        raise ValueError(f"{WHAT} {kept.path!r} holds no recorded instant")
+    rows, complete = rows_of(kept, in_memory), state["done"] == state["count"]
+    found = {name: values.shape[1:] for name, values in rows.items()}
+    if head["kind"] == "reduced":
+        reduced = from_image(head["model"])
+        columns = reduced_columns(reduced)
+    else:
+        tips = from_image(head["tips"])
+        columns = sampled_columns(len(head["points"]), len(tips.names), found["contact_force"][0])
+    if found != {name: column.shape for name, column in columns.items()}:
+        raise ValueError(f"its rows are {found}, which is not what the model has")
+    if head["kind"] == "reduced":
+        return reduced_history(rows, reduced, head["step"], recorded_exchanges(state["state"]), complete)
+    run = SampledRun(tuple(head["points"]), tips, head["pairs"], head["step"], head["damped_modes"])
+    return unreduced_history(rows, run, complete)
+
+
+def signal_checks(signals: Sequence[Signal], duration: float) -> np.ndarray:
+    """(SIGNAL_CHECKS, loads): values that tell load signals apart."""
+    times = np.linspace(0.0, duration, SIGNAL_CHECKS)
+    return np.stack([s(times) for s in signals], axis=-1) if signals else np.zeros((SIGNAL_CHECKS, 0))

@@ -1,0 +1,116 @@
+"""Files of runs under way: one writer each, what was run said in the head of a journal, gone on with."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ...parallel import collective, on_root
+from ...petsc import MPI
+from ...record.files import from_image
+from ...record.journal import Journal, Kept
+from ...reduction.comparison import adopted, close, difference, in_rows
+from ...reduction.reduced_model import ReducedModel
+
+Self = TypeVar("Self", bound="RunFile")
+# Seconds between two updates of the result beside a journal's frames.
+PAUSE = 2.0
+
+
+class RunFile:
+    """The file of a run; a context manager. Rank 0 writes; an error of it is raised on all ranks.
+
+    Parameters
+    ----------
+    comm : Comm
+    path : str
+    kept : str
+        What is kept, one of `record.files.KEPT`.
+    resume : bool
+        Go on with the file if it exists; False: replace it.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the file is of another kind, is damaged, is being written by another run or cannot be written.
+    """
+
+    def __init__(self, comm: MPI.Comm, path: Any, kept: str, *, resume: bool = False):
+        self.comm, self.kept, self.what = comm, kept, f"{kept} file"
+        self.path = os.fspath(path) if isinstance(path, os.PathLike) else path
+        self._journal: Journal | None = None
+        try:
+            with collective(comm):
+                if comm.rank == 0:
+                    self._journal = Journal(path, self.what, resume=resume)
+                    former = self._former
+                    if former is not None and former.head.get("kept") != kept:
+                        raise ValueError(
+                            f"{self.what} {self.path!r} is that of another kind of run; name another file"
+                        )
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self: Self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the file up to others."""
+        if self._journal is not None:
+            self._journal.close()
+            self._journal = None
+
+    @property
+    def _former(self) -> Kept | None:
+        """What a former run has left; on rank 0."""
+        return None if self._journal is None else self._journal.former
+
+    def adopt(self, reduced: ReducedModel) -> ReducedModel:
+        """The reduced model to go on with: of a run that is resumed the file's own, in whose modes its states
+        are, so that all is the same to the last bit; else the one given, as it would come from the file.
+        Collective.
+
+        Raises
+        ------
+        ValueError
+            If the file was written for another model or other loads.
+        """
+        stored = self.comm.bcast(on_root(self.comm, lambda: self._stored(reduced)))
+        return in_rows(reduced if stored is None else adopted(stored, reduced))
+
+    def _stored(self, reduced: ReducedModel) -> ReducedModel | None:
+        if self._former is None:
+            return None
+        if "model" not in self._former.head:
+            raise ValueError(f"{self.what} {self.path!r} is that of another kind of run; name another file")
+        stored = from_image(self._former.head["model"])
+        other = difference(stored, reduced)
+        if other:
+            raise ValueError(
+                f"{self.what} {self.path!r} was written for another model ({other}); resume with that model, "
+                "or name another file"
+            )
+        return stored
+
+    def require_same(self, given: Mapping[str, Any]) -> None:
+        """Raise ValueError unless the former run was begun under the same conditions; on rank 0."""
+        stored = {} if self._former is None else self._former.head
+        for name, value in given.items():
+            if name in stored and close(stored[name], value):
+                continue
+            if np.ndim(value):
+                raise ValueError(
+                    f"{self.what} {self.path!r} was written for other {name}; resume with the same {name}, "
+                    "or name another file"
+                )
+            raise ValueError(
+                f"{self.what} {self.path!r} was written with {name} = {stored.get(name)}, not {value}; "
+                "resume with the same value, or name another file"
+            )

@@ -1,0 +1,247 @@
+"""Contact of many rows without their flexibility: the active rows border the stiffness.
+
+The flexibility W of n contact rows takes n solves and n^2 numbers. Where a static problem is all that is
+asked for, an active set costs less as one factorisation of
+
+    [ K      -c G_a^T ] [ change of u ]   [ 0          ]
+    [ -c G_a -c^2 F_a ] [ force / c   ] = [ c free gap ]
+
+which is quasi-definite; c brings the rows to the scale of the stiffness. The sets that follow differ in few
+rows: each row that joins or leaves borders the factorised matrix once more, a solve with its factor.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse
+
+from ...capacity import give_back
+from ...petsc import PETSc, block_solve, check_ksp, dense_columns, direct_solver, free, make_ksp
+from ..solve.assembly import from_rows
+
+# From about so many rows on a few factorisations cost less than a solve for each row: a third of its time
+# with 985 rows of 30,000 unknowns, on one rank.
+MANY = 500
+# The primal-dual iteration seldom needs more than ten sets; a cycle is left to the flexibility.
+_MAXIMUM = 30
+# Rows that may join or leave a factorised set (a factorisation costs as much as 120 to 200 of a block),
+# and those that are solved for at a time.
+_CLOSE, _BLOCK = 128, 64
+# Relative residual of the bordered system beyond which its factorisation is not trusted (rows that depend
+# on each other).
+_TRUSTED = 1e-9
+
+
+class Bordered:
+    """The rows of a model with the active ones as borders, a `contact.complementarity.Backend`. Collective.
+
+    Parameters
+    ----------
+    model : Model
+    """
+
+    maximum, rounding = _MAXIMUM, 0.0
+
+    def __init__(self, model):
+        self._model, self._factorised = model, None
+        self.flexible = model.gap_operator.flexible()
+
+    @staticmethod
+    def worthwhile(model, rows: int) -> bool:
+        """Whether factorisations are expected to cost less than the flexibility of all rows, and the direct
+        solver factorises indefinite matrices.
+        """
+        if rows <= MANY or "compliance" in model.__dict__:
+            return False
+        return model.solver.direct and direct_solver(model.comm)[1] in ("mumps", "superlu_dist")
+
+    def closed(
+        self, active: np.ndarray, gap: np.ndarray, force: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """None if a system is not solved to round-off."""
+        if not active.any():
+            return np.zeros(len(gap)), np.zeros(len(gap))
+        if self._factorised is None or not self._factorised.reaches(active):
+            self.close()
+            self._factorised = _Factorised(self._model, active)
+        return self._factorised.closed(active, gap)
+
+    def sharpen(self) -> bool:
+        """The solves are exact."""
+        return False
+
+    def close(self) -> None:
+        """Free the factor."""
+        if self._factorised is not None:
+            self._factorised.destroy()
+            self._factorised = None
+
+
+class _Factorised:
+    """The bordered matrix of one active set, factorised, and what rows that join or leave the set do.
+
+    Forces are those that close given gaps of the active rows, displacements the change from the state that
+    has these gaps.
+
+    Parameters
+    ----------
+    model : Model
+    active : (c,) bool array
+    """
+
+    def __init__(self, model, active: np.ndarray):
+        self._model, self._active = model, active
+        self._index = np.flatnonzero(active)
+        self._scale = max(material.modulus for material in model.materials) * model.thickness
+        self._matrix = _bordered(model, self._index, self._scale)
+        self._ksp = make_ksp(self._matrix, "static_contact_", positive_definite=False)
+        self._owned = model.owned.stop - model.owned.start
+        self._last = model.comm.size - 1
+        # Of the rows that have joined or left so far: gaps (c, k) and forces / c (active, k) of the factor's
+        # answers.
+        self._rows = np.zeros(0, dtype=int)
+        self._gaps, self._forces = np.zeros((len(active), 0)), np.zeros((len(self._index), 0))
+        self._own, self._trusted = np.full(len(self._index), np.nan), False
+
+    def reaches(self, active: np.ndarray) -> bool:
+        """Whether a set is so close to the factorised one that solves cost less than a factorisation."""
+        changed = np.flatnonzero(active ^ self._active)
+        direct = self._ksp.getType() == "preonly"
+        return len(changed) == 0 or (direct and len(np.union1d(changed, self._rows)) <= _CLOSE)
+
+    def closed(self, active: np.ndarray, given: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Forces that close given gaps of a set, and what they add to all; None if the factorisation is not
+        to be trusted.
+        """
+        if not self._solve_own(given[self._index]):
+            return None
+        operator, scale = self._model.gap_operator, self._scale
+        force = np.zeros(len(active))
+        changed = np.flatnonzero(active ^ self._active)
+        self._respond(np.setdiff1d(changed, self._rows))
+        at = np.array([int(np.flatnonzero(self._rows == row)[0]) for row in changed], dtype=int)
+        answers, forces = self._gaps[:, at], self._forces[:, at]
+        joins = active[changed]
+        own = operator.flexibility[changed][:, self._index].toarray()
+        # the further border over the factor's answers, C^T M^-1 C, and over the first solution
+        border = np.empty((len(changed), len(changed)))
+        first = np.empty(len(changed))
+        known = np.where(joins, scale * given[changed], 0.0)
+        for k, (row, joined) in enumerate(zip(changed, joins)):
+            if joined:
+                border[k] = -scale * answers[row] - scale**2 * (own[k] @ forces)
+                first[k] = -scale * self._first_gap[row] - scale**2 * (own[k] @ self._first_force)
+            else:
+                place = int(np.searchsorted(self._index, row))
+                border[k], first[k] = forces[place], self._first_force[place]
+        both = np.outer(joins, joins)
+        corner = np.where(both, -(scale**2) * operator.flexibility[changed][:, changed].toarray(), 0.0)
+        further = corner - border
+        # rows that join have gaps, rows that leave forces, twenty powers of ten apart
+        weight = 1.0 / np.sqrt(np.abs(np.diagonal(further)))
+        try:
+            more = weight * np.linalg.solve(weight[:, None] * further * weight, weight * (known - first))
+        except np.linalg.LinAlgError:
+            return None
+        force[self._index] = scale * (self._first_force - forces @ more)
+        force[changed] = np.where(joins, scale * more, 0.0)
+        moved = self._first_gap - answers @ more + operator.flexibility @ force
+        off = np.abs((moved + given)[active]).max(initial=0.0)
+        return (force, moved) if off <= _TRUSTED * np.abs(given).max() else None
+
+    def _solve_own(self, given: np.ndarray) -> bool:
+        """Solution of the factorised set for its gaps: gaps (c,) and forces / c, kept for the next time;
+        whether its residual is round-off.
+        """
+        if np.array_equal(given, self._own):
+            return self._trusted
+        model, self._own = self._model, given
+        right, solution = self._matrix.createVecs()
+        residual = right.duplicate()
+        try:
+            if model.comm.rank == self._last:
+                right.array[self._owned :] = self._scale * given
+            self._ksp.solve(right, solution)
+            check_ksp(self._ksp, "static contact")
+            self._matrix.mult(solution, residual)
+            residual.axpy(-1.0, right)
+            self._first_gap, self._first_force = self._parts(solution.array_r.copy())
+            self._trusted = bool(residual.norm() <= _TRUSTED * right.norm())
+            return self._trusted
+        finally:
+            free(model.comm, right, solution, residual)
+
+    def _respond(self, rows: np.ndarray) -> None:
+        """Answers of the factor to the further borders of some rows."""
+        model, operator = self._model, self._model.gap_operator
+        columns = np.zeros((self._matrix.getLocalSize()[0], len(rows)), order="F")
+        own = operator.flexibility[rows][:, self._index].toarray()
+        for k, row in enumerate(rows):
+            if self._active[row]:
+                if model.comm.rank == self._last:
+                    columns[self._owned + int(np.searchsorted(self._index, row)), k] = 1.0
+            else:
+                columns[: self._owned, k] = -self._scale * operator.rows.matrix[row].toarray()[0]
+                if model.comm.rank == self._last:
+                    columns[self._owned :, k] = -(self._scale**2) * own[k]
+        for start in range(0, len(rows), _BLOCK):
+            some = np.asfortranarray(columns[:, start : start + _BLOCK])
+            given = dense_columns(self._matrix, some)
+            try:
+                solved = block_solve(self._ksp, given, np.empty(some.shape, order="F"))
+            finally:
+                free(model.comm, given)
+            gaps, forces = self._parts(solved)
+            self._gaps = np.concatenate([self._gaps, gaps], axis=1)
+            self._forces = np.concatenate([self._forces, forces], axis=1)
+        self._rows = np.concatenate([self._rows, rows])
+
+    def _parts(self, solution: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Gaps of the displacements and the forces / c, of one or several solutions, on all ranks."""
+        forces = np.array(solution[self._owned :]) if self._model.comm.rank == self._last else None
+        return (
+            self._model.gap_operator.rows(solution[: self._owned]),
+            self._model.comm.bcast(forces, self._last),
+        )
+
+    def destroy(self) -> None:
+        """Free the factor."""
+        free(self._model.comm, self._ksp, self._matrix)
+        give_back(self._model.boundary_unknowns)
+
+
+def _bordered(model, index: np.ndarray, scale: float) -> PETSc.Mat:
+    """The bordered matrix; the last rank owns the rows of the forces."""
+    comm, operator = model.comm, model.gap_operator
+    count, last = len(index), comm.size - 1
+    border = -scale * operator.rows.matrix[index]
+    borders = comm.gather(border, last)
+    rows = sparse.csr_matrix((0, int(model.ranges[-1])))
+    own = sparse.csr_matrix((0, count))
+    if comm.rank == last:
+        rows = sparse.hstack(borders, format="csr")
+        every = np.arange(count)
+        # PETSc wants the places of the diagonal even where it is zero
+        own = sparse.csr_matrix(-(scale**2) * operator.flexibility[index][:, index])
+        own = own + sparse.csr_matrix((np.zeros(count), (every, every)), shape=own.shape)
+    ends = np.where(np.arange(comm.size + 1) > last, count, 0)
+    blocks = [
+        from_rows(comm, rows_of, columns_of, _compressed(part), symmetric=False)
+        for rows_of, columns_of, part in (
+            (model.ranges, ends, border.T),
+            (ends, model.ranges, rows),
+            (ends, ends, own),
+        )
+    ]
+    # PETSc puts them together without copies in between, which would be the most that contact needs
+    nest = PETSc.Mat().createNest([[model.stiffness, blocks[0]], blocks[1:]], comm=comm)
+    matrix = nest.convert("aij", PETSc.Mat())
+    free(comm, nest, *blocks)
+    matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    return matrix
+
+
+def _compressed(matrix: sparse.spmatrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rows = matrix.tocsr()
+    rows.sort_indices()
+    return rows.indptr, rows.indices, rows.data

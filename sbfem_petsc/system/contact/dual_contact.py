@@ -1,0 +1,117 @@
+"""Contact of very many rows without any matrix of theirs: conjugate gradients on the contact forces.
+
+The flexibility W = G K^-1 G^T + F of the rows is applied, a solve with the stiffness a time, never made. A
+primal-dual active set (Newton's method on the complementarity) asks for ``W_aa force_a = -free gap_a``, which
+PETSc's conjugate gradients solve (prefix ``contact_dual_``). No preconditioner: the lumped one of FETI, what
+the stiffness alone does to the rows, saves a seventh of the iterations.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...petsc import PETSc, check_ksp, configure, free, scripted
+
+# With an iterative solver of the stiffness a solve for each of more rows than this takes longer.
+MANY = 200
+# Relative residuals while the active set changes and of the last solve, and rounding of forces and gaps that
+# this leaves, relative to the largest.
+_LOOSE, _TIGHT, _ROUNDING = 1e-4, 1e-11, 1e-9
+# A guess of the set before may be any distance from forces that are next to none: no sign of divergence.
+_FAR = 1e30
+_MAXIMUM = 50
+
+
+class Dual:
+    """The rows of a model by conjugate gradients, a `contact.complementarity.Backend`. Collective.
+
+    PETSc's matrix is W over the rows of an active set, and the identity over the others.
+
+    Parameters
+    ----------
+    model : Model
+
+    Raises
+    ------
+    SolveError
+        If the conjugate gradients do not converge.
+    """
+
+    maximum, rounding = _MAXIMUM, _ROUNDING
+
+    def __init__(self, model):
+        self._model, self._rows, self._tolerance = model, model.gap_operator.rows, _LOOSE
+        self.flexible = model.gap_operator.flexible()
+        comm, count = model.comm, len(model.gap_operator)
+        self._vector = PETSc.Vec().createMPI(count, comm=comm)
+        self._own = slice(*self._vector.getOwnershipRange())
+        self._all, self._copy = PETSc.Scatter.toAll(self._vector)
+        self._right, self._solution = model.stiffness.createVecs()
+        self._active = np.zeros(count, dtype=bool)
+        size = (self._vector.getSizes(), self._vector.getSizes())
+        self._matrix = PETSc.Mat().createPython(size, context=self, comm=comm)
+        self._matrix.setUp()
+        self._ksp = PETSc.KSP().create(comm)
+        self._ksp.setOptionsPrefix("contact_dual_")
+        self._ksp.setOperators(self._matrix)
+        self._ksp.setType(PETSc.KSP.Type.CG)
+        self._ksp.setInitialGuessNonzero(True)
+        self._ksp.getPC().setType(PETSc.PC.Type.NONE)
+        try:
+            configure(self._ksp)
+        except BaseException:
+            self.close()
+            raise
+
+    @staticmethod
+    def worthwhile(model, rows: int) -> bool:
+        """Whether forces are iterated for: asked for by the option -contact_dual, or where every row would
+        take an iterative solve of its own.
+        """
+        if PETSc.Options().hasName("contact_dual"):
+            return PETSc.Options().getBool("contact_dual", True)
+        return rows > MANY and not model.solver.direct and "compliance" not in model.__dict__
+
+    def closed(self, active: np.ndarray, gap: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """To the tolerance of now."""
+        self._active = active
+        right, found = self._vector.duplicate(), self._vector.duplicate()
+        try:
+            right.array = np.where(active, -gap, 0.0)[self._own]
+            found.array = np.where(active, force, 0.0)[self._own]
+            self._ksp.setTolerances(rtol=self._tolerance, divtol=_FAR, max_it=2000)
+            with scripted():
+                self._ksp.solve(right, found)
+            check_ksp(self._ksp, "static contact")
+            force = self._everywhere(found)
+        finally:
+            free(self._model.comm, right, found)
+        return force, self._moved(force)
+
+    def sharpen(self) -> bool:
+        """From the loose tolerance to the tight one."""
+        loose, self._tolerance = self._tolerance > _TIGHT, _TIGHT
+        return loose
+
+    def _moved(self, force: np.ndarray) -> np.ndarray:
+        """W force, (c,), on all ranks."""
+        self._right.set(0.0)
+        self._rows.add_to(self._right, force)
+        self._model.solver.solve(self._right, self._solution, "static contact")
+        return self._rows(self._solution.array_r) + self._model.gap_operator.flexibility @ force
+
+    def _everywhere(self, vector: PETSc.Vec) -> np.ndarray:
+        self._all.scatter(vector, self._copy)
+        return self._copy.array_r.copy()
+
+    def mult(self, matrix: PETSc.Mat, given: PETSc.Vec, result: PETSc.Vec) -> None:
+        """PETSc's product."""
+        force = self._everywhere(given)
+        product = self._moved(np.where(self._active, force, 0.0))
+        result.array = np.where(self._active, product, force)[self._own]
+
+    def close(self) -> None:
+        """Free PETSc's objects."""
+        self._matrix.setType(PETSc.Mat.Type.AIJ)
+        items = (self._ksp, self._matrix, self._all, self._copy, self._vector)
+        free(self._model.comm, *items, self._right, self._solution)

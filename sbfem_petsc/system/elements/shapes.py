@@ -1,0 +1,295 @@
+"""One computation for all similar S-elements, over all ranks."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...balance import balanced
+from ...petsc import MPI, stage
+from ...selement.coefficients import SElementError
+from ...selement.congruence import placements, same_shape, shape_key
+from ...selement.inertia import Inertia
+from ...selement.sectors import Sectors
+from ...selement.solution import SElement, solve_selement
+from ..layout.partition import Part
+
+# S-elements that are placed at a time.
+_BATCH = 4096
+# Shapes of a rank up to which their equations are kept from the stiffness to the inertia, some 100 kB each.
+_KEPT = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """S-elements of one rank that share a non-dimensional solution.
+
+    Attributes
+    ----------
+    solution : SElement
+    shape : (nodes, 2) array
+        Reference coordinates.
+    order : int
+    closed : bool
+    material : int
+        Index of the material.
+    elements : (k,) int array
+        Rows of the rank's `Part`.
+    nodes : (k, nodes) int array
+        Nodes in the order of the reference shape, as rows of the part's nodes.
+    sizes : (k,) array
+        m.
+    rotations : (k, 2, 2) array
+        From the element's frame to the reference frame.
+    """
+
+    solution: SElement
+    shape: np.ndarray
+    order: int
+    closed: bool
+    material: int
+    elements: np.ndarray
+    nodes: np.ndarray
+    sizes: np.ndarray
+    rotations: np.ndarray
+
+    def select(self, rows: np.ndarray | slice) -> Group:
+        """The group reduced to some of its S-elements."""
+        return replace(
+            self,
+            elements=self.elements[rows],
+            nodes=self.nodes[rows],
+            sizes=self.sizes[rows],
+            rotations=self.rotations[rows],
+        )
+
+    def turned(self, matrix: np.ndarray) -> np.ndarray:
+        """(n, m) matrix whose rows are vectors of the reference frame -> (k, n, m) in each element's frame:
+        R^T matrix.
+        """
+        return _turned(self.rotations, matrix[None])
+
+    def turned_both(self, matrix: np.ndarray) -> np.ndarray:
+        """(n, n) symmetric matrix of the reference frame -> (k, n, n): R^T matrix R."""
+        return turned_both(self.rotations, matrix[None])
+
+
+def turned_both(rotations: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """R^T matrix R of (k, 2, 2) rotations and (k, n, n) symmetric matrices, or one of these for all."""
+    half = _turned(rotations, matrices)
+    return _turned(rotations, half.transpose(0, 2, 1))
+
+
+def _turned(rotations: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """R^T matrix of (k, 2, 2) rotations and (k, n, m) matrices, or one of these for all."""
+    count, n, m = matrices.shape
+    pairs = matrices.reshape(count, n // 2, 2, m)
+    return np.matmul(rotations.transpose(0, 2, 1)[:, None], pairs).reshape(len(rotations), n, m)
+
+
+@dataclass(frozen=True, eq=False)
+class _Request:
+    key: bytes
+    shape: np.ndarray
+    closed: bool
+    material: int
+    tolerance: float
+    label: str
+
+
+@stage("S-elements")
+def solve_groups(comm: MPI.Comm, part: Part, order: int, materials) -> tuple[list[Group], Solutions]:
+    """Group the rank's S-elements by shape and compute the stiffness of each shape once on one of the ranks.
+
+    Returns
+    -------
+    groups : list of Group
+    solutions : Solutions
+
+    Raises
+    ------
+    SElementError
+        On all ranks, naming the element and its scaling centre.
+    """
+    buckets = _similar(part, order, materials)
+    solutions = Solutions(comm, [bucket[0] for bucket in buckets], order, materials)
+    groups = []
+    for (request, *placed), solution in zip(buckets, solutions.stiffness()):
+        elements = np.array([i for i, _ in placed])
+        groups.append(
+            Group(
+                solution,
+                request.shape,
+                order,
+                request.closed,
+                request.material,
+                elements,
+                np.stack([part.chains[i][p.permutation] for i, p in placed]),
+                np.array([p.size for _, p in placed]),
+                np.stack([p.rotation for _, p in placed]),
+            )
+        )
+    return groups, solutions
+
+
+def _similar(part: Part, order: int, materials) -> list[list]:
+    """The rank's S-elements by shape: of each a request, then (row, placement) of those that have it."""
+    members: dict[bytes, list[list]] = {}
+    kinds: dict[tuple, list[int]] = {}
+    for i, chain in enumerate(part.chains):
+        kinds.setdefault((len(chain), bool(part.closed[i]), int(part.materials[i])), []).append(i)
+    noise = 8.0 * np.finfo(float).eps * (np.abs(part.coordinates).max() if len(part.coordinates) else 0.0)
+    # a batch at a time: every outline is turned to each of its vertices
+    batches = [
+        (closed, material, rows[first : first + _BATCH])
+        for (_, closed, material), rows in kinds.items()
+        for first in range(0, len(rows), _BATCH)
+    ]
+    for closed, material, rows in batches:
+        outlines = part.coordinates[np.stack([part.chains[i] for i in rows])] - part.centres[rows][:, None]
+        for i, placement in zip(rows, placements(outlines, order, closed, materials[material].isotropic)):
+            tolerance = float(1e-11 + noise / placement.size)
+            key = shape_key(placement.shape) + bytes((closed,)) + material.to_bytes(4, "little")
+            for bucket in members.setdefault(key, []):
+                if same_shape(bucket[0].shape, placement.shape, max(tolerance, bucket[0].tolerance)):
+                    break
+            else:
+                label = (
+                    f"S-element {part.elements[i]} around ({part.centres[i][0]:.6g}, "
+                    f"{part.centres[i][1]:.6g}) m"
+                )
+                bucket = [_Request(key, placement.shape, closed, material, tolerance, label)]
+                members[key].append(bucket)
+            bucket.append((i, placement))
+    return [bucket for group in members.values() for bucket in group]
+
+
+class Solutions:
+    """Different shapes over the ranks of a communicator, each solved once: by a rank that has it, or by one
+    that has none left of its own.
+
+    Parameters
+    ----------
+    comm : Comm
+    requests : list of _Request
+        This rank's shapes.
+    order : int
+    materials : sequence of Material
+
+    Attributes
+    ----------
+    count : int
+        Number of different shapes over all ranks.
+    """
+
+    def __init__(self, comm: MPI.Comm, requests: list[_Request], order: int, materials):
+        self.comm, self.order, self.materials = comm, order, materials
+        self._owners = _solvers(comm, [request.key for request in requests])
+        outgoing: list[list[_Request]] = [[] for _ in range(comm.size)]
+        for request, owner in zip(requests, self._owners):
+            outgoing[owner].append(request)
+        incoming = _exchanged(comm, outgoing)
+        # the different shapes that this rank solves, and which of them each rank has asked for
+        self._shapes: list[_Request] = []
+        self._solved: list[SElement] = []
+        self._known: dict[bytes, list[int]] = {}
+        self._asked = [[self._number(request) for request in batch] for batch in incoming]
+        self.count = comm.allreduce(len(self._shapes))
+
+    def _number(self, request: _Request) -> int:
+        """Row of the shape among those of this rank, a new one if it is met for the first time."""
+        known = self._known.setdefault(request.key, [])
+        for number in known:
+            shape = self._shapes[number]
+            if same_shape(shape.shape, request.shape, max(shape.tolerance, request.tolerance)):
+                return number
+        known.append(len(self._shapes))
+        self._shapes.append(request)
+        return known[-1]
+
+    def stiffness(self) -> list[SElement]:
+        """The S-element of each of this rank's requests, without inertia. Collective."""
+        kept = len(self._shapes) <= _KEPT
+
+        def solve(request: _Request, kept: bool) -> SElement:
+            material = self.materials[request.material]
+            found = solve_selement(
+                Sectors(request.shape, self.order, material.elasticity),
+                request.closed,
+                isotropic=material.isotropic,
+                density=material.densities,
+            )
+            return found if kept else replace(found, equations=None)
+
+        self._solved = self._each(solve, [kept] * len(self._shapes))
+        return self._sent_back([replace(found, equations=None) for found in self._solved])
+
+    @stage("Inertia")
+    def inertia(self, terms: int) -> list[Inertia]:
+        """Mass and continued fraction of each of this rank's requests. Collective."""
+
+        def solve(_: _Request, solved: SElement) -> Inertia:
+            dynamics = solved.with_inertia(terms).dynamics
+            assert dynamics is not None  # `with_inertia` has just made them
+            return dynamics
+
+        found = self._each(solve, self._solved)
+        self._solved = [replace(solved, equations=None) for solved in self._solved]
+        return self._sent_back(found)
+
+    def _each(self, solve: Callable[[_Request, Any], Any], given: list) -> list:
+        """`solve` of each of this rank's shapes and what is given with it, by any rank; what it raises names
+        the S-element, on all ranks.
+        """
+
+        def named(item: tuple[_Request, Any]) -> Any:
+            try:
+                return solve(*item)
+            except SElementError as error:
+                raise SElementError(f"{item[0].label}: {error}") from None
+
+        return balanced(self.comm, zip(self._shapes, given), named)
+
+    def _sent_back(self, found: list) -> list:
+        """Answers to this rank's requests, from what each rank has found for its own shapes."""
+        answers = [[found[number] for number in batch] for batch in self._asked]
+        queues = [iter(batch) for batch in _exchanged(self.comm, answers)]
+        return [next(queues[owner]) for owner in self._owners]
+
+
+def _solvers(comm: MPI.Comm, keys: list[bytes]) -> list[int]:
+    """Rank that sees to each of this rank's shapes: itself, or one of the ranks that have a shape like it.
+    Collective.
+
+    Digests alone travel, each to the rank that it points to, which knows all who have it. Where two shapes
+    share one, the rank that solves them tells them apart.
+    """
+    if comm.size == 1:
+        return [0] * len(keys)
+    made = [int.from_bytes(hashlib.blake2b(key, digest_size=8).digest(), "little") >> 1 for key in keys]
+    digests = np.array(made, dtype=np.int64)
+    order = np.argsort(digests % comm.size, kind="stable")
+    sent = np.split(digests[order], np.searchsorted(digests[order] % comm.size, np.arange(1, comm.size)))
+    received = comm.alltoall(sent)
+    asked, lengths = np.concatenate(received), [len(part) for part in received]
+    askers = np.repeat(np.arange(comm.size), lengths)
+    distinct, which, counts = np.unique(asked, return_inverse=True, return_counts=True)
+    by_digest = np.argsort(which, kind="stable")
+    first = np.cumsum(counts) - counts
+    chosen = askers[by_digest[first + distinct // comm.size % counts]]
+    answers = np.split(chosen[which], np.cumsum(lengths)[:-1])
+    solvers = np.empty(len(keys), dtype=int)
+    solvers[order] = np.concatenate(comm.alltoall(answers))
+    return solvers.tolist()
+
+
+def _exchanged(comm: MPI.Comm, outgoing: list[list]) -> list[list]:
+    """What each rank has for this one; its own as it is, without a copy. Collective."""
+    own, outgoing[comm.rank] = outgoing[comm.rank], []
+    incoming = comm.alltoall(outgoing) if comm.size > 1 else [[]]
+    incoming[comm.rank] = own
+    return incoming

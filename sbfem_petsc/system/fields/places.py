@@ -1,0 +1,312 @@
+"""Displacement and stress at any point of the structure, as linear forms of the displacements and face
+forces.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from meshing.warnings import PlaceWarning
+
+from ...checks import integer, real, shown
+from ...errors import caller_level
+from ...parallel import collective
+from ...petsc import MPI
+from ...selement.coefficients import edge_nodes
+from ...selement.interior_motion import inertial_operators
+from ...selement.points import TOLERANCE, Located, locate, point_operators
+from ...selement.sectors import Sectors
+from ..boundary import LoadColumns
+from ..layout.rows import Rows, flat_entries
+
+# How near to a frequency of an S-element whose boundary is held, relatively, a mode counts as its own.
+_ALONE = 1e-9
+_NONE = (np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0))
+_COORDINATES = ("edge", "eta", "level")
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceRows:
+    """Forms of one kind at some places.
+
+    Attributes
+    ----------
+    rows : Rows
+        Over the displacement unknowns, all components of the first place first.
+    contact : (rows, c) array
+        What forces of the contact rows add at given displacements: those inside a tip element.
+    faces : dict of int to (rows, m) array
+        The same for all traction modes (N) of the tips that this rank holds, by the tip's number.
+    inertia : Inertial or None
+        What the inertia of the insides adds, where it was asked for.
+    """
+
+    rows: Rows
+    contact: np.ndarray
+    faces: dict[int, np.ndarray]
+    inertia: Inertial | None = None
+
+    def direct(self, model, columns: LoadColumns) -> np.ndarray:
+        """(rows, k): what loads on the faces inside tip elements and the inertia of moving supports add at
+        given displacements. Collective.
+        """
+        total = np.zeros((len(self.rows), columns.acceleration.shape[1]))
+        for number, form in self.faces.items():
+            if number in columns.tip_forces:
+                total += form @ columns.tip_forces[number]
+        if self.inertia is not None:
+            total -= self.inertia.body_force @ columns.acceleration
+        return model.comm.allreduce(total)
+
+    def modes(self, model, shapes: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """(rows, k): of modes (owned, k) with circular frequencies omega. Collective."""
+        values = self.rows(shapes)
+        if self.inertia is None:
+            return values
+        return values + model.comm.allreduce(self.inertia.of_modes(shapes, omega))
+
+
+@dataclass(frozen=True, eq=False)
+class Inertial:
+    """What inertia adds inside S-elements whose boundaries are given.
+
+    Attributes
+    ----------
+    coupling : Rows
+        C' over the displacement unknowns, one row for each auxiliary unknown of the S-elements that hold a
+        place.
+    stretch, squared : (a,) arrays
+        rho h^2 / E, and J times it, of each auxiliary unknown, s^2.
+    fields : (rows, a) sparse matrix
+        Of unit auxiliary unknowns, at the places that this rank holds.
+    body_force : (rows, 2) array
+        Of a unit acceleration along x and y, at the places that this rank holds.
+    """
+
+    coupling: Rows
+    stretch: np.ndarray
+    squared: np.ndarray
+    fields: sparse.csr_matrix
+    body_force: np.ndarray
+
+    def of_modes(self, shapes: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """(rows, k): this rank's share. Collective."""
+        away = 1.0 - self.squared[:, None] * omega**2
+        # an S-element that vibrates alone, its boundary at rest: no mode that the mesh carries
+        away[np.abs(away) < _ALONE] = np.inf
+        return self.fields @ (self.stretch[:, None] * omega**2 * self.coupling(shapes) / away)
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Forms of displacement (2 a place, m) and stress (xx, yy, xy, 3 a place, Pa)."""
+
+    displacement: PlaceRows
+    stress: PlaceRows
+
+
+def checked_place(owner: str, place: Any) -> tuple[float, float]:
+    """(x, y) as finite numbers.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is something else.
+    """
+    if (
+        isinstance(place, str)
+        or not hasattr(place, "__len__")
+        or getattr(place, "ndim", 1) == 0
+        or len(place) != 2
+    ):
+        raise TypeError(f"{owner}: {shown(place)} must be the name of a point or coordinates (x, y) in m")
+    if isinstance(place, Mapping):
+        raise TypeError(f"{owner}: {shown(place)} must be the name of a point or coordinates (x, y) in m")
+    x, y = place
+    return real(owner, "x of the point", x, "m"), real(owner, "y of the point", y, "m")
+
+
+def checked_line(start: Any, end: Any, count: int) -> tuple[np.ndarray, list[tuple[float, float]]]:
+    """Evenly spaced places of a straight line, as an array (count, 2) and as points, m.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the ends are no places, or for fewer than two of them.
+    """
+    ends = np.array([checked_place("along", start), checked_place("along", end)])
+    line = np.linspace(ends[0], ends[1], integer("along", "count", count, least=2, most=10**6))
+    return line, [(float(x), float(y)) for x, y in line]
+
+
+def places(model, points: list[tuple[float, float]], inertia: bool = False) -> Places:
+    """Forms at points (m), with what inertia adds inside S-elements if it is asked for. Collective.
+
+    On an edge between S-elements the stress is that of the one with the lower number.
+
+    Raises
+    ------
+    ValueError
+        If a point lies outside the structure; on all ranks.
+
+    Warns
+    -----
+    PlaceWarning
+        On rank 0, if a point lies where the faces of a crack coincide.
+    """
+    comm = model.comm
+    homes = [_home(model, np.array(point)) for point in points]
+    mine = np.array([-1 if home is None else home[0] for home in homes], dtype=np.int64)
+    owner = np.where(mine < 0, np.iinfo(np.int64).max, mine)
+    comm.Allreduce(MPI.IN_PLACE, owner, MPI.MIN)
+    with collective(comm):
+        for point, element in zip(points, owner):
+            if element == np.iinfo(np.int64).max:
+                lower, upper = model.extent
+                raise ValueError(
+                    f"the point ({point[0]:g}, {point[1]:g}) m lies outside the structure, which reaches "
+                    f"from ({lower[0]:g}, {lower[1]:g}) to ({upper[0]:g}, {upper[1]:g}) m (and not inside "
+                    "holes)"
+                )
+    held = [(k, home) for k, home in enumerate(homes) if home is not None and home[0] == owner[k]]
+    _warn_of_faces(model, points, held)
+    tractions = {faces.number: faces for faces in model.tip_faces}
+    numbers = {int(tip.element): number for number, tip in enumerate(model.tip_elements)}
+    count, size = len(points), len(model.gap_operator)
+    kinds: list[PlaceRows] = []
+    local: tuple[dict, dict] = ({}, {})
+    contact = (np.zeros((2 * count, size)), np.zeros((3 * count, size)))
+    face_forms: tuple[dict, dict] = ({}, {})
+    for k, home in held:
+        element, group, member, located = home
+        material = model.materials[group.material]
+        faces = tractions.get(numbers.get(element, -1))
+        forms = point_operators(
+            group.solution.radial,
+            Sectors(group.shape, group.order, material.elasticity),
+            located=located,
+            closed=group.closed,
+            tractions=None if faces is None else faces.tractions,
+        ).turned(group.rotations[member])
+        unknowns = model.part.unknowns[group.nodes[member]].ravel()
+        scales = (1.0, material.modulus / float(group.sizes[member]))
+        for kind, (form, scale) in enumerate(zip((forms.displacement[0], forms.stress[0]), scales)):
+            first = (2 + kind) * k
+            for row in range(2 + kind):
+                local[kind][first + row] = (unknowns, scale * form[row, : forms.unknowns])
+            if faces is not None:
+                columns = scale * form[:, forms.unknowns :] / faces.stiffness
+                contact[kind][first : first + 2 + kind, faces.contact] = columns[:, : faces.modes]
+                table = face_forms[kind].setdefault(
+                    faces.number, np.zeros(((2 + kind) * count, columns.shape[1]))
+                )
+                table[first : first + 2 + kind] = columns
+    for kind in (0, 1):
+        rows = Rows.gathered(comm, model.ranges, flat_entries(local[kind]), (2 + kind) * count)
+        kinds.append(PlaceRows(rows, comm.allreduce(contact[kind]), face_forms[kind]))
+    if inertia:
+        kinds = [replace(rows, inertia=part) for rows, part in zip(kinds, _inertial(model, held, count))]
+    return Places(*kinds)
+
+
+def _warn_of_faces(model, points: list[tuple[float, float]], held: list) -> None:
+    """Warn of points where faces of a crack coincide, of which this rank holds some. Collective."""
+    mine = {k: crack for k, home in held if (crack := _coinciding_faces(model, *home)) is not None}
+    found = {k: crack for part in model.comm.allgather(mine) for k, crack in part.items()}
+    if not found or model.comm.rank > 0:
+        return
+    first = min(found)
+    others = f" and {len(found) - 1} more" if len(found) > 1 else ""
+    warnings.warn(
+        f"the point ({points[first][0]:g}, {points[first][1]:g}) m{others} lies where both faces of "
+        f"{model.cracks[found[first]].name} are: displacement and stress are those of one side, that of the "
+        "S-element with the lower number; ask 1e-6 of the crack's length beside it for the side you mean",
+        PlaceWarning,
+        stacklevel=caller_level(),
+    )
+
+
+def _coinciding_faces(model, element: int, group, member: int, located: Located) -> int | None:
+    """Number of the crack of which an S-element's place is on two faces, that are at the same place."""
+    edges = edge_nodes(len(group.shape), group.order, group.closed)
+    number, eta = int(located.edge[0]), float(located.eta[0])
+    begins, ends = eta <= TOLERANCE - 1.0, eta >= 1.0 - TOLERANCE
+    if located.level[0] >= 1.0 - TOLERANCE:
+        edge = edges[number][:1] if begins else edges[number][-1:] if ends else edges[number]
+        nodes, pairs = model.part.nodes[group.nodes[member][edge]], model.pairs
+        closed = np.isin(pairs.nodes, nodes) & (pairs.gap == 0.0)[:, None]
+        if np.isin(nodes, pairs.nodes[closed]).all():
+            return int(pairs.crack[closed.any(axis=1)][0])
+    on_face = (number == 0 and begins) or (number == len(edges) - 1 and ends)
+    for tip, gaps in zip(model.tip_elements, model.tip_gaps):
+        if tip.element == element and on_face and located.level[0] > 0.0 and not gaps.any():
+            return int(tip.crack)
+    return None
+
+
+def _inertial(model, held: list, count: int) -> list[Inertial]:
+    """Of displacement and stress at places of which this rank holds some. Collective."""
+    comm, moving = model.comm, model.moving_groups
+    order = {id(group): number for number, group in enumerate(model.groups)}
+    inside: dict[int, list] = {}
+    for k, home in held:
+        inside.setdefault(home[0], []).append((k, home))
+    sizes = [moving[order[id(places[0][1][1])]].solution.inertia.size for places in inside.values()]
+    before = np.concatenate([[0], np.cumsum(comm.allgather(sum(sizes)))]).astype(int)
+    first, total = int(before[comm.rank]), int(before[-1])
+    coupling: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    stretch, squared = np.zeros(total), np.zeros(total)
+    entries: tuple[list, list] = ([], [])  # rows, columns and values of the fields
+    body = (np.zeros((2 * count, 2)), np.zeros((3 * count, 2)))
+    for places, size in zip(inside.values(), sizes):
+        _, (_, group, member, _) = places[0]
+        group = moving[order[id(group)]].select([member])
+        solution, own = group.solution, np.arange(first, first + size)
+        modulus, mass = model.scales(group)
+        scale = float(mass[0]) / modulus
+        unknowns = model.unknowns_of(group)[0]
+        for number, row in zip(own, group.turned(solution.coupling)[0].T):
+            coupling[number] = (unknowns, row)
+        stretch[own], squared[own] = scale, scale * solution.inertia
+        located = Located(
+            *(np.concatenate([getattr(home[3], name) for _, home in places]) for name in _COORDINATES)
+        )
+        forms = inertial_operators(solution, model.continued_fraction, located).turned(group.rotations[0])
+        unit = model.materials[group.material].modulus / float(group.sizes[0])
+        for kind, (form, factor) in enumerate(zip((forms.displacement, forms.stress), (1.0, unit))):
+            for (k, _), part in zip(places, factor * form):
+                rows = (2 + kind) * k + np.arange(2 + kind)
+                entries[kind].append((np.repeat(rows, size), np.tile(own, 2 + kind), part[:, :size].ravel()))
+                body[kind][rows] = scale * part[:, size:] @ group.rotations[0]
+        first += size
+    rows = Rows.gathered(comm, model.ranges, flat_entries(coupling), total)
+    stretch, squared = comm.allreduce(stretch), comm.allreduce(squared)
+    found = []
+    for kind in (0, 1):
+        at, own, values = (np.concatenate([*parts]) for parts in zip(_NONE, *entries[kind]))
+        fields = sparse.coo_matrix((values, (at, own)), shape=((2 + kind) * count, total)).tocsr()
+        found.append(Inertial(rows, stretch, squared, fields, body[kind]))
+    return found
+
+
+def _home(model, point: np.ndarray) -> tuple[int, Any, int, Located] | None:
+    """The S-element of this rank with the lowest number that holds a point: its number, group, member,
+    place.
+    """
+    boxes, part = model.element_boxes, model.part
+    slack = TOLERANCE * (boxes[:, 2:] - boxes[:, :2]).max(axis=1, initial=0.0)[:, None]
+    inside = ((point >= boxes[:, :2] - slack) & (point <= boxes[:, 2:] + slack)).all(axis=1)
+    for row in sorted(np.flatnonzero(inside), key=lambda r: int(part.elements[r])):
+        group = next(g for g in model.groups if (g.elements == row).any())
+        member = int(np.flatnonzero(group.elements == row)[0])
+        relative = group.rotations[member] @ (point - part.centres[row]) / group.sizes[member]
+        located = locate(group.shape, group.order, group.closed, relative[None])
+        if located.edge[0] >= 0:
+            return int(part.elements[row]), group, member, located
+    return None

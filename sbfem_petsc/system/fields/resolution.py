@@ -1,0 +1,395 @@
+"""Whether cells, order and terms carry a frequency: errors of natural frequencies, estimated cell by cell."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from meshing.gll import gll_nodes, lagrange_values
+from meshing.warnings import MeshWarning
+
+from ...errors import caller_level, listed
+from ...selement.sectors import Sectors
+from ...selement.solution import SElement, solve_selement
+from ..elements.shapes import Group
+from ..solve.modal_result import Modal
+from ..solve.modes import lowest_scale
+from ..structure import Structure
+
+if TYPE_CHECKING:
+    from ..model import Model
+
+# Orders and terms that the estimate looks beyond those of the model.
+MORE_ORDERS, MORE_TERMS = 2, 1
+# What still further orders, and edges that act together, add to what two orders on single edges take off: on
+# cantilevers of length 8, 10 and 20 heights the latter is 0.65 to 0.75 of the error at p = 3 to 9 where
+# waves limit it, 0.4 to 0.55 where a clamped corner does.
+FURTHER = 1.4
+# Relative error of a frequency beyond which the user is warned: errors of 1e-3 are not missed.
+WARNED = 7e-4
+# Relative error of an amplitude beyond which the user is warned, and the damping ratio that an undamped mode
+# is looked at with: next to a resonance the error of its frequency counts times the inverse of the ratio.
+WARNED_AMPLITUDE, LEAST_DAMPING = 3e-3, 1e-3
+# Share of the displacement under a load that jumps in modes that are not computed beyond which the user is
+# warned: on a cantilever under tension peaks were off by an eighth of it.
+WARNED_MISSING = 0.03
+# Errors of stress intensity factors in units of that of the exponents at their tips, and the error beyond
+# which the user is warned. Edge and inclined cracks in materials of E_1 / E_2 = 3, 14 and 40 at 0, 30 and 75
+# degrees, orders 4 to 7: 3 in the middle, 1 to 9 in nearly all of them, i.e. right within a factor of 3.
+ANGULAR, WARNED_FACTOR = 3.0, 1e-3
+# Size of the largest cell times omega / c_s (c_s: shear waves) below which no mode was off by 5e-4, for
+# orders 0, 1, 2, ...: on the same cantilevers, in which waves of bending are the shortest, 1e-3 is passed at
+# 0.05, 0.41, 1.2, 2.3 and 4 with p = 2, 3, 4, 5 and 9.
+SAFE = (0.0, 0.0, 0.03, 0.25, 0.8, 1.5, 2.0)
+# The same without a continued fraction, with the mass alone: 1e-3 is passed at 0.6.
+SAFE_MASS = 0.3
+# Cells smaller than this share of what is safe are left out of the estimates: a thousandth of them for 80
+# modes of the beam with a notch. With 0.4 the lowest modes of a short beam lose nearly all of theirs.
+LEFT_OUT = 0.3
+# Modes whose errors are estimated: the highest ones, since modes of several kinds take turns.
+LOOKED_AT = 8
+
+
+def frequency_errors(found: Modal, modes: Sequence[int]) -> np.ndarray:
+    """Estimated relative errors of natural frequencies, which are too high. Collective.
+
+    The dynamic stiffness of each S-element is taken with two orders and one term of the continued fraction
+    more: what the modes' energy loses by them as they are, and by the two further polynomials on each edge,
+    one edge by itself. Small cells next to tips and corners are left out: this is about waves, not about
+    singularities.
+
+    Parameters
+    ----------
+    found : Modal
+    modes : sequence of int
+        0 is the lowest.
+
+    Returns
+    -------
+    (len(modes),) array
+    """
+    model = found.model
+    modes = list(modes)
+    omega = 2.0 * np.pi * found.frequencies[modes]
+    shapes = np.stack([found.nodal(mode) for mode in modes], axis=-1)
+    lost, edges = np.zeros(len(modes)), _Edges(model, len(modes))
+    for group in model.moving_groups:
+        rows = np.flatnonzero(
+            group.sizes * omega.max() / _shear_speed(model, group) >= LEFT_OUT * _safe(model)
+        )
+        if len(rows):
+            lost += _add_group(model, group.select(rows), omega, shapes, edges)
+    lost = model.comm.allreduce(lost) + FURTHER * edges.energies()
+    if not model.supported:  # rigid-body modes have nothing to lose
+        lost[omega**2 < lowest_scale(model)] = 0.0
+    return np.divide(lost, 2.0 * omega**2, out=np.zeros(len(modes)), where=omega > 0.0)
+
+
+def warn_of_modes(owner: str, found: Modal) -> None:
+    """Warn if one of the highest modes is off by more than `WARNED`. Collective."""
+    count = len(found.frequencies)
+    if not count or not needs_look(found.model, float(found.frequencies[-1])):
+        return
+    looked_at = range(max(0, count - LOOKED_AT), count)
+    errors = _kept_errors(found, looked_at)
+    worst = int(np.argmax(errors))
+    if errors[worst] > WARNED:
+        mode, frequency = looked_at[worst], float(found.frequencies[looked_at[worst]])
+        _warn(
+            f"{owner}: mode {mode + 1} at {frequency:.5g} Hz is too high by {_share(errors[worst])}",
+            found.model,
+            frequency,
+        )
+
+
+def warn_of_band(owner: str, found: Modal, ratios: np.ndarray, highest: float) -> None:
+    """Warn if errors of the modes next to the highest frequency of a load (Hz) change amplitudes there by
+    more than `WARNED_AMPLITUDE`, or the computed modes end close above it. Collective.
+    """
+    if highest <= 0.0:
+        return
+    model, top = found.model, float(found.frequencies[-1])
+    if top < 2.0 * highest:
+        warnings.warn(
+            f"{owner}: the load has frequencies up to {highest:.4g} Hz, and the highest of the "
+            f"{len(found.frequencies)} modes is at {top:.4g} Hz, less than twice as high: what the others do "
+            f"at {highest:.4g} Hz is missing; ask for more modes, or smaller cells, which have more",
+            MeshWarning,
+            stacklevel=caller_level(),
+        )
+    near = np.flatnonzero(found.frequencies <= 1.2 * highest)[-LOOKED_AT:]
+    if not len(near) or not needs_look(model, 2.0 * float(found.frequencies[near[-1]])):
+        return
+    own, damping = found.frequencies[near], np.maximum(ratios[near], LEAST_DAMPING)
+    errors = 2.0 * _kept_errors(found, near.tolist()) * own**2
+    errors /= np.abs(own**2 - highest**2 + 2j * damping * own * highest)
+    worst = int(np.argmax(errors))
+    if errors[worst] > WARNED_AMPLITUDE:
+        _warn(
+            f"{owner}: the load has frequencies up to {highest:.4g} Hz, where the error of mode "
+            f"{near[worst] + 1} ({own[worst]:.5g} Hz) changes its amplitude by {_share(errors[worst])}",
+            model,
+            highest,
+        )
+
+
+def warn_of_jumps(
+    owner: str, found: Modal, ratios: np.ndarray, shares: np.ndarray, duration: float, whole: bool = False
+) -> None:
+    """Warn if errors of modes, or modes that are not computed, change by more than `WARNED_AMPLITUDE` what
+    loads without a highest frequency move. Collective.
+
+    Parameters
+    ----------
+    found : Modal
+    ratios : (modes,) array
+        Of damping.
+    shares : (loads, modes) array
+        Of the static displacement under each such load in each mode.
+    duration : float
+        Of the motion, s: what a mode's frequency is off by adds up as long, or until it has died out.
+    whole : bool
+        Whether what is above the computed modes swings too.
+    """
+    model, most = found.model, shares.max(axis=0, initial=0.0)
+    missing = 1.0 - shares.sum(axis=1).min(initial=1.0)
+    if missing > WARNED_MISSING and not whole:
+        warnings.warn(
+            f"{owner}: a load jumps, or has no known highest frequency, and {missing:.1g} of the "
+            f"displacement under it is that of modes above the {len(most)} computed ones, which end at "
+            f"{found.frequencies[-1]:.4g} Hz: it follows the load at once instead of swinging; ask for more "
+            "modes",
+            MeshWarning,
+            stacklevel=caller_level(),
+        )
+    moved = np.flatnonzero(most > WARNED_AMPLITUDE)
+    if not len(moved) or not needs_look(model, 2.0 * float(found.frequencies[moved[-1]])):
+        return
+    turns = np.minimum(
+        2.0 * np.pi * found.frequencies[moved] * duration, 1.0 / np.maximum(ratios[moved], LEAST_DAMPING)
+    )
+    # an error takes no more of an amplitude than all of it
+    errors = most[moved] * np.minimum(_kept_errors(found, moved.tolist()) * turns, 1.0)
+    worst = int(np.argmax(errors))
+    if errors[worst] > WARNED_AMPLITUDE:
+        frequency = float(found.frequencies[moved[worst]])
+        _warn(
+            f"{owner}: a load jumps, or has no known highest frequency, and the error of mode "
+            f"{moved[worst] + 1} ({frequency:.5g} Hz) changes what it moves by {_share(errors[worst])}",
+            model,
+            frequency,
+        )
+
+
+def warn_of_tips(owner: str, model: Structure) -> None:
+    """Warn if edges around a tip in an anisotropic material do not carry its singular stresses, by more than
+    `WARNED_FACTOR`. Collective.
+    """
+    errors = ANGULAR * model.tips.exponent_errors
+    if errors.max(initial=0.0) <= WARNED_FACTOR:
+        return
+    worst = int(np.argmax(errors))
+    warnings.warn(
+        f"{owner}: around the tip {model.tips.names[worst]} the stresses of the anisotropic material change "
+        f"too fast for edges of order {model.order}: K_I and K_II are off by about {errors[worst]:.1g} of "
+        f"themselves, stresses next to the tip by more; take a higher order (order={model.order + 2} or more "
+        "in mesh), or accuracy= of static",
+        MeshWarning,
+        stacklevel=caller_level(),
+    )
+
+
+def needs_look(model: Structure, frequency: float) -> bool:
+    """Whether a cell is large enough for waves of a frequency (Hz) to be in doubt. Collective."""
+    return cells_in_waves(model, frequency) > _safe(model)
+
+
+def cells_in_waves(model: Structure, frequency: float) -> float:
+    """Largest size of an S-element times omega / c_s. Collective."""
+    sizes = [
+        float(group.sizes.max()) / _shear_speed(model, group) for group in model.groups if len(group.sizes)
+    ]
+    return 2.0 * np.pi * frequency * max(model.comm.allgather(max(sizes, default=0.0)))
+
+
+def _share(error: float) -> str:
+    return f"about {error:.1g} of itself" if error < 0.1 else "a tenth of itself or more"
+
+
+def _warn(what: str, model: Structure, frequency: float) -> None:
+    terms, waves = model.continued_fraction, cells_in_waves(model, frequency) / (2.0 * np.pi)
+    points = [support.where for support in model.supports if support.where in model.points]
+    why = (
+        f"the largest cell is {waves:.2g} wavelengths of shear long there, too long for order "
+        f"{model.order} and {terms} term{'s' * (terms != 1)} of the continued fraction; make cells smaller "
+        "(size), the order higher, or both"
+    )
+    if points:
+        # what a point takes has a logarithm: the estimate sees its next term, whatever the wavelength
+        why += (
+            f". Supports on single points ({listed(points)}) may be the reason as well: a body gives way to "
+            "a point without limit as cells shrink; hold short edges instead"
+        )
+    warnings.warn(f"{what}: {why}", MeshWarning, stacklevel=caller_level())
+
+
+def _kept_errors(found: Modal, modes: Sequence[int]) -> np.ndarray:
+    """`frequency_errors`, once for the modes of a model."""
+    key = ("frequency_errors", len(found.frequencies), *(int(mode) for mode in modes))
+    return cast("Model", found.model).keep(key, lambda: frequency_errors(found, modes))
+
+
+def _safe(model: Structure) -> float:
+    """Cells whose size times omega / c_s is less are in no doubt."""
+    safe = SAFE[min(model.order, len(SAFE) - 1)]
+    return safe if model.continued_fraction else min(safe, SAFE_MASS)
+
+
+def _shear_speed(model: Structure, group: Group) -> float:
+    material = model.materials[group.material]
+    return float(np.sqrt(material.elasticity[..., 2, 2].min() * material.modulus / material.density))
+
+
+def _add_group(
+    model: Structure, group: Group, omega: np.ndarray, shapes: np.ndarray, edges: _Edges
+) -> np.ndarray:
+    """Energies that the group's S-elements lose with the modes as they are; residuals go to `edges`."""
+    order, material = model.order, model.materials[group.material]
+    whole = _prolongation(len(group.shape), order, group.closed)
+    rich = solve_selement(
+        Sectors(whole @ group.shape, order + MORE_ORDERS, material.elasticity),
+        group.closed,
+        model.continued_fraction + MORE_TERMS,
+        material.isotropic,
+        density=material.densities,
+    )
+    bubbles = _bubbles(len(group.shape), order, group.closed)
+    scale, lost = material.modulus * model.thickness, np.zeros(len(omega))
+    count = len(whole)
+    own = np.einsum("nb,ij->nibj", bubbles, np.eye(2)).reshape(2 * count, -1)
+    block = scale * (own.T @ rich.stiffness @ own)
+    for nodes, size, rotation in zip(group.nodes, group.sizes, group.rotations):
+        waves = omega**2 * material.density * size**2 / material.modulus
+        local = np.einsum("ij,njk->nik", rotation, shapes[nodes])
+        fine = np.tensordot(whole, local, axes=1).reshape(2 * count, -1)
+        coarse = local.reshape(2 * len(nodes), -1)
+        force = scale * _dynamic(rich, fine, waves)
+        lost += (coarse * (scale * _dynamic(group.solution, coarse, waves))).sum(axis=0) - (fine * force).sum(
+            axis=0
+        )
+        edges.add(group, nodes, rotation, residual=own.T @ force, block=block)
+    return lost
+
+
+def _dynamic(element: SElement, u: np.ndarray, waves: np.ndarray) -> np.ndarray:
+    """(n, modes): dynamic stiffness of an S-element times displacements, each at its own frequency."""
+    result = element.stiffness @ u - waves * (element.mass @ u)
+    if len(element.inertia):
+        share = 1.0 - np.outer(element.inertia, waves)
+        # next to a frequency of the cell alone the fraction means nothing but "much too large a cell"
+        share = np.where(share >= 0.0, np.maximum(share, 1e-3), np.minimum(share, -1e-3))
+        result -= waves**2 * (element.coupling @ ((element.coupling.T @ u) / share))
+    return result
+
+
+def _chain(nodes: int, order: int, closed: bool) -> list[np.ndarray]:
+    """Places of the nodes of each edge on the boundary of an S-element."""
+    return [(first + np.arange(order + 1)) % nodes for first in range(0, nodes - (not closed), order)]
+
+
+def _prolongation(nodes: int, order: int, closed: bool) -> np.ndarray:
+    """From nodal values to those of an order higher by `MORE_ORDERS` on the same edges."""
+    higher = order + MORE_ORDERS
+    edges = _chain(nodes, order, closed)
+    table = lagrange_values(gll_nodes(order), gll_nodes(higher))
+    result = np.zeros((len(edges) * higher + (not closed), nodes))
+    for k, edge in enumerate(edges):
+        rows = (k * higher + np.arange(higher + 1)) % len(result)
+        result[np.ix_(rows, edge)] = table
+    return result
+
+
+def _bubbles(nodes: int, order: int, closed: bool) -> np.ndarray:
+    """(nodes of the higher order, edges * MORE_ORDERS): further polynomials on the edges, zero at their
+    ends.
+    """
+    higher = order + MORE_ORDERS
+    degrees = range(order + 1, higher + 1)
+    at = gll_nodes(higher)
+    values = np.stack([legendre.legval(at, np.eye(n + 1)[n] - np.eye(n + 1)[n - 2]) for n in degrees], axis=1)
+    edges = len(_chain(nodes, order, closed))
+    result = np.zeros((edges * higher + (not closed), edges * MORE_ORDERS))
+    for k in range(edges):
+        rows = (k * higher + np.arange(1, higher)) % len(result)
+        result[rows, k * MORE_ORDERS : (k + 1) * MORE_ORDERS] = values[1:-1]
+    return result
+
+
+class _Edges:
+    """Residuals and stiffnesses of further polynomials, summed over the S-elements at each edge."""
+
+    def __init__(self, model: Structure, modes: int):
+        self.model, self.modes = model, modes
+        self.found: dict[tuple[int, ...], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+        # where springs act the S-elements alone are not in balance: nothing is said of these edges
+        self._elastic: dict[frozenset[int], np.ndarray] = {}
+        for support in model.supports:
+            for edge in model.part.edge_sets.get(support.where, ()):
+                key = frozenset(int(node) for node in edge)
+                springs = np.array(support.springs) > 0.0
+                self._elastic[key] = springs | self._elastic.get(key, np.zeros(2, dtype=bool))
+        # nor of those at a support on a point, whose reaction is singular
+        self._points = {model.points[s.where][2] for s in model.supports if s.where in model.points}
+
+    def add(
+        self,
+        group: Group,
+        nodes: np.ndarray,
+        rotation: np.ndarray,
+        *,
+        residual: np.ndarray,
+        block: np.ndarray,
+    ) -> None:
+        """Add an S-element's share, given in the frame of the group's shape."""
+        part, order, size = self.model.part, self.model.order, 2 * MORE_ORDERS
+        turn = np.kron(np.eye(MORE_ORDERS), rotation)
+        for k, places in enumerate(_chain(len(nodes), order, group.closed)):
+            edge = nodes[places]
+            name = part.nodes[edge]
+            own = slice(k * size, (k + 1) * size)
+            change = turn
+            if name[0] > name[-1]:  # seen from its other end: odd polynomials change sign
+                name = name[::-1]
+                odd = np.repeat([(-1.0) ** n for n in range(order + 1, order + MORE_ORDERS + 1)], 2)
+                change = turn * odd
+            force, stiffness = change.T @ residual[own], change.T @ block[own, own] @ change
+            free = (part.unknowns[edge] >= 0).any(axis=0)
+            free &= self._points.isdisjoint(int(node) for node in name)
+            free &= ~self._elastic.get(frozenset(int(node) for node in edge), np.zeros(2, dtype=bool))
+            free = np.tile(free, MORE_ORDERS)
+            key = tuple(int(n) for n in name)
+            former = self.found.get(key)
+            if former is not None:
+                force, stiffness = force + former[0], stiffness + former[1]
+            self.found[key] = (force, stiffness, free)
+
+    def energies(self) -> np.ndarray:
+        """(modes,): what the further polynomials take off each mode's energy, edge by edge. Collective."""
+        comm = self.model.comm
+        everywhere = [self.found] if comm.size == 1 else comm.allgather(self.found)
+        merged: dict[tuple[int, ...], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+        for found in everywhere:
+            for key, (force, stiffness, free) in found.items():
+                if key in merged:
+                    force, stiffness = force + merged[key][0], stiffness + merged[key][1]
+                merged[key] = (force, stiffness, free)
+        total = np.zeros(self.modes)
+        for force, stiffness, free in merged.values():
+            if free.any():
+                force, stiffness = force[free], stiffness[np.ix_(free, free)]
+                total += (force * np.linalg.solve(stiffness, force)).sum(axis=0)
+        return total

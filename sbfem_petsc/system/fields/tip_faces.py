@@ -1,0 +1,226 @@
+"""The faces inside tip elements: they carry no nodes, but contact and loads by traction modes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from meshing.boundary_mesh import Tip
+
+from ...parallel import collective
+from ...petsc import MPI
+from ...selement.coefficients import SElementError
+from ...selement.face_tractions import (
+    FaceTractions,
+    face_tractions,
+    opening_direction,
+    single_face_directions,
+)
+from ...selement.sectors import Sectors
+from ..elements.shapes import Group
+
+
+@dataclass(frozen=True, eq=False)
+class TipFaces:
+    """Traction modes on the faces of one tip element that this rank holds.
+
+    The first `modes` of them press the faces apart (contact): polynomials, and the logarithm where the faces
+    close a wedge. Among all modes the others are tractions along x and y of the reference frame on the first
+    and on the last face.
+
+    Attributes
+    ----------
+    number : int
+        Of the tip among those with an element.
+    first : int
+        Contact row of its first mode.
+    modes : int
+        Number of its contact rows.
+    group : Group
+    member : int
+        Row of the group.
+    tractions : FaceTractions
+    stiffness : float
+        E times the thickness, N/m.
+    sets : (str, str)
+        Edge sets to which the first and the last face of the reference shape belong.
+    gaps : (2,) array
+        Initial gaps at the tip and on the element's boundary, m.
+    """
+
+    number: int
+    first: int
+    modes: int
+    group: Group
+    member: int
+    tractions: FaceTractions
+    stiffness: float
+    sets: tuple[str, str]
+    gaps: np.ndarray
+
+    @property
+    def contact(self) -> slice:
+        """Its contact rows."""
+        return slice(self.first, self.first + self.modes)
+
+    @property
+    def wedge(self) -> bool:
+        """Whether a contact row is the logarithm's."""
+        return self.modes == self.tractions.modes
+
+    def pressing(self, force: np.ndarray) -> np.ndarray:
+        """(m,): forces of all modes from those of the contact rows (c,), N."""
+        forces = np.zeros(len(self.tractions.growth))
+        forces[: self.modes] = force[self.contact]
+        return forces
+
+    @property
+    def size(self) -> float:
+        """m."""
+        return float(self.group.sizes[self.member])
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """(2, 2): from the element's frame to the reference frame."""
+        return self.group.rotations[self.member]
+
+    @property
+    def rows(self) -> np.ndarray:
+        """(m, n): means of the modes for displacements of the element's nodes in its own frame."""
+        return (self.tractions.rows.reshape(len(self.tractions.rows), -1, 2) @ self.rotation).reshape(
+            len(self.tractions.rows), -1
+        )
+
+    @property
+    def flexibility(self) -> np.ndarray:
+        """(m, m), m/N."""
+        return self.tractions.flexibility / self.stiffness
+
+    def layer(self, thickness: float) -> np.ndarray:
+        """(modes, modes): flexibility of an elastic layer of 1 m^3/N between the faces, m/N."""
+        return self.tractions.layer()[: self.modes, : self.modes] / (self.size * thickness)
+
+    def initial_gap(self) -> np.ndarray:
+        """(modes,): mean gaps of the undeformed faces, m."""
+        return self.tractions.initial_mean(*self.gaps)[: self.modes]
+
+    def uniform(
+        self, edge_set: str, traction: Callable[[np.ndarray], np.ndarray], thickness: float
+    ) -> np.ndarray:
+        """(m,): forces (N) of a traction (Pa), a function of the outward normal, on the faces of a set."""
+        values = np.zeros(5)
+        turn = np.linalg.det(self.rotation)
+        for face, name in enumerate(self.sets):
+            if name != edge_set:
+                continue
+            # along the outline, with the material on the left: out along the first face, back along the last,
+            # and the other way round in a reflected shape
+            along = (1.0 - 2.0 * face) * turn * (self.group.shape[(0, -1)[face]] @ self.rotation)
+            normal = np.array([along[1], -along[0]]) / np.linalg.norm(along)
+            values[1 + 2 * face : 3 + 2 * face] = self.rotation @ traction(normal)
+        return self.tractions.uniform_force(values) * self.size * thickness
+
+
+# Share of the gap on the boundary of a tip element up to which one at the tip is what a straight line through
+# the gaps of curved faces leaves there: faces that stand apart at the tip would close no wedge.
+_AT_THE_TIP = 0.1
+
+
+def tip_gaps(model) -> np.ndarray:
+    """(tips, 2): initial gaps at each tip and on the boundary of its S-element, m. Collective."""
+    gaps = np.zeros((len(model.tip_elements), 2))
+    for number, group, member in model.tip_places:
+        drawn = _drawn_gap(group.shape, float(group.sizes[member]))
+        given = _given_gaps(model, model.tip_elements[number])
+        gaps[number] = (0.0, drawn)
+        if given is not None and abs(given[1] - drawn) > 1e-6 * max(given[1], drawn):
+            gaps[number] = given
+    model.comm.Allreduce(MPI.IN_PLACE, gaps)
+    return gaps
+
+
+def tip_rows(model) -> np.ndarray:
+    """(tips + 1,): first contact row of each tip element, and the number of all rows: behind the pairs, one
+    for each polynomial, and one for the logarithm where faces that come apart close a wedge. Collective.
+    """
+    parts = [model.contact_laws[model.cracks[tip.crack].name].parts for tip in model.tip_elements]
+    at_tip, at_boundary = model.tip_gaps.T
+    wedges = (at_tip == 0.0) & (at_boundary > 0.0) & np.array(parts, dtype=bool)
+    counts = (model.tip_modes + wedges) * (model.tip_modes > 0)
+    return len(model.pairs) + np.concatenate([[0], np.cumsum(counts)])
+
+
+def tip_faces(model) -> list[TipFaces]:
+    """Those of the tip elements that this rank holds. Collective."""
+    found: list[TipFaces] = []
+    first, gaps = model.tip_rows, model.tip_gaps
+    shared: dict[int, FaceTractions] = {}  # similar tip elements have the same
+    if not model.tip_modes:
+        return found
+    with collective(model.comm):
+        for place in model.tip_places:
+            group, material = place.group, model.materials[place.group.material]
+            if id(group) not in shared:
+                try:
+                    shared[id(group)] = _tractions(group, material, model.tip_modes)
+                except SElementError as error:
+                    raise SElementError(f"tip {model.tip_elements[place.number].name}: {error}") from None
+            number, sets = place.number, model.tip_elements[place.number].faces
+            if np.linalg.det(group.rotations[place.member]) < 0.0:
+                sets = sets[::-1]  # a reflected shape runs through the element's chain backwards
+            found.append(
+                TipFaces(
+                    number,
+                    int(first[number]),
+                    int(first[number + 1] - first[number]),
+                    group,
+                    place.member,
+                    shared[id(group)],
+                    material.modulus * model.thickness,
+                    sets,
+                    gaps[number],
+                )
+            )
+    return found
+
+
+def _drawn_gap(shape: np.ndarray, size: float) -> float:
+    """Distance of the faces on the element's boundary, m."""
+    opening = float(opening_direction(shape)[0] @ (shape[0] - shape[-1]))
+    return size * opening if opening > 1e-12 else 0.0  # faces of a closed crack coincide to round-off
+
+
+def _given_gaps(model, tip: Tip) -> tuple[float, float] | None:
+    """Gaps at a tip and on the boundary of its element, m, on the straight line through those of the pair
+    there and of the next one.
+    """
+    pairs, (start, stop) = model.pairs, tip.arc
+    line = np.flatnonzero(pairs.crack == tip.crack)
+    outwards = np.sign(stop - start) * (pairs.arc[line] - start)
+    line = line[np.argsort(outwards, kind="stable")]
+    outwards = np.sort(outwards, kind="stable")
+    reach = abs(stop - start)
+    here = np.searchsorted(outwards, reach * (1.0 - 1e-6))
+    beyond = np.searchsorted(outwards, reach * (1.0 + 1e-6))
+    if here == beyond or beyond == len(line):
+        return None  # its pair has been made one with another crack's, or is the only one
+    first, second = pairs.gap[line[[here, beyond]]]
+    slope = (second - first) / (outwards[beyond] - outwards[here])
+    at_tip = first - reach * slope
+    return (at_tip if at_tip > _AT_THE_TIP * first else 0.0), first
+
+
+def _tractions(group: Group, material, modes: int) -> FaceTractions:
+    directions = np.concatenate(
+        [opening_direction(group.shape)[None], single_face_directions(0), single_face_directions(1)]
+    )
+    return face_tractions(
+        Sectors(group.shape, group.order, material.elasticity),
+        stiffness=group.solution.stiffness,
+        radial=group.solution.radial,
+        directions=directions,
+        modes=modes,
+        logarithm=True,
+    )

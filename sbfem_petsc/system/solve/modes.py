@@ -1,0 +1,339 @@
+"""Natural frequencies and mode shapes of the structure with open cracks, by SLEPc (prefix ``modal_``)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...capacity import give_back
+from ...errors import SolveError, on_all_ranks
+from ...petsc import MPI, PETSc, SLEPc, configure, free, scripted, solver_name, solving, stage, stepping
+from ..elements.element_stiffness import NEEDED
+from ..structure import Structure
+from .demand import require_modes
+from .krylov_step import KrylovStep
+from .modal_result import Modal
+from .pencil import CondensedSolve, Pencil, top_of_band
+
+# Residual ||K x - w2 M x|| / ||w2 M x|| that a returned pair may have at most. Round-off leaves about
+# 1e-16 cond(K)^(1/2) in the lowest modes of a slender beam; 1e-5 in a residual is 1e-10 in a frequency.
+RESIDUAL_LIMIT = 1e-5
+# How many times larger residuals of refined modes may be where both are round-off: 1.3 was measured.
+WORSE = 3.0
+# What the auxiliary unknowns that are left out may contribute to an S-element, see `Pencil`.
+TOLERANCE = 1e-5
+
+
+def lowest_modes(
+    model: Structure, count: int, auxiliary_tolerance: float = TOLERANCE, verify: bool = True
+) -> Modal:
+    """The `count` lowest modes; see `analysis.modal.modal` for the arguments. Collective.
+
+    Raises
+    ------
+    ValueError
+        If there is not enough memory for it.
+    SolveError
+        If SLEPc does not converge or a residual is too large.
+    """
+    require_modes(model, count, _basis(count, 0), auxiliary_tolerance == 0.0)
+    highest = top_of_band(model, count)
+    while True:
+        pencil = Pencil(model, highest, auxiliary_tolerance)
+        try:
+            found = _solve_lowest(pencil, count, verify)
+        finally:
+            pencil.destroy()
+            give_back(model.boundary_unknowns)
+        reached = 2.0 * math.pi * float(found.frequencies[-1])
+        if reached <= highest:
+            return found
+        # The band was estimated too low: what was left out is bounded only up to its top.
+        highest = 1.1 * reached
+
+
+def _basis(count: int, attempt: int) -> int:
+    """Krylov vectors for so many eigenpairs."""
+    return max(count + 15, math.ceil((1.9 + 0.5 * attempt) * count))
+
+
+def _solve_lowest(pencil: Pencil, count: int, verify: bool) -> Modal:
+    """The `count` lowest eigenpairs, none left out.
+
+    A single-vector Krylov method meets the second vector of a multiple eigenvalue through round-off only and
+    may stop before; the number of eigenvalues below the last ones found tells.
+    """
+    wanted = count
+    for attempt in range(4):
+        found = _solve(pencil, wanted, 0.0, attempt)
+        values = (2.0 * math.pi * found.frequencies) ** 2
+        # far enough below for round-off not to count the last one itself: a residual of 1e-7 is usual; the
+        # eigenvalues that are counted are those of the assembled stiffness, refined or not
+        model = pencil.model
+        chosen = found.shapes[:, :count]
+        squares = float(_inner(model, chosen, chosen).max())
+        margin = max(
+            1e-6,
+            30.0 * float(found.residuals[:count].max()),
+            10.0 * model.refinement.scale * squares / max(values[count - 1], np.finfo(float).tiny),
+        )
+        last = values[count - 1] * (1.0 - margin)
+        if not verify or margin > 0.5 or values[count - 1] <= lowest_scale(pencil.model) * 1e-3:
+            break  # the assembled stiffness cannot tell; below rigid-body modes there is nothing
+        below = pencil.eigenvalues_below(last)
+        if below is None or below <= int((values[:count] < last).sum()):
+            break
+        wanted = min(max(wanted, below) + 4, pencil.unknowns // 2)
+    else:
+        raise on_all_ranks(
+            SolveError(
+                f"modal: {below} frequencies lie below {found.frequencies[count - 1]:.8g} Hz, but the "
+                f"eigensolver found {int((values[:count] < last).sum())} of them; raise -modal_eps_ncv or "
+                "tighten -modal_eps_tol"
+            )
+        )
+    return found.selected(np.arange(count))
+
+
+def modes_in_band(
+    model: Structure, low: float, high: float, auxiliary_tolerance: float = TOLERANCE, verify: bool = True
+) -> Modal:
+    """Eigenpairs nearest to the middle of the band, more of them until they reach beyond both of its ends and
+    none is left out.
+    """
+    ends = (2.0 * math.pi * np.array([low, high])) ** 2
+    middle = float(ends.mean())
+    require_modes(model, 8, _basis(8, 0))
+    # half as high again: what is left out has its largest effect at the top, where frequencies are asked for
+    pencil = Pencil(model, 1.5 * float(np.sqrt(ends[1])), auxiliary_tolerance)
+    count, most = 8, pencil.unknowns // 2
+    try:
+        expected = None
+        below = pencil.eigenvalues_below(ends[1]) if verify else None
+        if below is not None:
+            lower = pencil.eigenvalues_below(ends[0]) if ends[0] > 0.0 else 0
+            assert lower is not None  # by the same direct solver
+            expected = below - lower
+            if expected > most:
+                raise on_all_ranks(
+                    ValueError(
+                        f"modal: band = ({low:g}, {high:g}) Hz holds {expected} frequencies, more than half "
+                        f"of the {pencil.unknowns} unknowns; the mesh cannot carry them: lower the band or "
+                        "refine the mesh"
+                    )
+                )
+            count = min(max(count, expected + 4), most)
+            require_modes(model, count, _basis(count, 0))
+        for attempt in range(12):
+            found = _solve(pencil, min(count, most), middle, attempt)
+            values = (2.0 * math.pi * found.frequencies) ** 2
+            keep = np.flatnonzero((found.frequencies >= low) & (found.frequencies <= high))
+            reached = np.abs(values - middle).max() > ends[1] - middle or count >= most
+            # a frequency on an end of the band may be counted on the other side of it
+            near = (found.frequencies >= low * (1.0 - 1e-6)) & (found.frequencies <= high * (1.0 + 1e-6))
+            if reached and (expected is None or near.sum() >= expected):
+                return found.selected(keep)
+            count = min(2 * count, most)
+    finally:
+        pencil.destroy()
+    raise on_all_ranks(
+        SolveError(
+            f"modal: the band of {low:g} to {high:g} Hz holds {expected} frequencies, but the eigensolver "
+            f"found {len(keep)}; raise -modal_eps_ncv or tighten -modal_eps_tol"
+        )
+    )
+
+
+def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal:
+    """`count` eigenpairs nearest to omega^2 = `target`; a structure without full support is shifted below
+    zero.
+    """
+    model = pencil.model
+    shift = -lowest_scale(model) if target == 0.0 and not model.supported else target
+    solve = CondensedSolve(pencil, shift, prefix="modal_st_", what="modal")
+    eps = SLEPc.EPS().create(model.comm)
+    st = eps.getST()
+    outer = st.getKSP()
+    inner = outer.getPC()
+    step = KrylovStep(solve)
+    try:
+        eps.setOptionsPrefix("modal_")
+        eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
+        eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
+        # 1.9 vectors a pair are mostly enough without a restart. The tolerance is far below what an
+        # eigenvalue needs: it keeps the iteration going until the further vectors of multiple eigenvalues
+        # have come up; each new attempt gives it more room.
+        eps.setDimensions(count, _basis(count, attempt))
+        eps.setTolerances((1e-12, 1e-14)[min(attempt, 1)], 200)
+        eps.setPurify(False)  # the mass is definite: no infinite eigenvalues to purify from
+        eps.setOperators(pencil.stiffness, pencil.mass)
+        eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+        eps.setTarget(shift)
+        st.setType(SLEPc.ST.Type.SINVERT)
+        st.setMatMode(SLEPc.ST.MatMode.SHELL)
+        outer.setOptionsPrefix("modal_condensed_")
+        outer.setType(PETSc.KSP.Type.PREONLY)
+        inner.setType(PETSc.PC.Type.PYTHON)
+        inner.setPythonContext(step)
+        configure(eps)
+        step.watch(eps)
+        with stage("Modes"), solving("modal"), stepping(eps), scripted(inner):
+            eps.solve()
+        converged = eps.getConverged()
+        if converged < count:
+            raise on_all_ranks(
+                SolveError(
+                    f"modal: SLEPc found {converged} of {count} eigenpairs (reason "
+                    f"{eps.getConvergedReason()} after {eps.getIterationNumber()} iterations); "
+                    "raise -modal_eps_max_it or -modal_eps_ncv, or choose another "
+                    "-modal_st_pc_factor_mat_solver_type"
+                )
+            )
+        values = np.array([eps.getEigenvalue(i).real for i in range(count)])
+        return _collect(
+            pencil, eps, solve, values, f"SLEPc {eps.getType()}, shift-invert by {solver_name(solve.ksp)}"
+        )
+    finally:
+        step.release()
+        free(model.comm, inner, outer, st, eps)
+        solve.release()
+
+
+def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.ndarray, solver: str) -> Modal:
+    """Eigenpairs in ascending order with their residuals."""
+    model, count, order = pencil.model, len(values), np.argsort(values)
+    values = values[order]
+    x = pencil.stiffness.createVecRight()
+    array = np.empty((x.getLocalSize(), count), order="F")
+    for k, i in enumerate(order):
+        eps.getEigenvector(int(i), x)
+        array[:, k] = x.array_r
+    x.destroy()
+    kx, mx = pencil.stiff_products(array), _products(pencil.mass, array)
+    # modes whose product with the assembled stiffness is mostly round-off, and so is their Rayleigh quotient
+    squares = _inner(model, array, array)
+    noise = model.refinement.scale * np.sqrt(squares) / np.sqrt(_inner(model, mx, mx))
+    slender = np.flatnonzero(noise > NEEDED * np.abs(values))
+    if not (model.supported and solve.refinement):
+        slender = slender[:0]
+    if len(slender):
+        # those next to them, too, for a factorisation's round-off reaches ten times that of the matrix,
+        # unless it makes them worse by more than round-off would
+        noise = np.maximum(noise, 10.0 * model.refinement.scale * squares / _inner(model, array, mx))
+        near = np.flatnonzero(noise > NEEDED * np.abs(values))
+        shapes, inertia = array[:, near], mx[:, near]
+        refined = kx[:, near].copy()
+        refined[: pencil.owned] = model.refinement.operator(shapes[: pencil.owned])
+        quotients = _inner(model, shapes, refined) / _inner(model, shapes, inertia)
+        errors = [
+            model.comm.allreduce(_misfits(product, value, inertia))
+            for product, value in ((kx[:, near], values[near]), (refined, quotients))
+        ]
+        kept = np.isin(near, slender) | (errors[1] <= WORSE**2 * errors[0])
+        kx[:, near[kept]], values[near[kept]] = refined[:, kept], quotients[kept]
+    sums = np.stack(
+        [
+            _inner(model, array, mx),
+            _inner(model, mx, mx),
+            model.comm.allreduce(_misfits(kx, values, mx)),
+            squares,
+        ]
+    )
+    # a rigid-body mode has no strain energy to compare with: an elastic scale of the structure stands in
+    floor = lowest_scale(model) if not model.supported else 0.0
+    sizes = np.maximum(np.abs(values), floor) * np.sqrt(sums[1])
+    residuals = np.sqrt(sums[2]) / sizes
+    for k in slender:
+        # the forces of rounded displacements hide the residual; the change by an inverse iteration does not
+        residuals[k] = _change(pencil, solve, array[:, k], values[k] * mx[:, k])
+    # what round-off in K x alone may leave: a slender or softly held structure's lowest modes meet this limit
+    # first
+    round_off = (
+        1e3
+        * np.finfo(float).eps
+        * model.stiffness.norm(PETSc.NormType.NORM_INFINITY)
+        * np.sqrt(sums[3])
+        / sizes
+    )
+    del kx, mx
+    array /= np.sqrt(sums[0])
+    shapes = array[: pencil.owned].copy(order="F")
+    inertia = array[pencil.owned :].T @ pencil.auxiliary_translation()
+    model.comm.Allreduce(MPI.IN_PLACE, inertia)
+    iterations = eps.getIterationNumber()
+    limits = np.maximum(RESIDUAL_LIMIT, round_off)
+    limits[slender] = RESIDUAL_LIMIT
+    if len(slender):
+        model.refinement.judge("modal")
+    if not (residuals <= limits).all():
+        worst = int(np.argmax(residuals / limits))
+        raise on_all_ranks(
+            SolveError(
+                f"modal: the residual of mode {worst + 1} is {residuals[worst]:.2g}, more than "
+                f"{limits[worst]:.2g}; tighten -modal_eps_tol or choose another "
+                "-modal_st_pc_factor_mat_solver_type"
+            )
+        )
+    return Modal(
+        np.sqrt(np.maximum(values, 0.0)) / (2.0 * math.pi),
+        residuals,
+        shapes,
+        model.at_points(shapes),
+        inertia,
+        solver,
+        iterations,
+        pencil.unknowns,
+        model,
+    )
+
+
+def _products(matrix: PETSc.Mat, columns: np.ndarray) -> np.ndarray:
+    """A symmetric matrix times this rank's rows of columns. Collective.
+
+    One by one: PETSc 3.18 crashes in products of matrices kept by halves with blocks of columns.
+    """
+    right, left = matrix.createVecs()
+    result = np.empty_like(columns)
+    for k, column in enumerate(columns.T):
+        right.array = column
+        matrix.mult(right, left)
+        result[:, k] = left.array_r
+    right.destroy()
+    left.destroy()
+    return result
+
+
+def _change(pencil: Pencil, solve: CondensedSolve, shape: np.ndarray, forces: np.ndarray) -> float:
+    """||K^-1 f - x|| / ||x|| of a mode x and its forces f = w2 M x. Collective."""
+    left, right = pencil.stiffness.createVecs()
+    try:
+        right.array = forces
+        solve.apply(None, right, left)
+        left.array -= shape
+        size = math.sqrt(float(pencil.model.comm.allreduce(shape @ shape)))
+        return left.norm() / size
+    finally:
+        left.destroy()
+        right.destroy()
+
+
+def _inner(model: Structure, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """(n,): inner products of the columns of two distributed arrays."""
+    sums = np.einsum("ij,ij->j", one, other)
+    model.comm.Allreduce(MPI.IN_PLACE, sums)
+    return sums
+
+
+def _misfits(kx: np.ndarray, values: np.ndarray, mx: np.ndarray) -> np.ndarray:
+    """(n,): squares of this rank's part of K x - value M x, without another array of that size."""
+    return np.array([((kx[:, k] - value * mx[:, k]) ** 2).sum() for k, value in enumerate(values)])
+
+
+def lowest_scale(model: Structure) -> float:
+    """A positive omega^2 well below the elastic modes of a free structure of the model's extent,
+    (rad/s)^2.
+    """
+    length = float(np.linalg.norm(model.extent[1] - model.extent[0]))
+    speed2 = min(m.modulus / m.density for m in model.materials)
+    return 1e-4 * speed2 / length**2

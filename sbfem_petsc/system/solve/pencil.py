@@ -1,0 +1,383 @@
+"""The generalised eigenvalue pencil (16), (17): displacement and auxiliary unknowns, the latter reduced to
+what a band needs.
+"""
+
+from __future__ import annotations
+
+import copy
+import functools
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from ...capacity import give_back
+from ...parallel import alone
+from ...petsc import PETSc, configure, dense_columns, direct_solver, free, make_ksp, solving
+from ...selement.dense import cholesky, lower_solve, symmetric_eigen
+from ..elements.shapes import Group
+from ..layout.rows import Rows
+from ..structure import Structure
+from .assembly import ElementBlocks, assemble, assemble_like, from_rows
+from .linear_solver import LinearSolver
+
+# Unknowns up to which, on one rank, a hundred solves by PETSc's own factor are faster than by MUMPS and its
+# fronts: four times as fast at 2,000, as fast at 4,000. Products with full blocks are faster than those with
+# the upper half, too.
+_SMALL = 4000
+# Columns that the stiffness is multiplied with at a time.
+_COLUMNS = 16
+
+
+class Pencil:
+    """``K x = omega^2 M x`` with ``K = diag(K_b, E t I)`` and ``M = [[M_b, C], [C', J]]``.
+
+    The auxiliary unknowns of an S-element act through -omega^4 C (E t I - omega^2 J)^-1 C'. For a band of
+    frequencies they are projected on the leading right singular vectors of L^-1 C, L L' = K_b + omega^2 M_b
+    of the element at the top of the band, an even number of them: what is left out is bounded there, and
+    below falls with omega^4.
+    Elements much smaller than a wavelength keep none. The projection keeps the pencil symmetric and its mass
+    positive definite.
+
+    Parameters
+    ----------
+    model : Structure
+    highest : float
+        Top of the band, rad/s.
+    tolerance : float
+        What the dropped auxiliary unknowns of an S-element may contribute at most, relative to its own strain
+        and kinetic energy at the top of the band; 0 keeps every one.
+
+    Attributes
+    ----------
+    stiffness, mass : PETSc.Mat
+        Each rank holds its displacement unknowns, then its auxiliary ones.
+    unknowns : int
+    """
+
+    def __init__(self, model: Structure, highest: float, tolerance: float):
+        self.model = model
+        # a matter of caches, not of memory
+        self.small = model.comm.size == 1 and model.boundary_unknowns <= _SMALL
+        self._pieces = [
+            piece for group in model.moving_groups for piece in _pieces(model, group, highest, tolerance)
+        ]
+        local = sum(piece.auxiliary for piece in self._pieces)
+        self.auxiliary_ranges = np.concatenate([[0], np.cumsum(model.comm.allgather(local))]).astype(np.int64)
+        self.ranges = model.ranges + self.auxiliary_ranges
+        self.unknowns = int(self.ranges[-1])
+        self.owned = int(model.ranges[model.comm.rank + 1] - model.ranges[model.comm.rank])
+        mass = []
+        first = int(self.ranges[model.comm.rank]) + self.owned
+        self._auxiliary_stiffness = np.empty(local)
+        for piece in self._pieces:
+            numbers = first + np.arange(piece.auxiliary).reshape(len(piece.group_rows), -1)
+            unknowns = self.numbers(piece.unknowns)
+            mass.append(ElementBlocks(unknowns, unknowns, piece.mass))
+            if numbers.size:
+                mass.append(ElementBlocks(unknowns, numbers, piece.coupling))
+                mass.append(ElementBlocks(numbers, unknowns, piece.transposed_coupling))
+                pairs = numbers.reshape(-1, 2)
+                inertia = np.tile(piece.inertia, len(numbers)).reshape(-1, 2, 1) * np.eye(2)
+                mass.append(ElementBlocks(pairs, pairs, inertia.__getitem__))
+                own = numbers.ravel() - (self.ranges[model.comm.rank] + self.owned)
+                self._auxiliary_stiffness[own] = piece.modulus
+            first += numbers.size
+        self.stiffness = self._bordered()
+        # products with it take most of an eigensolver's time
+        kind, size = ("blocks", 2) if self.small and model.stiffness.getBlockSize() == 2 else ("upper", 1)
+        self.mass = assemble(model.comm, self.ranges, mass, kind, block_size=size)
+
+    def numbers(self, unknowns: np.ndarray) -> np.ndarray:
+        """Numbers in the pencil of displacement unknowns; -1 stays -1."""
+        model = self.model
+        if model.comm.size == 1:
+            return unknowns
+        owner = np.clip(np.searchsorted(model.ranges, unknowns, side="right") - 1, 0, model.comm.size - 1)
+        return np.where(unknowns >= 0, unknowns + self.auxiliary_ranges[owner], -1)
+
+    def _bordered(self) -> PETSc.Mat:
+        """diag(K_b, E t I) without a copy of the model's stiffness."""
+        model, count = self.model, len(self._auxiliary_stiffness)
+        own = int(self.auxiliary_ranges[model.comm.rank]) + np.arange(count)
+        rows = (np.arange(count + 1), own, self._auxiliary_stiffness)
+        corner = from_rows(model.comm, self.auxiliary_ranges, self.auxiliary_ranges, rows, symmetric=True)
+        matrix = PETSc.Mat().createNest([[model.stiffness, None], [None, corner]], comm=model.comm)
+        corner.destroy()
+        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        return matrix
+
+    def stiff_products(self, columns: np.ndarray) -> np.ndarray:
+        """diag(K_b, E t I) times this rank's rows of columns, in Fortran's order. Collective."""
+        matrix, result = self.model.stiffness, np.empty_like(columns)
+        for first in range(0, columns.shape[1], _COLUMNS):
+            some = slice(first, first + _COLUMNS)
+            given = dense_columns(matrix, np.asfortranarray(columns[: self.owned, some]))
+            product = matrix.matMult(given)
+            result[: self.owned, some] = product.getDenseArray()
+            free(self.model.comm, given, product)
+        result[self.owned :] = self._auxiliary_stiffness[:, None] * columns[self.owned :]
+        return result
+
+    def condensed(self, shift: float) -> PETSc.Mat:
+        """K - shift M with the auxiliary unknowns eliminated, over the displacement unknowns alone."""
+        if shift == 0.0:
+            return copy.copy(self.model.stiffness)  # a reference of its own
+        blocks = self.model.spring_blocks() + [
+            ElementBlocks(piece.unknowns, piece.unknowns, piece.condensed(shift)) for piece in self._pieces
+        ]
+        matrix = assemble_like(self.model.stiffness, blocks)
+        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        matrix.setOption(PETSc.Mat.Option.SPD, shift < 0.0)
+        return matrix
+
+    @functools.cached_property
+    def coupling(self) -> PETSc.Mat:
+        """C, displacement by auxiliary unknowns."""
+        first, blocks = int(self.auxiliary_ranges[self.model.comm.rank]), []
+        for piece in self._pieces:
+            numbers = first + np.arange(piece.auxiliary).reshape(len(piece.group_rows), -1)
+            blocks.append(ElementBlocks(piece.unknowns, numbers, piece.coupling))
+            first += numbers.size
+        return assemble(
+            self.model.comm, self.model.ranges, blocks, "general", column_ranges=self.auxiliary_ranges
+        )
+
+    def auxiliary_diagonal(self, shift: float) -> np.ndarray:
+        """E t - shift J of this rank's auxiliary unknowns."""
+        return self._auxiliary_stiffness - shift * self.auxiliary_inertia()
+
+    def auxiliary_translation(self) -> np.ndarray:
+        """(local auxiliary unknowns, 2): C' times a unit translation along x and y, what a rigid motion of
+        the structure couples to.
+        """
+        parts = [np.zeros((0, 2)), *(piece.coupled_translation().reshape(-1, 2) for piece in self._pieces)]
+        return np.concatenate(parts)
+
+    def placed(self) -> Iterator[tuple[Group, float, np.ndarray]]:
+        """S-elements of one shape and size: their group, rho h^2 t (kg), and their auxiliary unknowns among
+        those of this rank, (k, a); of a pencil that keeps every one.
+        """
+        first = 0
+        for piece in self._pieces:
+            numbers = first + np.arange(piece.auxiliary).reshape(len(piece.group_rows), -1)
+            yield piece.group, piece.inertia_scale, numbers
+            first += piece.auxiliary
+
+    def auxiliary_inertia(self) -> np.ndarray:
+        """J of this rank's auxiliary unknowns."""
+        return np.concatenate([np.tile(p.inertia, len(p.group_rows)) for p in self._pieces] or [np.empty(0)])
+
+    def eigenvalues_below(self, shift: float) -> int | None:
+        """Number of eigenvalues omega^2 < `shift` by Sylvester's law of inertia; None where the direct solver
+        does not tell it (MUMPS does). Collective.
+        """
+        if direct_solver(self.model.comm)[1] != "mumps":
+            return None
+        matrix = self.condensed(shift)
+        pc = PETSc.PC().create(self.model.comm)
+        try:
+            pc.setOptionsPrefix("modal_inertia_")
+            pc.setOperators(matrix)
+            pc.setType(PETSc.PC.Type.CHOLESKY)
+            pc.setFactorSolverType("mumps")
+            pc.setFactorSetUpSolverType()
+            factor = pc.getFactorMatrix()
+            factor.setMumpsIcntl(24, 1)  # null pivots are looked for, which the count needs
+            factor.setMumpsIcntl(13, 1)  # no ScaLAPACK at the root: its pivots would not be counted
+            configure(pc)
+            with solving("modal"):
+                pc.setUp()
+            negative = factor.getInertia()[0]
+            factor.destroy()  # before its owner, which would otherwise leave MUMPS' memory behind
+        finally:
+            free(self.model.comm, pc, matrix)
+        return int(negative) + self.model.comm.allreduce(int((self.auxiliary_diagonal(shift) < 0.0).sum()))
+
+    def destroy(self) -> None:
+        """Free the PETSc matrices."""
+        free(
+            self.model.comm,
+            self.stiffness,
+            self.mass,
+            *([self.coupling] if "coupling" in self.__dict__ else []),
+        )
+
+
+class _Piece:
+    """S-elements of one group with one size: equal matrices up to rotation."""
+
+    def __init__(self, model: Structure, group: Group, rows: np.ndarray, highest: float, tolerance: float):
+        self.group, self.group_rows = group.select(rows), rows
+        self.modulus, inertia = model.scales(self.group)
+        self.inertia_scale = float(inertia[0])
+        self.unknowns = model.unknowns_of(self.group)
+        coupling, inertia = group.solution.coupling, group.solution.inertia
+        if tolerance > 0.0 and coupling.shape[1]:
+            coupling, inertia = _project(
+                group.solution,
+                highest**2 * self.inertia_scale / self.modulus,
+                tolerance,
+                model.continued_fraction,
+            )
+        self._coupling, self._inertia = coupling, inertia
+        self.auxiliary = inertia.size * len(rows)
+        self.inertia = self.inertia_scale * inertia
+
+    def mass(self, part: slice) -> np.ndarray:
+        """(k, n, n) blocks of some of the S-elements."""
+        return self.inertia_scale * self.group.select(part).turned_both(self.group.solution.mass)
+
+    def coupling(self, part: slice) -> np.ndarray:
+        """(k, n, r) blocks of some of the S-elements."""
+        return self.inertia_scale * self.group.select(part).turned(self._coupling)
+
+    def transposed_coupling(self, part: slice) -> np.ndarray:
+        """(k, r, n)"""
+        return self.coupling(part).transpose(0, 2, 1)
+
+    def coupled_translation(self) -> np.ndarray:
+        """(k, r, 2): transposed coupling times unit translations."""
+        units = np.tile(np.eye(2), (len(self.group.shape), 1))
+        return self.inertia_scale * (self._coupling.T @ units) @ self.group.rotations
+
+    def condensed(self, shift: float) -> Callable[[slice], np.ndarray]:
+        """(k, n, n) blocks of the shifted stiffness without auxiliary unknowns, of some of the S-elements."""
+        solution, s = self.group.solution, shift * self.inertia_scale / self.modulus
+        matrix = self.modulus * (
+            solution.stiffness
+            - s * solution.mass
+            - s * s * (self._coupling / (1.0 - s * self._inertia)) @ self._coupling.T
+        )
+        return lambda part: self.group.select(part).turned_both(matrix)
+
+
+def _pieces(model: Structure, group: Group, highest: float, tolerance: float) -> list[_Piece]:
+    """Split a group by the sizes of its S-elements."""
+    sizes = group.sizes
+    order = np.argsort(sizes, kind="stable")
+    breaks = np.flatnonzero(np.diff(sizes[order]) > 1e-9 * sizes[order][1:]) + 1
+    return [_Piece(model, group, rows, highest, tolerance) for rows in np.split(order, breaks)]
+
+
+def _project(solution, w2: float, tolerance: float, terms: int) -> tuple[np.ndarray, np.ndarray]:
+    """Coupling (n, r) and inertia (r,) of the auxiliary unknowns that matter up to omega^2 rho h^2 / E =
+    `w2`.
+
+    C touches the first term of the continued fraction alone; the later terms act through J. With w2 J = W the
+    expansion C (1 - W)^-1 C' = C C' + C W C' + ... reaches term k by W^(k-1) C', so that many blocks are
+    stacked before the singular vectors are taken.
+    """
+    lower = cholesky(solution.stiffness + w2 * solution.mass, "dynamic stiffness of an S-element")
+    block = w2 * lower_solve(lower, solution.coupling)
+    if terms == 1 and (block**2).sum() <= tolerance:
+        return solution.coupling[:, :0], solution.inertia[:0]
+    gram = block.T @ block
+    for _ in range(terms - 1):
+        block = block * (w2 * solution.inertia)
+        gram = gram + block.T @ block
+    values, vectors = symmetric_eigen(gram)
+    # an even number of them, as of displacements: matrices then consist of blocks of two
+    kept = int((values > tolerance).sum())
+    basis = vectors[:, len(values) - kept - kept % 2 :]
+    inertia, modes = (
+        symmetric_eigen((basis.T * solution.inertia) @ basis)
+        if basis.shape[1]
+        else (solution.inertia[:0], np.zeros((0, 0)))
+    )
+    return solution.coupling @ (basis @ modes), inertia
+
+
+class CondensedSolve:
+    """Python preconditioner of PETSc that applies (K - shift M)^-1 exactly.
+
+    The auxiliary unknowns, diagonal in both matrices, are eliminated element by element; what is left is one
+    linear solve over the displacement unknowns, configured under `prefix`; `what` names the solve in its
+    error.
+    """
+
+    def __init__(self, pencil: Pencil, shift: float, prefix: str, what: str):
+        self.pencil, self.shift, self.what = pencil, shift, what
+        self.matrix = pencil.condensed(shift)
+        solver = pencil.model.__dict__.get("solver")
+        chosen = bool(PETSc.Options(prefix).getAll())
+        definite = shift <= 0.0
+        if definite and pencil.small and not chosen:
+            self.ksp = make_ksp(self.matrix, prefix, small=True)
+        elif shift == 0.0 and solver is not None and solver.direct and not chosen:
+            self.ksp = copy.copy(solver.ksp)  # the stiffness is factorised
+        else:
+            self.ksp = make_ksp(self.matrix, prefix, definite)
+        self._solver = LinearSolver(self.ksp, self.matrix)
+        # without a shift the lowest modes of slender structures need more digits than the assembled stiffness
+        # has
+        self.refinement = pencil.model.refinement if shift == 0.0 else None
+        self.diagonal = pencil.auxiliary_diagonal(shift)
+        self.right, self.left = self.matrix.createVecs()
+        if shift != 0.0:
+            self.auxiliary = pencil.coupling.createVecRight()
+
+    def apply(self, pc, right: PETSc.Vec, left: PETSc.Vec) -> None:
+        """left = (K - shift M)^-1 right."""
+        owned = self.pencil.owned
+        source = right.array_r
+        self.right.array = source[:owned]
+        scaled = source[owned:] / self.diagonal
+        if self.shift != 0.0:
+            self.auxiliary.array = self.shift * scaled
+            self.pencil.coupling.multAdd(self.auxiliary, self.right, self.right)
+        self._solve()
+        if self.refinement and self.refinement.needed(self.right.norm(), self.left.norm()):
+            given, found = self.right.array_r.copy(), self.left.array_r.copy()
+            self.left.array = self.refinement.refine(given, found, self._again)
+        if self.shift != 0.0:
+            self.pencil.coupling.multTranspose(self.left, self.auxiliary)
+            scaled = scaled + self.shift * self.auxiliary.array_r / self.diagonal
+        target = left.array
+        target[:owned] = self.left.array_r
+        target[owned:] = scaled
+
+    def of_rows(self, rows: Rows, chosen: slice) -> np.ndarray:
+        """(K - shift M)^-1 of the transposes of some rows, (local unknowns, k). Collective."""
+        upper = self._solver.of_rows(rows, chosen, self.what)
+        found = np.zeros((len(upper) + len(self.diagonal), upper.shape[1]), order="F")
+        found[: len(upper)] = upper
+        if self.shift != 0.0:
+            for k in range(upper.shape[1]):
+                self.left.array = upper[:, k]
+                self.pencil.coupling.multTranspose(self.left, self.auxiliary)
+                found[len(upper) :, k] = self.shift * self.auxiliary.array_r / self.diagonal
+        return found
+
+    def _solve(self) -> None:
+        self._solver.solve(self.right, self.left, self.what)
+
+    def _again(self, residual: np.ndarray) -> np.ndarray:
+        self.right.array = residual
+        self._solve()
+        return self.left.array_r.copy()
+
+    def release(self) -> None:
+        """Free the PETSc objects and let go of the pencil: PETSc may keep this context longer than it is of
+        use.
+        """
+        comm = self.pencil.model.comm
+        if alone(comm):
+            return
+        if self.shift != 0.0:
+            self.auxiliary.destroy()
+        free(comm, self.ksp, self.right, self.left, self.matrix)
+        give_back(self.pencil.model.boundary_unknowns)
+        self.__dict__.clear()
+
+
+def top_of_band(model: Structure, count: int) -> float:
+    """Estimate of the angular frequency of mode `count` by Weyl's law with its boundary term, rad/s.
+
+    It only decides how many auxiliary unknowns are kept at first; the analysis checks it against what it
+    finds, and begins anew where it is too low: a fifth more than the law makes that rare.
+    """
+    squares = [m.density / m.modulus / np.linalg.eigvalsh(m.elasticity) for m in model.materials]
+    slow, fast = max((float(part.max()), float(part.min())) for part in squares)
+    a, b = model.area * (slow + fast) / (4.0 * math.pi), model.perimeter * math.sqrt(slow) / (2.0 * math.pi)
+    return 1.2 * (math.sqrt(b * b + 4.0 * a * count) - b) / (2.0 * a)

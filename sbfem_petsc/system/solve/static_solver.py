@@ -1,0 +1,161 @@
+"""Linear solves with the stiffness of a model, factorised once (prefix ``static_``)."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from meshing.warnings import SolverWarning
+
+from ...errors import caller_level
+from ...petsc import PETSc, free, make_ksp, solver_name, stage
+from ..layout.rows import Rows
+from .linear_solver import LinearSolver
+
+# Right-hand sides that are solved for at a time: as many as fit into so many bytes a rank, within limits;
+# fewer would not use what MUMPS gains by blocks.
+_BLOCK_BYTES, _LEAST, _MOST = 2**27, 64, 256
+
+# Unknowns below which a factorisation costs less than multigrid, and above which its memory and its gain by
+# more ranks become poor; iterations of a solve that multigrid stays below on structures that suit it.
+_SMALL, _LARGE, _SUITED = 300_000, 5_000_000, 50
+
+
+def block_width(model) -> int:
+    """Right-hand sides that are solved for at a time."""
+    if model.comm.size > 1:
+        return _LEAST  # PETSc gathers the block for MUMPS on one rank, with lists of all its entries
+    return min(max(_BLOCK_BYTES // (8 * max(1, model.boundary_unknowns)), _LEAST), _MOST)
+
+
+class StaticSolver:
+    """K^-1 for one and for many right-hand sides.
+
+    Parameters
+    ----------
+    model : Structure
+
+    Notes
+    -----
+    Solutions are refined where the round-off of the assembled stiffness would reach their digits: those of
+    slender structures (`element_stiffness`).
+    """
+
+    def __init__(self, model):
+        self.matrix, self.refinement = model.stiffness, model.refinement
+        self._comm = self.matrix.comm.tompi4py()
+        self.ksp = make_ksp(self.matrix, "static_", by_ranks=model.stiffness_by_ranks)
+        # the stiffness never changes, though it becomes a block of bordered matrices
+        self.ksp.getPC().setReusePreconditioner(True)
+        self.name = solver_name(self.ksp)
+        self._unrefined = LinearSolver(self.ksp, self.matrix)
+        self.direct = self._unrefined.direct
+
+    def judge(self, owner: str) -> None:
+        """Warn if another solver suits the structure better.
+
+        Warns
+        -----
+        SolverWarning
+        """
+        unknowns = self.matrix.getSize()[0]
+        told = None
+        if self.direct:
+            if unknowns > _LARGE:
+                told = (
+                    "a factorisation takes much memory, and gains little from many ranks; try "
+                    "-static_ksp_type cg -static_pc_type gamg -static_pc_gamg_threshold 0.05"
+                )
+        elif self._unrefined.most > _SUITED:
+            told = (
+                f"{self._unrefined.most} iterations a solve are many, as of slender structures and steeply "
+                "graded meshes; the direct solver, without -static_ksp_type and -static_pc_type, does not "
+                "mind"
+            )
+        elif unknowns < _SMALL:
+            told = "the direct solver, without -static_ksp_type and -static_pc_type, is faster"
+        if told is not None:
+            warnings.warn(
+                f"{owner}: with {unknowns:,d} unknowns and {self.name}, {told}",
+                SolverWarning,
+                stacklevel=caller_level(),
+            )
+
+    def solve(self, right: PETSc.Vec, solution: PETSc.Vec, what: str) -> None:
+        """solution = K^-1 right; `what` names the solve in its error."""
+        self._unrefined.solve(right, solution, what)
+        if not self.refinement.needed(right.norm(), solution.norm()):
+            return
+        change, spare = right.duplicate(), solution.duplicate()
+
+        def again(residual: np.ndarray) -> np.ndarray:
+            change.array = residual
+            self._unrefined.solve(change, spare, what)
+            return spare.array_r.copy()
+
+        try:
+            solution.array = self.refinement.refine(right.array_r.copy(), solution.array_r.copy(), again)
+        finally:
+            free(self._comm, change, spare)
+
+    def columns(self, right: np.ndarray, what: str) -> np.ndarray:
+        """K^-1 of (owned, k) columns, (owned, k)."""
+        return self._refined(right, self._unrefined.columns(right, what), what)
+
+    def of_rows(self, rows: Rows, chosen: slice, what: str) -> np.ndarray:
+        """K^-1 of the transposes of some rows, (owned, k)."""
+        return self._refined(rows.columns(chosen), self._unrefined.of_rows(rows, chosen, what), what)
+
+    def _refined(self, right: np.ndarray, solution: np.ndarray, what: str) -> np.ndarray:
+        sums = self._comm.allreduce(np.stack([(right**2).sum(axis=0), (solution**2).sum(axis=0)]))
+        if not any(self.refinement.needed(*pair) for pair in np.sqrt(sums).T):
+            return solution
+        return self.refinement.refine(
+            right, solution, lambda residual: self._unrefined.columns(residual, what)
+        )
+
+    def destroy(self) -> None:
+        """Free the factors."""
+        self.ksp.destroy()
+
+
+@dataclass(frozen=True, eq=False)
+class Compliance:
+    """Static response to unit contact forces: the Delassus operator and what the outputs do.
+
+    Attributes
+    ----------
+    gaps : (c, c) array
+        W = G K^-1 G^T and the rows' own flexibility, symmetric, m/N.
+    points : (points, 2, c) array
+        m/N.
+    tips : (tips, 2, c) array
+        K_I and K_II, Pa m^(1/2)/N.
+    """
+
+    gaps: np.ndarray
+    points: np.ndarray
+    tips: np.ndarray
+
+
+@stage("Contact")
+def compliance(model) -> Compliance:
+    """Solve for every contact row, a block of them at a time."""
+    gap = model.gap_operator
+    outputs = (gap.rows, model.point_rows, model.tips.rows)
+    found = [np.empty((len(rows), len(gap))) for rows in outputs]
+    width = block_width(model)
+    for first in range(0, len(gap), width):
+        block = slice(first, min(first + width, len(gap)))
+        solved = model.solver.of_rows(gap.rows, block, "static contact")
+        for target, rows in zip(found, outputs):
+            target[:, block] = rows(solved)
+    gaps, points, tips = found
+    gaps = 0.5 * (gaps + gaps.T) + gap.flexibility
+    tips += model.tips.contact
+    count = len(gap)
+    return Compliance(
+        gaps, points.reshape(len(points) // 2, 2, count), tips.reshape(len(tips) // 2, 2, count)
+    )
