@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from html import escape
 from typing import Any, TextIO
 
 from .checks import progress as check_progress
@@ -14,6 +15,8 @@ from .checks import progress as check_progress
 Progress = Callable[[float], None] | str | None
 # Seconds between two lines in a log.
 PAUSE = 10.0
+# Seconds from which on a notebook tells of a work.
+MOMENT = 0.5
 
 
 class Watch:
@@ -110,6 +113,41 @@ class Bar(Watch):
         self.progress.stop()
 
 
+class Cell(Watch):
+    """A bar below the cell of a notebook, for work of more than a moment; gone when that is done."""
+
+    def __init__(self) -> None:
+        self.text, self.handle, self.began = "", None, time.monotonic()  # type: str, Any, float
+
+    def stage(self, text: str) -> None:
+        self.text = text
+
+    def fraction(self, done: float) -> None:
+        if time.monotonic() - self.began >= MOMENT:
+            self._show(f'{escape(self.text)} <progress value="{done:.3f}"></progress> {100.0 * done:.0f} %')
+
+    def say(self, text: str) -> None:
+        sys.stderr.write(f"{text}\n")
+
+    def close(self) -> None:
+        if self.handle is not None:
+            self._show("")
+
+    def _show(self, text: str) -> None:
+        from IPython.display import HTML, display
+
+        if self.handle is None:
+            self.handle = display(HTML(text), display_id=True)
+        else:
+            self.handle.update(HTML(text))
+
+
+def in_notebook() -> bool:
+    """Whether a Jupyter kernel runs this program."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return getattr(shell, "kernel", None) is not None
+
+
 def watch_for(comm: Any, quiet: bool = False, stream: TextIO | None = None) -> Watch:
     """A bar on a terminal, lines elsewhere, nothing on other ranks than 0 and where quiet is asked for."""
     stream = sys.stderr if stream is None else stream
@@ -128,7 +166,7 @@ def progress_bar(comm, text: str, progress: Progress = "auto"):
     text : str
         What is under way.
     progress : callable, "auto" or None
-        "auto": a bar on standard error, on rank 0 and a terminal only.
+        "auto": a bar on standard error, on rank 0 and a terminal only, or below a notebook's cell.
 
     Raises
     ------
@@ -138,9 +176,9 @@ def progress_bar(comm, text: str, progress: Progress = "auto"):
     if check_progress(text, progress) != "auto":
         yield progress
         return
-    if comm.rank > 0 or not sys.stderr.isatty():
+    if comm.rank > 0 or not (in_notebook() or sys.stderr.isatty()):
         yield None
         return
-    with Bar(sys.stderr) as bar:
+    with Cell() if in_notebook() else Bar(sys.stderr) as bar:
         bar.stage(text)
         yield bar.fraction

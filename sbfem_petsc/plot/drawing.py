@@ -5,6 +5,8 @@ Matplotlib's settings hold while a picture is drawn; there is no display.
 
 from __future__ import annotations
 
+import functools
+import io
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -36,7 +38,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 MATERIAL, GRID, GREY = "#E8EDF2", "#DDDDDD", "#8A8A8A"
 DASHED = (0, (3.0, 1.6))
 WIDTH = 7.2  # inches: two columns of a journal
-RESOLUTION = 200  # dots per inch
+RESOLUTION, INLINE = 200, 100  # dots per inch, of files and in notebooks
 FORMATS = ("png", "svg", "pdf")
 # Matplotlib's settings while a picture is drawn: small type; values are read off as they are.
 STYLE: Any = {
@@ -64,7 +66,7 @@ class Sheet:
     """
 
     def __init__(self, owner: str, target: Any):
-        self.owner, self.shared, self.columns = owner, False, 1
+        self.owner, self.shared, self.columns, self.alone = owner, False, 1, target is None
         self.own: list[Axes] = []
         self.figure: Any = target if isinstance(target, FigureBase) else None
         self.given: list[Axes] = []
@@ -123,11 +125,27 @@ class Sheet:
                 self.figure.suptitle(title, x=0.01, horizontalalignment="left")
             else:
                 (self.own or self.given)[0].set_title(title, loc="left")
-        return (
-            [axes for axes in drawn if axes in self.given]
-            if self.given and isinstance(drawn, list)
-            else drawn
-        )
+        if self.given:
+            return [axes for axes in drawn if axes in self.given] if isinstance(drawn, list) else drawn
+        # a figure that no display of Matplotlib knows of
+        if self.alone and isinstance(drawn, Axes):
+            drawn._repr_png_ = functools.partial(png, drawn)  # type: ignore[attr-defined]
+        return Panels(drawn) if self.alone and isinstance(drawn, list) else drawn
+
+
+class Panels(list[Axes]):
+    """Axes of one figure, which a notebook shows."""
+
+    def _repr_png_(self) -> bytes:
+        return png(self[0])
+
+
+def png(axes: Axes) -> bytes:
+    """The figure of some axes as PNG."""
+    buffer, picture = io.BytesIO(), axes.get_figure()
+    assert isinstance(picture, Figure)
+    picture.savefig(buffer, format="png", dpi=INLINE)
+    return buffer.getvalue()
 
 
 def figure(height: float, width: float = WIDTH) -> Figure:

@@ -63,9 +63,10 @@ def test_snippets_run(page, tmp_path, monkeypatch):
 
 
 @pytest.mark.long
-def test_the_tutorial_runs(tmp_path):
-    """From its first cell to its last, with the figures that it shows."""
-    notebook = nbformat.read(ROOT / "docs/tutorial.ipynb", as_version=4)
+@pytest.mark.parametrize("name", [path.stem for path in sorted((ROOT / "docs").glob("*.ipynb"))])
+def test_notebooks_run(name, tmp_path):
+    """From the first cell to the last, with the numbers and as many pictures as stand there."""
+    notebook = nbformat.read(ROOT / f"docs/{name}.ipynb", as_version=4)
     shown = [cell.outputs for cell in notebook.cells if cell.cell_type == "code"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     client = nbclient.NotebookClient(
@@ -73,7 +74,11 @@ def test_the_tutorial_runs(tmp_path):
     )
     client.execute(env=environment)
     again = [cell.outputs for cell in notebook.cells if cell.cell_type == "code"]
+    pictures = [["image/png" in o.get("data", {}) for o in outputs] for outputs in shown]
+    assert sum(map(sum, pictures)) >= 2
     for before, after in zip(shown, again, strict=True):
+        kinds = [[("image/png" in o.data) for o in part if "data" in o] for part in (before, after)]
+        assert sum(kinds[0]) == sum(kinds[1])
         texts = ["".join(o.get("text", "") for o in outputs) for outputs in (before, after)]
         numbers = [
             [float(n) for n in re.findall(r"(?<![\w.])-?\d+\.\d+(?:e[+-]\d+)?", text)] for text in texts
