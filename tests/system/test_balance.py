@@ -170,7 +170,7 @@ import sbfem_petsc as sb
 from meshing import CrackLine, Plate
 from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.solution import SElement, solve_selement
-from sbfem_petsc.system import shapes
+from sbfem_petsc.system.elements import shapes
 comm = MPI.COMM_WORLD
 shapes._KEPT = int(sys.argv[1])
 done, inertia = [], SElement.with_inertia

@@ -15,7 +15,8 @@ from petsc4py import PETSc
 from sbfem_petsc.continuation import multipliers as of_motions
 from sbfem_petsc.continuation import linear, shooting as fixed_points
 from sbfem_petsc.continuation.problems import curve_system, unreduced as unreduced_shooting
-from sbfem_petsc.system import dual_contact, krylov_step
+from sbfem_petsc.system.contact import dual_contact
+from sbfem_petsc.system.solve import krylov_step
 from tests.systems import two_masses
 
 warnings.simplefilter("ignore")

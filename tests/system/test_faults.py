@@ -148,7 +148,7 @@ SCARCE = """
 import sys
 from mpi4py import MPI
 from sbfem_petsc.cli import main
-from sbfem_petsc.system import assembly
+from sbfem_petsc.system.solve import assembly
 whole = assembly.row_lengths
 def scarce(*arguments):
     if MPI.COMM_WORLD.rank == 1:
