@@ -42,6 +42,19 @@ def open_regular(path: str, flags: int) -> int:
     return handle
 
 
+def hold(handle: int, *, shared: bool = False) -> bool:
+    """Keep an open file to this process, or to those that share it, until it is closed or the process ends,
+    however it does; whether nobody else has it. On a file system without locks nobody is known.
+    """
+    try:
+        fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        pass
+    return True
+
+
 def regular_file(folder: str, *names: str) -> str | None:
     """Path of a regular file below a folder; None if there is none.
 
@@ -218,25 +231,17 @@ class HeldFolder:
         _begin(path)
         self._handle: int | None = open_regular(os.path.join(path, INDEX), os.O_RDWR)
         try:
-            self._lock(fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
+            if not hold(self._handle, shared=shared):
+                raise ValueError(
+                    f"another process is at work in {path!r}; wait for it, or name another folder with "
+                    "--output"
+                )
             leftovers = list(self._leftovers())
         except BaseException:
             self.close()
             raise
         for place in () if shared else leftovers:
             shutil.rmtree(place, ignore_errors=True)
-
-    def _lock(self, kind: int) -> None:
-        assert self._handle is not None
-        try:
-            fcntl.flock(self._handle, kind | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise ValueError(
-                f"another process is at work in {self.path!r}; wait for it, or name another folder with "
-                "--output"
-            ) from None
-        except OSError:
-            pass  # a file system without locks: others may be at work here
 
     def _leftovers(self, below: str = "") -> Iterator[str]:
         """What killed processes have left of files that they were making, after a look at everything."""

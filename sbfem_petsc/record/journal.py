@@ -12,7 +12,6 @@ types and shapes of arrays), the arrays' bytes. Nothing in it is executed.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import os
 import shutil
@@ -24,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from meshing.folder_index import open_regular
+from meshing.folder_index import hold, open_regular
 from meshing.whole_file import reason
 
 from ..errors import SolveError
@@ -199,24 +198,17 @@ class Journal:
         except OSError as error:
             raise ValueError(f"{what} {path!r} cannot be written: {reason(error)}") from None
         try:
-            self._lock()
+            if not hold(self._file):
+                raise ValueError(
+                    f"{what} {self.path!r} is being written by another run; wait for its end, or name "
+                    "another file"
+                )
             self._clear()
             if resume and os.fstat(self._file).st_size > len(MAGIC):
                 self.former = self._found()
         except BaseException:
             self.close()
             raise
-
-    def _lock(self) -> None:
-        """On the file itself, until it is closed or the process ends, however it ends."""
-        with contextlib.suppress(OSError):  # a file system without locks
-            try:
-                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise ValueError(
-                    f"{self.what} {self.path!r} is being written by another run; wait for its end, or name "
-                    "another file"
-                ) from None
 
     def _clear(self) -> None:
         """Remove what a kill has left of a state that was being written."""

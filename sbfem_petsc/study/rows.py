@@ -1,29 +1,22 @@
-"""Rows of a sweep on the disk: each group of ranks appends to a file of its own, and what a kill cuts off is
-seen.
+"""Rows of a sweep on the disk: each group of ranks appends to a file of its own. A row is a journal of one
+frame, so that what a kill has cut off, or bytes that have changed, cost no other row.
 """
 
 from __future__ import annotations
 
 import contextlib
-import fcntl
-import io
-import json
 import mmap
 import os
-import struct
-import zipfile
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
-from meshing.folder_index import claim, open_regular
+from meshing.folder_index import claim, hold, open_regular
 from meshing.whole_file import reason
 
-_HEAD = struct.Struct("<4sQI")  # mark, length, checksum
-_MARK = b"row\0"
+from ..record.journal import HEAD, MAGIC, packed, unpacked
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +59,8 @@ def held(path: str, what: str) -> Iterator[None]:
     claim(path, "rows of the sweep")
     handle = open_regular(path, os.O_RDWR | os.O_CREAT)
     try:
-        with contextlib.suppress(OSError):  # a file system without locks
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise ValueError(f"{what} are computed by another process; wait for its end") from None
+        if not hold(handle):
+            raise ValueError(f"{what} are computed by another process; wait for its end")
         yield
     finally:
         os.close(handle)
@@ -84,19 +74,12 @@ def append(path: str, row: Row) -> None:
     ValueError
         If the system refuses, as on a full disk.
     """
-    buffer = io.BytesIO()
     facts = {"number": row.number, "reason": row.reason, "seconds": row.seconds, "units": row.units}
-    names = list(row.values)
-    np.savez(
-        buffer,
-        facts=np.array(json.dumps({**facts, "names": names})),
-        **{f"v{k}": row.values[name] for k, name in enumerate(names)},
-    )
-    payload = buffer.getvalue()
+    values = {f"/{name}": np.asarray(value) for name, value in row.values.items()}
     claim(path, "rows of the sweep")
     try:
         with os.fdopen(open_regular(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT), "ab") as file:
-            file.write(_HEAD.pack(_MARK, len(payload), zlib.crc32(payload)) + payload)
+            file.write(b"".join([MAGIC, *packed(facts | values)]))
             file.flush()
             os.fsync(file.fileno())
     except OSError as error:
@@ -131,27 +114,28 @@ def _payloads(path: str) -> Iterator[bytes]:
         if size == 0:
             return
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            while 0 <= (place := data.find(_MARK, place)) <= size - _HEAD.size:
-                begin = place + _HEAD.size
-                _, length, checksum = _HEAD.unpack(data[place:begin])
-                payload = data[begin : begin + length] if length <= size - begin else b""
-                if len(payload) == length and zlib.crc32(payload) == checksum:
+            while (place := data.find(MAGIC, place)) >= 0:
+                place += len(MAGIC)
+                if place + HEAD.size > size:
+                    return
+                length, of_length, checksum = HEAD.unpack(data[place : place + HEAD.size])
+                begin = place + HEAD.size
+                if zlib.crc32(data[place : place + 8]) != of_length or length > size - begin:
+                    continue
+                payload = data[begin : begin + length]
+                if zlib.crc32(payload) == checksum:
                     yield payload
                     place = begin + length
-                else:
-                    place += 1
 
 
 def _unpacked(path: str, payload: bytes) -> Row:
     try:
-        with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
-            facts: dict[str, Any] = json.loads(str(arrays["facts"]))
-            values = {str(name): arrays[f"v{k}"] for k, name in enumerate(facts["names"])}
-        units = {str(name): str(unit) for name, unit in facts["units"].items()}
-        row = Row(int(facts["number"]), str(facts["reason"]), float(facts["seconds"]), values, units)
-    except (ValueError, TypeError, KeyError, AttributeError, OSError, EOFError, zipfile.BadZipFile) as error:
+        found = unpacked(payload)
+        values = {name[1:]: found[name] for name in found if name.startswith("/")}
+        units = {str(name): str(unit) for name, unit in found["units"].items()}
+        return Row(int(found["number"]), str(found["reason"]), float(found["seconds"]), values, units)
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise ValueError(
             f"rows of the sweep in {path!r} are not what a sweep has written ({error}); give --replace to "
             "compute them again"
         ) from None
-    return row

@@ -2,6 +2,8 @@
 
 import os
 import re
+import struct
+import zlib
 
 import pytest
 
@@ -486,11 +488,12 @@ def test_rows_that_no_sweep_has_written(tmp_path):
     """Checksums that fit, and lengths beyond the end."""
     path = tmp_path / "0.rows"
     payload = b"no rows at all"
-    head = rows._HEAD.pack(rows._MARK, len(payload), rows.zlib.crc32(payload))
+    length = struct.pack("<Q", len(payload))
+    head = rows.MAGIC + length + struct.pack("<II", zlib.crc32(length), zlib.crc32(payload))
     path.write_bytes(head + payload)
     with pytest.raises(ValueError, match="are not what a sweep has written"):
         rows.read(str(tmp_path))
-    path.write_bytes(rows._HEAD.pack(rows._MARK, 2**63, 0))
+    path.write_bytes(rows.MAGIC + rows.HEAD.pack(2**63, zlib.crc32(struct.pack("<Q", 2**63)), 0))
     assert len(list(rows.every(str(tmp_path)))) == 0 and rows.read(str(tmp_path)) == {}
 
 
