@@ -107,7 +107,8 @@ def transient(
         kill); what `resume` goes on from stands beside it, in FILE.state.
     resume : bool
         Go on from `file` if it exists, with the same model, loads and settings; the history is that of an
-        uninterrupted run. A longer `duration` continues a shorter run, at its step. False: replace it.
+        uninterrupted run, bit by bit; of an unreduced model on another number of ranks to 1e-6. A longer
+        `duration` continues a shorter run, at its step. False: replace it.
     in_memory : bool
         False: what has been written to `file` is let go of, and the arrays of the history are read from there
         as they are used; memory holds some thousand steps at a time.

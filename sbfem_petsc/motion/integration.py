@@ -73,6 +73,24 @@ class FormerRun:
     decimation: int
 
 
+class UnreducedFacts(NamedTuple):
+    """What the file of an unreduced model's history tells of the model: names of points, the tips, what tells
+    models apart, and what tells this rank's unknowns apart.
+    """
+
+    points: tuple[str, ...]
+    tips: TipFacts
+    fingerprint: np.ndarray
+    layout: Mapping[str, np.ndarray]
+
+
+class OfOtherRanks(NamedTuple):
+    """Checkpoints of all ranks of a former run, of which there were more or fewer, and their layouts."""
+
+    parts: list[np.ndarray]
+    layouts: list[dict[str, np.ndarray]]
+
+
 class Integrator(Protocol):
     """A system that can be advanced: reduced or not."""
 
@@ -94,8 +112,8 @@ class Integrator(Protocol):
     def checkpoint(self) -> np.ndarray:
         """All that the further steps depend on, a flat array of constant length: this rank's part of it."""
 
-    def restore(self, checkpoint: np.ndarray) -> None:
-        """Go on from a checkpoint."""
+    def restore(self, checkpoint: Any) -> None:
+        """Go on from what `checkpoint` has given, an unreduced model from `OfOtherRanks` too. Collective."""
 
     def history(self, rows: Rows) -> History:
         """The motion of all rows."""
@@ -111,14 +129,11 @@ class Recorder(Protocol):
         columns: Mapping[str, Column],
         settings: Mapping[str, Any],
         signals: Sequence[Signal],
-        *,
-        texts: Mapping[str, Sequence[str]] | None = None,
-        tips: TipFacts | None = None,
-        fingerprint: np.ndarray | None = None,
+        unreduced: UnreducedFacts | None = None,
     ) -> None:
         """What is recorded, and under which conditions. Collective."""
 
-    def resume(self) -> tuple[int, Rows, np.ndarray] | None:
+    def resume(self) -> tuple[int, Rows, np.ndarray | OfOtherRanks] | None:
         """Steps done, rows (none but in memory) and this rank's checkpoint of a former run; None for a new
         one. Collective.
         """

@@ -20,9 +20,8 @@ from ...record.journal import Kept, read
 from ...reduction.comparison import close
 from ...reduction.reduced_model import ReducedModel
 from ...signals.signal import Signal
-from ...system.fields.tip_facts import TipFacts
 from ..history import History
-from ..integration import Column, FormerRun, Rows
+from ..integration import Column, FormerRun, OfOtherRanks, Rows, UnreducedFacts
 from ..reduced_history import recorded_exchanges, reduced_columns, reduced_history
 from ..unreduced.history import SampledRun, sampled_columns, unreduced_history
 from .run_file import RunFile
@@ -36,8 +35,8 @@ class HistoryFile(RunFile):
     """The file of a running history; an `integration.Recorder` and a context manager. Rank 0 writes.
 
     A frame holds the rows of a chunk, the state beside the journal what the next chunk goes on from. A
-    reduced model's state is the same on all ranks; of an unreduced one each has a part, and a run continues
-    on as many ranks as it began with.
+    reduced model's state is the same on all ranks; of an unreduced one each has a part, and the layouts say
+    which: in the head, and beside the state where a run has gone on with another number of ranks.
 
     Parameters
     ----------
@@ -59,6 +58,7 @@ class HistoryFile(RunFile):
         super().__init__(comm, path, "history", resume=resume)
         self.kind, self.in_memory = kind, in_memory
         self._reduced: ReducedModel | None = None
+        self._layouts: dict[str, np.ndarray] = {}  # those that are to stand beside the state; on rank 0
         former = None
         try:
             with collective(comm):
@@ -95,10 +95,7 @@ class HistoryFile(RunFile):
         columns: Mapping[str, Column],
         settings: Mapping[str, Any],
         signals: Sequence[Signal],
-        *,
-        texts: Mapping[str, Sequence[str]] | None = None,
-        tips: TipFacts | None = None,
-        fingerprint: np.ndarray | None = None,
+        unreduced: UnreducedFacts | None = None,
     ) -> None:
         """What is recorded, and under which conditions; of a run that is resumed they must be the file's.
         Collective.
@@ -109,12 +106,7 @@ class HistoryFile(RunFile):
         settings : dict
             Numbers, texts and arrays by name, "count", "step", "decimation" and "chunk" among them.
         signals : sequence of Signal
-        texts : dict of str to sequence of str, optional
-            Further names.
-        tips : TipFacts, optional
-            Of an unreduced model.
-        fingerprint : array, optional
-            Tells unreduced models apart.
+        unreduced : UnreducedFacts, optional
 
         Raises
         ------
@@ -122,25 +114,33 @@ class HistoryFile(RunFile):
             If the file was written otherwise, or is that of a longer run.
         """
         self._count = int(settings["count"])
+        layouts = self.comm.gather({} if unreduced is None else unreduced.layout)
         with collective(self.comm):
             if self._journal is None:
                 return
             head = {"kept": "history", "record": "History", "kind": self.kind, **settings}
-            head |= {name: list(values) for name, values in (texts or {}).items()}
-            if self.kind == "unreduced":
-                head |= {"ranks": self.comm.size, "tip_names": [] if tips is None else list(tips.names)}
-            if fingerprint is not None:
-                head["fingerprint"] = fingerprint
+            if unreduced is not None:
+                names = {"points": list(unreduced.points), "tip_names": list(unreduced.tips.names)}
+                head |= {**names, "fingerprint": unreduced.fingerprint}
+            self._layouts = {
+                f"layout/{rank}/{name}": values
+                for rank, own in enumerate(layouts or [])
+                for name, values in own.items()
+            }
             former = self._journal.former
             if former is not None:
                 self._require_same(former, head, signals)
+                if self.comm.size == len(_layouts_in(former.head)):
+                    self._layouts = {}  # partitions are the same of as many ranks
                 self._journal.begin({}, former.vouched)
                 return
             head["signals"] = signal_checks(signals, settings["count"] * settings["step"])
+            tips = None if unreduced is None else unreduced.tips
             for name, record in (("model", self._reduced), ("tips", tips)):
                 if record is not None:
                     head[name] = image(record)
-            self._journal.begin(head)
+            self._journal.begin(head | self._layouts)
+            self._layouts = {}
 
     def _require_same(self, former: Kept, mine: Mapping[str, Any], signals: Sequence[Signal]) -> None:
         """Refuse a file of another model, other settings or signals, and one that reaches further."""
@@ -167,9 +167,9 @@ class HistoryFile(RunFile):
             )
 
     # ------------------------------------------------------------------ an integration.Recorder
-    def resume(self) -> tuple[int, Rows, np.ndarray] | None:
-        """Steps done, rows (none but in memory) and this rank's checkpoint of the former run; None for a new
-        one. Collective.
+    def resume(self) -> tuple[int, Rows, np.ndarray | OfOtherRanks] | None:
+        """Steps done, rows (none but in memory) and this rank's checkpoint of the former run, of another
+        number of ranks all of them; None for a new one. Collective.
         """
         if self.former is None:
             return None
@@ -179,10 +179,14 @@ class HistoryFile(RunFile):
                 former = self._journal.former
                 rows = rows_of(former, self.in_memory) if self.in_memory else {}
                 state = former.state
-                found = state["done"], np.split(state["state"], np.cumsum(state["sizes"])[:-1])
-        done, parts = comm.bcast(found)
+                parts = np.split(state["state"], np.cumsum(state["sizes"])[:-1])
+                layouts = _layouts_in(state) or _layouts_in(former.head)
+                found = state["done"], parts, layouts if len(parts) != comm.size else []
+        done, parts, layouts = comm.bcast(found)
         rows = {name: comm.bcast(rows.get(name)) for name in comm.bcast(list(rows))}
-        return done, rows, parts[0 if self.kind == "reduced" else comm.rank]
+        if self.kind == "reduced":
+            return done, rows, parts[0]
+        return done, rows, OfOtherRanks(parts, layouts) if layouts else parts[comm.rank]
 
     def append(self, done: int, rows: Rows, checkpoint: np.ndarray) -> None:
         """Record the rows of a chunk, then the state after it, which vouches for them. Collective."""
@@ -191,7 +195,8 @@ class HistoryFile(RunFile):
             if self._journal is not None and parts is not None:
                 self._journal.append(rows)
                 sizes, state = np.array(list(map(len, parts))), np.concatenate(parts)
-                self._journal.checkpoint({"done": done, "count": self._count, "sizes": sizes, "state": state})
+                found = {"done": done, "count": self._count, "sizes": sizes, "state": state}
+                self._journal.checkpoint(found | self._layouts)
 
     def recorded(self) -> Rows:
         """All rows, on the disk, read when they are used. Collective."""
@@ -203,6 +208,16 @@ class HistoryFile(RunFile):
                     f"transient: rank {self.comm.rank} cannot read {WHAT} {self.path!r} ({reason(error)}); "
                     "in_memory = False needs a folder that all ranks share"
                 ) from None
+
+
+def _layouts_in(frame: Mapping[str, Any]) -> list[dict[str, np.ndarray]]:
+    """The layouts of the ranks' unknowns in a head or state."""
+    found: dict[str, dict[str, np.ndarray]] = {}
+    for name, values in frame.items():
+        if name.startswith("layout/"):
+            _, rank, own = name.split("/", 2)
+            found.setdefault(rank, {})[own] = values
+    return list(found.values())
 
 
 def rows_of(kept: Kept, in_memory: bool) -> Rows:

@@ -40,9 +40,10 @@ from ..drive import Drive
 from ..energy import Energy
 from ..history import History
 from ..initial import unreduced_state
-from ..integration import Column, Recorder, Rows, Steps
+from ..integration import Column, OfOtherRanks, Recorder, Rows, Steps, UnreducedFacts
 from ..states import SampledStates
 from .kept_fields import KeptFields
+from .ranks import layout_of, moved
 from .steps import KEPT_RESPONSES, UnreducedSteps
 
 # Steps between two settlements of the state, records on disk and reports of progress.
@@ -123,9 +124,9 @@ class UnreducedIntegrator:
             self.columns,
             settings,
             signals,
-            texts={"points": tuple(model.points)},
-            tips=model.tips.facts,
-            fingerprint=march.fingerprint(),
+            UnreducedFacts(
+                tuple(model.points), model.tips.facts, march.fingerprint(), layout_of(self.pencil)
+            ),
         )
 
     def first(self) -> Rows:
@@ -200,11 +201,19 @@ class UnreducedIntegrator:
         ]
         return np.concatenate([numbers, march.contact.state, march.u, march.v]).astype(float)
 
-    def restore(self, checkpoint: np.ndarray) -> None:
-        """Go on from a checkpoint."""
+    def restore(self, checkpoint: np.ndarray | OfOtherRanks) -> None:
+        """Go on from a checkpoint, bit by bit; from one of another number of ranks to round-off."""
         march = self.march
-        sizes = (3, 3, march.pairs, march.slope.size, march.pairs, march.u.size, march.u.size)
-        head, work, carried, slope, rows, u, v = np.split(checkpoint, np.cumsum(sizes)[:-1])
+        shared = (3, 3, march.pairs, march.slope.size, march.pairs)
+        if isinstance(checkpoint, OfOtherRanks):
+            known = sum(shared)
+            states = [part[known:].reshape(2, -1).T for part in checkpoint.parts]
+            own = moved(self.pencil, checkpoint.layouts, states)
+            numbers = np.concatenate([checkpoint.parts[0][:known], own.T.ravel()])
+        else:
+            numbers = checkpoint
+        sizes = (*shared, march.u.size, march.u.size)
+        head, work, carried, slope, rows, u, v = np.split(numbers, np.cumsum(sizes)[:-1])
         self.initial, self.supplied, march.stored = map(float, head)
         march.work[:], march.carried, march.slope = work, carried.copy(), slope.reshape(-1, 2)
         self.fields.wanted = False  # those of the former run are gone

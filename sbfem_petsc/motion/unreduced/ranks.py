@@ -1,0 +1,86 @@
+"""States of an unreduced model that goes on with another number of ranks.
+
+Displacement unknowns are told apart by nodes. Auxiliary unknowns q stand in a basis that each rank finds for
+its own S-elements; what is the same in every basis is what they give the nodes, C J^k q with k below the
+number of terms of the continued fraction, and of that a state is found again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from ...system.solve.pencil import Pencil
+
+Layout = Mapping[str, np.ndarray]
+
+
+def layout_of(pencil: Pencil) -> dict[str, np.ndarray]:
+    """What tells this rank's unknowns apart, by name: of a pencil that keeps every auxiliary one."""
+    model, part = pencil.model, pencil.model.part
+    own = (part.unknowns >= model.owned.start) & (part.unknowns < model.owned.stop)
+    labels = np.empty(pencil.owned, dtype=np.int64)
+    labels[part.unknowns[own] - model.owned.start] = (2 * part.nodes[:, None] + [0, 1])[own]
+    found = {"labels": labels}
+    shapes: dict[int, int] = {}
+    for k, (group, scale, numbers) in enumerate(pencil.placed()):
+        shape = shapes.setdefault(id(group.solution), k)
+        if shape == k:
+            solution = group.solution
+            found |= {f"{k}/coupling": solution.coupling, f"{k}/inertia": solution.inertia}
+        found |= {
+            f"{k}/like": np.array([shape, scale]),
+            f"{k}/elements": part.elements[group.elements],
+            f"{k}/nodes": part.nodes[group.nodes],
+            f"{k}/rotations": group.rotations,
+            f"{k}/numbers": numbers,
+        }
+    return found
+
+
+def moved(pencil: Pencil, layouts: Sequence[Layout], states: Sequence[np.ndarray]) -> np.ndarray:
+    """(local unknowns, m): this rank's share of states (local unknowns, m) of other ranks."""
+    mine, terms = layout_of(pencil), pencil.model.continued_fraction
+    result = np.zeros((pencil.owned + len(pencil.auxiliary_inertia()), states[0].shape[1]))
+    labels = np.concatenate([layout["labels"] for layout in layouts])
+    values = np.concatenate([state[: len(layout["labels"])] for layout, state in zip(layouts, states)])
+    order = np.argsort(labels)
+    result[: pencil.owned] = values[order[np.searchsorted(labels, mine["labels"], sorter=order)]]
+    former = {
+        int(element): (piece, k, state[len(layout["labels"]) :])
+        for layout, state in zip(layouts, states)
+        for piece in _pieces(layout)
+        for k, element in enumerate(piece["elements"])
+    }
+    for piece in _pieces(mine):
+        unit = piece["inertia"].max(initial=np.finfo(float).tiny)
+        back = np.linalg.pinv(np.concatenate(list(_powers(piece, unit, terms))))
+        for k, element in enumerate(piece["elements"]):
+            other, row, auxiliary = former[int(element)]
+            given = auxiliary[other["numbers"][row]]
+            # the nodes there in the order of those here, and the frame there to that here
+            order = np.argsort(other["nodes"][row])[np.argsort(np.argsort(piece["nodes"][k]))]
+            turn = piece["rotations"][k] @ other["rotations"][row].T
+            there = [
+                turn @ (block @ given).reshape(len(order), 2, -1)[order]
+                for block in _powers(other, unit, terms)
+            ]
+            on_nodes = np.concatenate(there).reshape(-1, given.shape[1])
+            result[pencil.owned + piece["numbers"][k]] = back @ on_nodes
+    return result
+
+
+def _pieces(layout: Layout) -> Iterator[dict[str, np.ndarray]]:
+    """S-elements of one shape and size in a layout, with their coupling C and inertia J."""
+    k = 0
+    while f"{k}/like" in layout:
+        shape, scale = layout[f"{k}/like"]
+        blocks = {name: scale * layout[f"{int(shape)}/{name}"] for name in ("coupling", "inertia")}
+        yield blocks | {name: layout[f"{k}/{name}"] for name in ("elements", "nodes", "rotations", "numbers")}
+        k += 1
+
+
+def _powers(piece: Layout, unit: float, terms: int) -> Iterator[np.ndarray]:
+    """C J^k for the terms of the continued fraction, J in multiples of `unit`."""
+    return (piece["coupling"] * (piece["inertia"] / unit) ** k for k in range(terms))
