@@ -186,7 +186,7 @@ def _warn_of_springs(found: Static) -> None:
     """Warn where a body gives way as a whole so much more than its faces do that the compliance of contact
     has few digits of theirs.
     """
-    compliance = found.model.__dict__.get("compliance")  # none where larger problems are solved without it
+    compliance = found.model.kept_compliance  # none where larger problems are solved without it
     touching = np.flatnonzero(found.active)
     one, row, other = touching[:-2], touching[1:-1], touching[2:]
     pairs = found.model.pairs

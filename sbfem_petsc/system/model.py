@@ -149,16 +149,20 @@ class Model(Structure):
         self.destroy()
 
     # ------------------------------------------------------------------ what analyses share
-    @functools.cached_property
+    @property
     def solver(self) -> StaticSolver:
         """Solver of the stiffness, factorised once (prefix ``static_``). Collective."""
-        require_factor(self)
-        return StaticSolver(self)
+        if self.kept_solver is None:
+            require_factor(self)
+            self.kept_solver = StaticSolver(self)
+        return self.kept_solver
 
-    @functools.cached_property
+    @property
     def compliance(self) -> Compliance:
         """Response to unit contact forces, solved for once. Collective."""
-        return compliance(self)
+        if self.kept_compliance is None:
+            self.kept_compliance = compliance(self)
+        return self.kept_compliance
 
     @agreed()
     def modes(self, count: int) -> Modal:
@@ -230,9 +234,6 @@ class Model(Structure):
         """
         if alone(self.comm):
             return
-        solver = self.__dict__.pop("solver", None)
-        if solver is not None:
-            solver.destroy()
         self._kept.clear()
         super().destroy()
 

@@ -30,6 +30,7 @@ from .fields.tips import TipIntensities, TipPlace, tip_intensities, tip_places
 from .layout.distribution import distribute
 from .layout.rows import Rows
 from .solve.assembly import ElementBlocks, assemble, assemble_by_ranks
+from .solve.static_solver import Compliance, StaticSolver
 
 
 class Named(NamedTuple):
@@ -70,6 +71,24 @@ def _around(parts: tuple[Material | OrthotropicMaterial, ...]) -> AnyMaterial:
     return SectorMaterials(parts) if len(set(parts)) > 1 else parts[0]
 
 
+class Ghosts(NamedTuple):
+    """Scatter from the distributed displacement unknowns to those of this rank's nodes.
+
+    Attributes
+    ----------
+    scatter : Scatter
+    source, target : Vec
+        All unknowns, and those of this rank's nodes.
+    free : (m, 2) array
+        False where held fixed.
+    """
+
+    scatter: PETSc.Scatter
+    source: PETSc.Vec
+    target: PETSc.Vec
+    free: np.ndarray
+
+
 class Structure:
     """A distributed structure of S-elements and its operators; `Model` is what a user sees of it.
 
@@ -92,7 +111,13 @@ class Structure:
     ):
         self.comm, self.supports = comm, supports
         self.continued_fraction, self.thickness, self.tip_modes = numbers
+        # what is made when it is first asked for and outlives no `destroy`, and the response to unit contact
+        # forces, which is not made where larger problems are solved without it
         self._freed = False
+        self._matrix: PETSc.Mat | None = None
+        self._scatter: Ghosts | None = None
+        self.kept_solver: StaticSolver | None = None
+        self.kept_compliance: Compliance | None = None
         found = distribute(comm, mesh, supports)
         self.order, self.elements, self.part, self.ranges = (
             found.order,
@@ -156,11 +181,16 @@ class Structure:
         material = self.materials[group.material]
         return material.modulus * self.thickness, material.density * group.sizes**2 * self.thickness
 
-    @functools.cached_property
+    @property
     def stiffness(self) -> PETSc.Mat:
         """K over the displacement unknowns, N/m; with the rigid-body motions as near null space for multigrid
         where every node has both unknowns or none.
         """
+        if self._matrix is None:
+            self._matrix = self._assembled()
+        return self._matrix
+
+    def _assembled(self) -> PETSc.Mat:
         if self._freed:
             raise SolveError("Model: it has been destroyed; make it again, or use it inside its `with` block")
         free = self.part.unknowns >= 0
@@ -349,16 +379,20 @@ class Structure:
         table = self.point_rows(owned).reshape(len(self.points), 2, *owned.shape[1:])
         return dict(zip(self.points, np.moveaxis(table, 1, -1)))
 
-    @functools.cached_property
-    def _ghosts(self) -> tuple[PETSc.Scatter, PETSc.Vec, PETSc.Vec, np.ndarray]:
-        """Scatter from the distributed displacement unknowns to those of this rank's nodes."""
+    @property
+    def _ghosts(self) -> Ghosts:
+        if self._scatter is None:
+            self._scatter = self._make_ghosts()
+        return self._scatter
+
+    def _make_ghosts(self) -> Ghosts:
         needed = self.part.unknowns[self.part.unknowns >= 0].astype(PETSc.IntType)
         places = PETSc.IS().createGeneral(needed, comm=PETSc.COMM_SELF)
         target = PETSc.Vec().createSeq(len(needed))
         source = self.stiffness.createVecRight()
         scatter = PETSc.Scatter().create(source, places, target, None)
         places.destroy()
-        return scatter, source, target, self.part.unknowns >= 0
+        return Ghosts(scatter, source, target, self.part.unknowns >= 0)
 
     def nodal(self, owned: np.ndarray) -> np.ndarray:
         """Displacements (m, 2) of this rank's nodes from its displacement unknowns; 0 where held fixed.
@@ -390,8 +424,8 @@ class Structure:
         if alone(self.comm):
             return
         self._freed = True
-        for name in ("_ghosts", "stiffness"):
-            held = self.__dict__.pop(name, None)
-            for item in held if isinstance(held, tuple) else (held,):
-                if isinstance(item, PETSc.Object):
-                    item.destroy()
+        held = [self.kept_solver, *(self._scatter or ())[:3], self._matrix]
+        self.kept_solver = self._scatter = self._matrix = None
+        for item in held:
+            if item is not None:
+                item.destroy()

@@ -4,7 +4,6 @@ matrix (prefix ``shooting_``), and branches of them over the frequency or the lo
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Callable, Sequence
 
@@ -114,6 +113,7 @@ class UnreducedState:
 
     def __init__(self, problem: UnreducedOrbits, u: np.ndarray):
         self.problem, self.state, self.value = problem, u[:-1], float(u[-1])
+        self._motion: UnreducedMotion | None = None
         self.residual = self.motion.end - self.state
         self.touching = self.motion.sets.any(axis=0)
         self.scale = max(problem.norm(self.state), problem.least)
@@ -123,14 +123,16 @@ class UnreducedState:
         """The period at the motion's conditions."""
         return self.problem.driven(self.value)
 
-    @functools.cached_property
+    @property
     def motion(self) -> UnreducedMotion:
         """One period from the state."""
-        return self.driven.run(self.state)
+        if self._motion is None:
+            self._motion = self.driven.run(self.state)
+        return self._motion
 
     def forget(self) -> None:
         """See `problem.State`."""
-        self.__dict__.pop("motion", None)
+        self._motion = None
 
     def linear(self, smooth: bool = False) -> UnreducedLinear:
         """See `problem.State`."""

@@ -51,7 +51,7 @@ class Bordered:
         """Whether factorisations are expected to cost less than the flexibility of all rows, and the direct
         solver factorises indefinite matrices.
         """
-        if rows <= MANY or "compliance" in model.__dict__:
+        if rows <= MANY or model.kept_compliance is not None:
             return False
         return model.solver.direct and direct_solver(model.comm)[1] in ("mumps", "superlu_dist")
 

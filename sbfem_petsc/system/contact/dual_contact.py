@@ -70,7 +70,7 @@ class Dual:
         """
         if PETSc.Options().hasName("contact_dual"):
             return PETSc.Options().getBool("contact_dual", True)
-        return rows > MANY and not model.solver.direct and "compliance" not in model.__dict__
+        return rows > MANY and not model.solver.direct and model.kept_compliance is None
 
     def closed(self, active: np.ndarray, gap: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """To the tolerance of now."""

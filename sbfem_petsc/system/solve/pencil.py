@@ -5,7 +5,6 @@ what a band needs.
 from __future__ import annotations
 
 import copy
-import functools
 import math
 from collections.abc import Callable, Iterator
 
@@ -57,6 +56,7 @@ class Pencil:
 
     def __init__(self, model: Structure, highest: float, tolerance: float):
         self.model = model
+        self._coupling: PETSc.Mat | None = None
         # a matter of caches, not of memory
         self.small = model.comm.size == 1 and model.boundary_unknowns <= _SMALL
         self._pieces = [
@@ -131,9 +131,14 @@ class Pencil:
         matrix.setOption(PETSc.Mat.Option.SPD, shift < 0.0)
         return matrix
 
-    @functools.cached_property
+    @property
     def coupling(self) -> PETSc.Mat:
-        """C, displacement by auxiliary unknowns."""
+        """C, displacement by auxiliary unknowns, made when it is first asked for."""
+        if self._coupling is None:
+            self._coupling = self._assembled_coupling()
+        return self._coupling
+
+    def _assembled_coupling(self) -> PETSc.Mat:
         first, blocks = int(self.auxiliary_ranges[self.model.comm.rank]), []
         for piece in self._pieces:
             numbers = first + np.arange(piece.auxiliary).reshape(len(piece.group_rows), -1)
@@ -196,12 +201,8 @@ class Pencil:
 
     def destroy(self) -> None:
         """Free the PETSc matrices."""
-        free(
-            self.model.comm,
-            self.stiffness,
-            self.mass,
-            *([self.coupling] if "coupling" in self.__dict__ else []),
-        )
+        made = (self.stiffness, self.mass, self._coupling)
+        free(self.model.comm, *(matrix for matrix in made if matrix is not None))
 
 
 class _Piece:
@@ -299,7 +300,7 @@ class CondensedSolve:
     def __init__(self, pencil: Pencil, shift: float, prefix: str, what: str):
         self.pencil, self.shift, self.what = pencil, shift, what
         self.matrix = pencil.condensed(shift)
-        solver = pencil.model.__dict__.get("solver")
+        solver = pencil.model.kept_solver
         chosen = bool(PETSc.Options(prefix).getAll())
         definite = shift <= 0.0
         if definite and pencil.small and not chosen:
