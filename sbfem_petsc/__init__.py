@@ -21,7 +21,7 @@ _LAUNCHED = (
     "SLURM_PROCID",
 )
 if any(name in os.environ for name in _LAUNCHED):
-    from . import abort
+    from .ranks import abort
 
     abort.install()
 
@@ -49,7 +49,7 @@ _HOME = {
     "LargeDisplacementWarning": "meshing.warnings",
     "IncompleteHistory": "meshing.warnings",
     "PlaceWarning": "meshing.warnings",
-    "RanksDiffer": "parallel",
+    "RanksDiffer": "ranks.parallel",
     "Model": "system.model",
     "rayleigh_factors": "system.model",
     "modal": "analysis.modal",
@@ -97,7 +97,7 @@ _HOME = {
     "Samples": "signals.samples",
     "Custom": "signals.signal",
     "Constant": "signals.signal",
-    "on_root": "parallel",
+    "on_root": "ranks.parallel",
     "sweep": "study.sweep",
 }
 

@@ -23,9 +23,9 @@ except ImportError as error:  # pragma: no cover - depends on the machine
         f"sbfem_petsc needs petsc4py, slepc4py and mpi4py ({error}): {installation.remedy(error)}"
     ) from error
 
-from . import abort
 from .errors import OutOfMemory, PetscFailure, SolveError, on_all_ranks
-from .parallel import alone
+from .ranks import abort
+from .ranks.parallel import alone
 
 # Right-hand sides that MUMPS solves for at a time: a fifth of the time of its own choice.
 _MUMPS_BLOCK = 64

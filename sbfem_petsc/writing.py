@@ -16,7 +16,7 @@ from meshing import whole_file
 from meshing.folder_index import make_folder
 
 from .checks import path as checked_path
-from .parallel import MPI, collective
+from .ranks.parallel import MPI, collective
 
 
 def destination(path: Any, what: str) -> str:

@@ -14,7 +14,7 @@ from typing import Any, ParamSpec, TypeVar
 from ..checks import flag, path
 from ..checks import progress as check_progress
 from ..options import Options
-from ..parallel import agreed, collective, ranks_of
+from ..ranks.parallel import agreed, collective, ranks_of
 from ..system.elements.plausibility import warn_if_large
 from ..system.model import Model
 

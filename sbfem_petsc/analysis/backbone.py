@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..capacity import FEW, require_compiler, require_memory, room
 from ..checks import index_of
 from ..continuation.events import refine as refine_points
 from ..continuation.follow import Line, follow
@@ -31,8 +30,9 @@ from ..motion.loading import communicator
 from ..motion.period_map import FixedPoint, require_waves
 from ..motion.preparation import period_memory
 from ..motion.step_plan import CONTACT_STEP
-from ..parallel import collective
 from ..progress import Progress, progress_bar
+from ..ranks.capacity import FEW, require_compiler, require_memory, room
+from ..ranks.parallel import collective
 from ..record.record import Record, derived, described, quantity
 from ..reduction.build import reduced
 from ..reduction.reduced_model import ReducedModel

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..capacity import require_memory
 from ..checks import instance, shown
 from ..continuation.attraction import Attraction, Patience
 from ..continuation.basins import Basins, StartAxis, count_of, initial_states, state_of
@@ -14,9 +13,10 @@ from ..continuation.orbit import Orbit
 from ..errors import SolveError, on_all_ranks
 from ..motion.loading import communicator
 from ..motion.preparation import PeriodSettings, check_guess, prepare
-from ..parallel import checked_communicator, collective
 from ..petsc import MPI
 from ..progress import Progress, progress_bar
+from ..ranks.capacity import require_memory
+from ..ranks.parallel import checked_communicator, collective
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 from .analysis import analysis

@@ -16,7 +16,7 @@ from ..continuation.problems.own_tone import OwnTone, curve_near, first_curve
 from ..continuation.problems.tones import QuasiPeriodic, own_motion, warn_if_unresolved
 from ..errors import PetscFailure, SolveError, on_all_ranks
 from ..motion.period_map import Period
-from ..parallel import collective
+from ..ranks.parallel import collective
 from .analysis import analysis
 from .options import SwitchOptions
 

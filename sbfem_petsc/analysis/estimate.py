@@ -16,7 +16,7 @@ from meshing.warnings import LargeDisplacementWarning, MeshWarning, UnitWarning
 
 from ..checks import shown
 from ..errors import SolveError, caller_level, on_all_ranks
-from ..parallel import agree
+from ..ranks.parallel import agree
 from ..record.record import Record, derived, described, quantity
 from ..system.model import Model
 from .analysis import analysis

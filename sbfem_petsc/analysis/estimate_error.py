@@ -14,7 +14,7 @@ from meshing.warnings import StepWarning
 from ..checks import instance
 from ..errors import on_all_ranks
 from ..motion.history import History
-from ..parallel import collective
+from ..ranks.parallel import collective
 from ..system.model import Model
 from .analysis import analysis
 from .options import ErrorOptions

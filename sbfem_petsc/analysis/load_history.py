@@ -12,11 +12,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..capacity import require_memory
 from ..checks import instance, real_array
 from ..errors import at_point
 from ..loads import Loads
-from ..parallel import agreed, collective
+from ..ranks.capacity import require_memory
+from ..ranks.parallel import agreed, collective
 from ..record.record import Record, derived, described, quantity
 from ..signals.signal import Signal
 from ..system.fields.places import checked_line

@@ -22,8 +22,8 @@ from ..continuation.problems.locus import AT_END, KINDS, PACE, Locus, LocusStart
 from ..errors import SolveError, caller_level
 from ..motion.family import Family
 from ..motion.period_map import Period
-from ..parallel import collective
 from ..progress import Progress, progress_bar
+from ..ranks.parallel import collective
 from .analysis import analysis
 from .options import GrazingOptions, LociOptions, LocusOptions
 

@@ -21,8 +21,8 @@ from ..motion.loading import communicator
 from ..motion.period_map import FixedPoint, Period
 from ..motion.preparation import LONGEST, PeriodSettings, check_reduction, finer, prepare, require_unreduced
 from ..motion.unreduced.period import prepare_unreduced
-from ..parallel import collective
 from ..progress import Progress, progress_bar
+from ..ranks.parallel import collective
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 from .analysis import analysis

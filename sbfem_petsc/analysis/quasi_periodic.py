@@ -13,7 +13,6 @@ import numpy as np
 
 from meshing.warnings import StepWarning
 
-from ..capacity import require_compiler
 from ..checks import Bounds, instance, numbers_of, real
 from ..continuation.problem import Point
 from ..continuation.problems.curve_system import require_room, resampled
@@ -35,7 +34,8 @@ from ..motion.loading import communicator, loading, serving
 from ..motion.preparation import FAST_STEPS, PeriodSettings, prepare
 from ..motion.step_plan import CONTACT_STEP, warn_if_coarse
 from ..motion.two_tones import drives, highest, tone
-from ..parallel import collective
+from ..ranks.capacity import require_compiler
+from ..ranks.parallel import collective
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 from .analysis import analysis

@@ -14,8 +14,8 @@ from ..continuation.problems.own_tone import Curves, OwnTone, curve_near
 from ..continuation.problems.tones import QuasiPeriodic, own_curve
 from ..errors import SolveError, on_all_ranks
 from ..motion.period_map import Period
-from ..parallel import collective
 from ..progress import Progress, progress_bar
+from ..ranks.parallel import collective
 from .analysis import analysis
 from .options import QuasiPeriodicResponseOptions
 

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from ..capacity import FEW, require_memory, room
 from ..checks import instance
 from ..continuation.branch import Branch
 from ..continuation.branch_file import BranchFile
@@ -27,9 +26,10 @@ from ..motion.loading import amplitudes_only, communicator
 from ..motion.period_map import Period
 from ..motion.preparation import PeriodSettings, check_reduction, finer, prepare, require_unreduced
 from ..motion.unreduced.period import UnreducedPeriod, prepare_unreduced
-from ..parallel import collective
 from ..petsc import MPI
 from ..progress import Progress, progress_bar
+from ..ranks.capacity import FEW, require_memory, room
+from ..ranks.parallel import collective
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 from .analysis import analysis

@@ -14,7 +14,7 @@ from ..checks import shown
 from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..errors import SolveError, caller_level, on_all_ranks
 from ..loads import as_loads, separate
-from ..parallel import collective
+from ..ranks.parallel import collective
 from ..system.fields.fracture import notes
 from ..system.fields.resolution import warn_of_tips
 from ..system.idle_loads import warn_of_idle_loads

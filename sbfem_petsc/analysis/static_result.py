@@ -10,8 +10,8 @@ import numpy as np
 
 from ..errors import SolveError, at_point
 from ..loads import Loads
-from ..parallel import agreed
 from ..petsc import MPI
+from ..ranks.parallel import agreed
 from ..record.gather import whole
 from ..record.record import Record, derived, described, quantity
 from ..system.boundary import LoadColumns

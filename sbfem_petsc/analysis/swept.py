@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from ..capacity import require_memory
 from ..checks import instance
 from ..continuation.orbit import Orbit
 from ..errors import on_all_ranks
@@ -17,8 +16,9 @@ from ..motion.reduced_history import ReducedIntegrator
 from ..motion.states import ModalStates
 from ..motion.step_plan import CONTACT_STEP
 from ..motion.swept import SweptResponse, cycle_ends, over_cycles, settling_cycles, swept_motion
-from ..parallel import collective
 from ..progress import Progress, progress_bar
+from ..ranks.capacity import require_memory
+from ..ranks.parallel import collective
 from ..reduction.reduced_model import ReducedModel
 from ..signals.waves import Chirp
 from ..system.model import Model

@@ -13,7 +13,6 @@ import numpy as np
 
 from meshing.warnings import StepWarning
 
-from ..capacity import KEPT, require_compiler
 from ..checks import choice, flag, real_array, shown
 from ..errors import caller_level
 from ..motion.files.history_file import HistoryFile
@@ -26,8 +25,9 @@ from ..motion.reduced_history import ReducedIntegrator, reduced_columns
 from ..motion.step_plan import COARSE, CONTACT_STEP, default_step, plan_steps, require_room
 from ..motion.steps import DEEPEST, HALVING
 from ..motion.unreduced.history import UnreducedIntegrator, unreduced_columns
-from ..parallel import collective
 from ..progress import Progress, progress_bar
+from ..ranks.capacity import KEPT, require_compiler
+from ..ranks.parallel import collective
 from ..reduction.build import default_modes
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model

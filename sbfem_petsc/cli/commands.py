@@ -8,8 +8,8 @@ import os
 import sys
 from typing import Any
 
-from ..parallel import on_root
 from ..progress import watch_for
+from ..ranks.parallel import on_root
 from ..study.case.case import Case, read_case
 from .terminal import tell
 

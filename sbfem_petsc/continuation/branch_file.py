@@ -12,8 +12,8 @@ from ..motion.files import run_file
 from ..motion.files.run_file import RunFile
 from ..motion.period_map import Period
 from ..motion.unreduced.period import UnreducedPeriod
-from ..parallel import collective
 from ..petsc import MPI
+from ..ranks.parallel import collective
 from ..record.files import image
 from ..record.journal import Kept
 from ..reduction.reduced_model import ReducedModel

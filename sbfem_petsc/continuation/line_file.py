@@ -10,8 +10,8 @@ import numpy as np
 
 from ..motion.files import run_file
 from ..motion.files.run_file import RunFile
-from ..parallel import collective, on_root
 from ..petsc import MPI
+from ..ranks.parallel import collective, on_root
 from ..record.files import image
 from ..record.journal import Frame
 from ..record.record import Record

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..parallel import collective
 from ..petsc import MPI
+from ..ranks.parallel import collective
 from ..signals.signal import Signal
 
 # Instants nearer to each other than this share of a step are one.

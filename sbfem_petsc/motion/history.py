@@ -11,7 +11,7 @@ from meshing.warnings import IncompleteHistory
 
 from ..checks import Bounds, real, shown
 from ..errors import SolveError, UnknownName, caller_level, on_all_ranks
-from ..parallel import agreed
+from ..ranks.parallel import agreed
 from ..record.record import Record, derived, described, quantity
 from ..system.fields.places import checked_line
 from ..system.fields.sampling import Field

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from ..errors import on_all_ranks
-from ..parallel import collective
 from ..petsc import MPI
+from ..ranks.parallel import collective
 from ..reduction.reduced_model import ReducedModel
 from ..selement.basis import shape_functions
 from ..selement.coefficients import edge_nodes

@@ -13,8 +13,8 @@ import numpy as np
 from ..checks import optional_integer, real, shown
 from ..errors import on_all_ranks
 from ..loads import Load, Loads, as_loads, separate
-from ..parallel import collective
 from ..petsc import MPI
+from ..ranks.parallel import collective
 from ..reduction.build import default_modes, reduced
 from ..reduction.reduced_model import ReducedModel
 from ..signals.sampling import known

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from ..capacity import available_memory
 from ..contact.closed_sets import ClosedSets, exact_contacts, located_contacts, thin_factors
 from ..contact.marching import (
     StepHistory,
@@ -27,6 +26,7 @@ from ..contact.pivoting import contact_forces, empty_factor
 from ..contact.tangent import Derivative, Propagation
 from ..errors import SolveError, on_all_ranks
 from ..petsc import MPI
+from ..ranks.capacity import available_memory
 from ..record.record import Record, derived
 from ..reduction.reduced_model import ReducedModel
 from .excitation import LINES, Excitation

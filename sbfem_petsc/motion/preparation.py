@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..capacity import require_compiler, require_memory
 from ..checks import shown
-from ..parallel import collective
+from ..ranks.capacity import require_compiler, require_memory
+from ..ranks.parallel import collective
 from ..reduction.reduced_model import ReducedModel
 from ..signals.waves import Harmonic
 from ..system.model import Model

@@ -7,9 +7,9 @@ import warnings
 
 from meshing.warnings import StepWarning
 
-from ..capacity import PlannedFile, default_decimation, require_disk, require_memory
 from ..errors import caller_level, on_all_ranks
 from ..petsc import MPI
+from ..ranks.capacity import PlannedFile, default_decimation, require_disk, require_memory
 from ..signals.signal import STEPS_A_PERIOD
 from .integration import FormerRun, Steps
 

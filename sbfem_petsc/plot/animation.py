@@ -15,7 +15,7 @@ from ..checks import Bounds, integer, real, shown
 from ..continuation.orbit import Orbit
 from ..errors import SolveError
 from ..motion.history import Motion, model_with_fields
-from ..parallel import agreed, collective, on_root
+from ..ranks.parallel import agreed, collective, on_root
 from ..record.units import force_unit, length_unit, time_unit
 from ..writing import destination, replaced
 from .crack import Window, plain, round_down

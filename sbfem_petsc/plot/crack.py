@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
 from ..checks import shown
-from ..parallel import collective, on_root
+from ..ranks.parallel import collective, on_root
 from ..record.units import length_unit, place_unit, stress_unit
 from ..system.model import Model
 from .drawing import BLACK, Sheet, bar

@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ..analysis.static import Static
 from ..checks import integer, shown
-from ..parallel import collective, on_root
+from ..ranks.parallel import collective, on_root
 from ..record.units import frequency_unit, length_unit, place_unit, stress_unit
 from ..system.model import Model
 from ..system.solve.modal_result import Modal

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib import rc_context
 
 from ..checks import Bounds, choice, flag, instance, integer, numbers_of, positive, real, shown
-from ..parallel import MPI, agreed, checked_communicator, collective, on_root, ranks_of
+from ..ranks.parallel import MPI, agreed, checked_communicator, collective, on_root, ranks_of
 from ..system.fields.places import checked_place
 from .drawing import STYLE, Sheet
 

@@ -18,11 +18,11 @@ import numpy as np
 
 from meshing.whole_file import reason
 
-from ..capacity import available_memory, in_bytes
 from ..checks import flag, shown
 from ..checks import path as checked_path
-from ..parallel import agreed, collective, ranks_of
 from ..petsc import MPI
+from ..ranks.capacity import available_memory, in_bytes
+from ..ranks.parallel import agreed, collective, ranks_of
 from ..writing import replaced
 from . import journal
 from .body import Body

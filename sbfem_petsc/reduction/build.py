@@ -12,8 +12,8 @@ from meshing.warnings import BandWarning
 from ..checks import optional_integer, positive, shown
 from ..errors import caller_level
 from ..loads import Load, SupportMotion, separate
-from ..parallel import agreed, collective
 from ..petsc import MPI
+from ..ranks.parallel import agreed, collective
 from ..system.fields.resolution import warn_of_tips
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..checks import flag, integer, optional_integer, path, real_array, text
 from ..motion.history import Motion, model_with_fields
-from ..parallel import agreed, collective
+from ..ranks.parallel import agreed, collective
 from ..writing import check_output_folder
 from .vtu import write_vtu, write_xml
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import flag, instance, integer, optional_integer, shown
-from ..parallel import agreed, collective
+from ..ranks.parallel import agreed, collective
 from ..system.fields.sampling import Patches, point_grid_cells, sample
 from ..system.model import Model
 from ..system.solve.modal_result import Modal

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..parallel import collective
+from ..ranks.parallel import collective
 from .case import parameters
 from .case.analyses import KINDS
 from .case.case import Case

@@ -7,7 +7,7 @@ from typing import Any
 
 from meshing.folder_index import make_output_folder
 
-from ..parallel import on_root
+from ..ranks.parallel import on_root
 from .case.case import Case
 from .kinds.kind import Drawn
 

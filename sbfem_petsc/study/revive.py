@@ -12,8 +12,8 @@ import numpy as np
 import sbfem_petsc as sb
 from meshing.folder_index import make_output_folder, regular_file
 
-from ..parallel import on_root
 from ..progress import Watch
+from ..ranks.parallel import on_root
 from ..record.layout import bare, text
 from ..writing import spare_folder
 from . import pictures

@@ -11,10 +11,10 @@ from typing import Any
 import sbfem_petsc as sb
 from meshing.folder_index import make_folder
 
-from ..capacity import PlannedFile, require_disk
 from ..errors import OutOfMemory, SolveError
-from ..parallel import agreed, collective, ranks_of
 from ..progress import Watch
+from ..ranks.capacity import PlannedFile, require_disk
+from ..ranks.parallel import agreed, collective, ranks_of
 from ..record.layout import text, text_of
 from ..writing import check_output_folder
 from . import pictures

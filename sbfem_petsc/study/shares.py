@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..parallel import alone
+from ..ranks.parallel import alone
 
 
 class Costs:

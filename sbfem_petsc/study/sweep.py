@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from ..capacity import PlannedFile, require_disk
 from ..checks import choice, flag, instance, integer, names_of, path, shown
 from ..errors import OutOfMemory, SolveError
-from ..parallel import agreed, alone, checked_communicator, collective
 from ..progress import Watch, watch_for
+from ..ranks.capacity import PlannedFile, require_disk
+from ..ranks.parallel import agreed, alone, checked_communicator, collective
 from ..writing import check_output_folder, spare_folder
 from . import rows as row_files
 from .case import parameters as paths

@@ -14,8 +14,8 @@ from ..checks import Bounds, instance, integer, numbers_of, positive, real, show
 from ..contact.law import ContactLaw, Unilateral, check_law
 from ..errors import UnknownName, listed, on_all_ranks
 from ..material import Material, OrthotropicMaterial
-from ..parallel import agreed, alone, checked_communicator, collective
 from ..petsc import MPI, collect
+from ..ranks.parallel import agreed, alone, checked_communicator, collective
 from ..supports import as_supports
 from .elements.plausibility import warn_of_wave_speeds
 from .layout.distribution import declared_clamp

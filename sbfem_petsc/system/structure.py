@@ -17,8 +17,8 @@ from meshing.boundary_mesh import BoundaryMesh
 from ..errors import SolveError, listed, on_all_ranks
 from ..loads import Loads, as_loads
 from ..material import AnyMaterial, Material, OrthotropicMaterial, SectorMaterials
-from ..parallel import alone, collective
 from ..petsc import MPI, PETSc, require_thread
+from ..ranks.parallel import alone, collective
 from ..supports import Support
 from .boundary import LoadColumns, NodalForces, free_bodies, load_columns, spring_blocks
 from .contact.gap_operator import GapOperator, gap_operator

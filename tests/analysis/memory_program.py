@@ -11,7 +11,7 @@ import numpy as np
 
 import sbfem_petsc as sb
 from meshing import Beam, Plate, VNotch
-from sbfem_petsc import capacity
+from sbfem_petsc.ranks import capacity
 
 EXPECTED: dict[str, float] = {}
 STEEL = sb.Material(210e9, 0.3, 7800)

@@ -15,8 +15,8 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
-from sbfem_petsc import capacity
 from sbfem_petsc.petsc import MPI
+from sbfem_petsc.ranks import capacity
 from sbfem_petsc.study.sweep import sweep
 from tests.parallel import ROOT
 from tests.study.small_case import CASE, SWEEP, sbfem, written

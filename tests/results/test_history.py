@@ -22,8 +22,8 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing.warnings import IncompleteHistory
-from sbfem_petsc import capacity
 from sbfem_petsc.motion import reduced_history as module
+from sbfem_petsc.ranks import capacity
 from sbfem_petsc.record import journal
 from tests.parallel import ROOT, answer, in_session, interruptible, on_ranks
 from tests.results.same import inverted
@@ -459,7 +459,7 @@ def test_free_memory_is_the_systems():
     free = capacity.available_memory()
     assert 0 < free <= os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     program = (
-        "import resource; from sbfem_petsc import capacity; "
+        "import resource; from sbfem_petsc.ranks import capacity; "
         "used = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize(); "
         "resource.setrlimit(resource.RLIMIT_AS, (used + 10**8, -1)); print(capacity.available_memory())"
     )

@@ -2,8 +2,8 @@
 
 import pytest
 
-from sbfem_petsc.balance import balanced
 from sbfem_petsc.petsc import MPI
+from sbfem_petsc.ranks.balance import balanced
 from tests.parallel import answer, on_ranks
 
 # What each rank is given: all on the last one, none on the first, all on few of many, none at all, one each.
@@ -11,7 +11,7 @@ UNEVEN = """
 import json
 import numpy as np
 from mpi4py import MPI
-from sbfem_petsc.balance import balanced
+from sbfem_petsc.ranks.balance import balanced
 comm = MPI.COMM_WORLD
 lengths = {
     "last": 150 * (comm.rank == comm.size - 1),
@@ -53,7 +53,7 @@ def test_each_once_and_in_order(ranks):
 SLOWLY = """
 import time
 from mpi4py import MPI
-from sbfem_petsc.balance import _ASK
+from sbfem_petsc.ranks.balance import _ASK
 def until_asked():
     last = time.monotonic() + 60.0
     while time.monotonic() < last and not MPI.COMM_WORLD.Iprobe(source=MPI.ANY_SOURCE, tag=_ASK):
@@ -64,7 +64,7 @@ SLOW = (
     SLOWLY
     + """
 import json, sys
-from sbfem_petsc.balance import balanced
+from sbfem_petsc.ranks.balance import balanced
 comm, slow = MPI.COMM_WORLD, int(sys.argv[1])
 done = []
 def work(item):
@@ -103,7 +103,7 @@ FAILS = (
     SLOWLY
     + """
 import json
-from sbfem_petsc.balance import balanced
+from sbfem_petsc.ranks.balance import balanced
 from sbfem_petsc.selement.coefficients import SElementError
 comm, MET = MPI.COMM_WORLD, 1
 class Own(RuntimeError):

@@ -10,7 +10,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import sbfem_petsc as sb
-from sbfem_petsc.fingerprint import fingerprint
+from sbfem_petsc.ranks.fingerprint import fingerprint
 
 SIZE = 1.0
 

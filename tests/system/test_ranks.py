@@ -239,7 +239,7 @@ def test_alone_without_a_launcher():
 
 UNANSWERED = """
 import time
-from sbfem_petsc import abort
+from sbfem_petsc.ranks import abort
 class World:
     def Abort(self, code):
         time.sleep(60.0)

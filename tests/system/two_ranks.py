@@ -89,7 +89,7 @@ def apart(call: Call) -> set[str]:
 
 def is_shared(owner: str, given: dict[str, Any]) -> bool:
     """Whether a call is of a model that both ranks share, or of what was computed with it."""
-    from sbfem_petsc.parallel import ranks_of
+    from sbfem_petsc.ranks.parallel import ranks_of
 
     if owner == "Model" or "comm" in inspect.signature(examples.public()[owner]).parameters:
         return owner != "basins" or isinstance(given["model"], sb.Model)

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg
 
-from ...capacity import require_memory
 from ...errors import SolveError, on_all_ranks
 from ...motion.preparation import period_memory
 from ...petsc import MPI, PETSc, check_ksp, configure, free, require_thread, scripted, solving
+from ...ranks.capacity import require_memory
 from ...reduction.reduced_model import ReducedModel
 
 PREFIX = "torus_"

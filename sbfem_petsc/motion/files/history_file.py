@@ -11,10 +11,10 @@ import numpy as np
 
 from meshing.whole_file import reason
 
-from ...capacity import SHARE, available_memory, in_bytes
 from ...errors import SolveError
-from ...parallel import collective
 from ...petsc import MPI
+from ...ranks.capacity import SHARE, available_memory, in_bytes
+from ...ranks.parallel import collective
 from ...record.files import from_image, image
 from ...record.journal import Kept, read
 from ...reduction.comparison import close

@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ...parallel import collective, on_root
 from ...petsc import MPI
+from ...ranks.parallel import collective, on_root
 from ...record.files import from_image
 from ...record.journal import Journal, Kept
 from ...reduction.comparison import adopted, close, difference, in_rows

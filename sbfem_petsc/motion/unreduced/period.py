@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...capacity import require_compiler, require_memory
 from ...checks import positive
-from ...parallel import collective
 from ...petsc import stage
+from ...ranks.capacity import require_compiler, require_memory
+from ...ranks.parallel import collective
 from ...signals.waves import Harmonic
 from ...system.model import Model
 from ...system.solve.demand import require_steps

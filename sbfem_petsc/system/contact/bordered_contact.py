@@ -15,8 +15,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
-from ...capacity import give_back
 from ...petsc import PETSc, block_solve, check_ksp, dense_columns, direct_solver, free, make_ksp
+from ...ranks.capacity import give_back
 from ..solve.assembly import from_rows
 
 # From about so many rows on a few factorisations cost less than a solve for each row: a third of its time

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...balance import balanced
 from ...petsc import MPI, stage
+from ...ranks.balance import balanced
 from ...selement.coefficients import SElementError
 from ...selement.congruence import placements, same_shape, shape_key
 from ...selement.inertia import Inertia

@@ -16,8 +16,8 @@ from meshing.warnings import PlaceWarning
 
 from ...checks import integer, real, shown
 from ...errors import caller_level
-from ...parallel import collective
 from ...petsc import MPI
+from ...ranks.parallel import collective
 from ...selement.coefficients import edge_nodes
 from ...selement.interior_motion import inertial_operators
 from ...selement.points import TOLERANCE, Located, locate, point_operators

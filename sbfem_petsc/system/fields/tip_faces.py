@@ -9,8 +9,8 @@ import numpy as np
 
 from meshing.boundary_mesh import Tip
 
-from ...parallel import collective
 from ...petsc import MPI
+from ...ranks.parallel import collective
 from ...selement.coefficients import SElementError
 from ...selement.face_tractions import (
     FaceTractions,

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...material import SectorMaterials
-from ...parallel import collective
+from ...ranks.parallel import collective
 from ...selement.coefficients import SElementError
 from ...selement.intensity import intensity_rows
 from ...selement.sectors import Sectors

@@ -11,8 +11,8 @@ from meshing.boundary_mesh import BoundaryMesh, ContactPairs
 
 from ...checks import shown
 from ...errors import UnknownName, listed
-from ...parallel import agree, collective
 from ...petsc import MPI, stage
+from ...ranks.parallel import agree, collective
 from ...supports import Support
 from . import partition
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ...capacity import give_back, require_memory
 from ...petsc import PETSc
+from ...ranks.capacity import give_back, require_memory
 
 # Of a matrix, bytes an entry: a value and the number of its column.
 ENTRY = 12

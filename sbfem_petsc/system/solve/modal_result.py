@@ -9,7 +9,7 @@ import numpy as np
 
 from ...checks import integer
 from ...errors import at_point
-from ...parallel import agreed
+from ...ranks.parallel import agreed
 from ...record.gather import whole
 from ...record.record import Record, described, quantity
 from ..structure import Structure

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from ...capacity import give_back
 from ...errors import SolveError, on_all_ranks
 from ...petsc import MPI, PETSc, SLEPc, configure, free, scripted, solver_name, solving, stage, stepping
+from ...ranks.capacity import give_back
 from ..elements.element_stiffness import NEEDED
 from ..structure import Structure
 from .demand import require_modes

@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from ...capacity import give_back
-from ...parallel import alone
 from ...petsc import PETSc, configure, dense_columns, direct_solver, free, make_ksp, solving
+from ...ranks.capacity import give_back
+from ...ranks.parallel import alone
 from ...selement.dense import cholesky, lower_solve, symmetric_eigen
 from ..elements.shapes import Group
 from ..layout.rows import Rows

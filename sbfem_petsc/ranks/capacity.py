@@ -11,9 +11,10 @@ import shutil
 from collections.abc import Callable
 from typing import NamedTuple
 
-from .errors import OutOfMemory
+from mpi4py import MPI
+
+from ..errors import OutOfMemory
 from .parallel import collective
-from .petsc import MPI
 
 # Bytes of rows that a history keeps by default; longer ones are decimated.
 KEPT = 1_000_000_000

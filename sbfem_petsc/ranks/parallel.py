@@ -14,9 +14,9 @@ from typing import Any, Literal, ParamSpec, TypeVar
 import numpy as np
 from mpi4py import MPI
 
+from ..checks import callback, shown
+from ..errors import SolveError, UnknownName
 from . import abort
-from .checks import callback, shown
-from .errors import SolveError, UnknownName
 from .fingerprint import Fingerprint, fingerprint
 
 # Seconds after which an exchange with a rank that has left is given up: its last word may be on the way.
@@ -228,7 +228,7 @@ def ranks_of(value: Any, depth: int = 0) -> MPI.Comm | None:
         parts = value[:MOST]
     elif isinstance(value, Mapping):
         parts = list(value.values())[:MOST]
-    elif type(value).__module__.startswith(f"{__package__}."):
+    elif type(value).__module__.startswith(f"{__package__.partition('.')[0]}."):
         parts = (getattr(value, name, None) for name in SHARED)
     return next((comm for comm in (ranks_of(part, depth + 1) for part in parts) if comm is not None), None)
 

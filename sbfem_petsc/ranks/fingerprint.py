@@ -23,7 +23,7 @@ EXACT = 2**53
 # Objects inside one another, and all of them, that are looked at.
 DEEPEST, LARGEST = 60, 10**6
 # Packages whose classes are the same on all ranks.
-SAME = ("builtins", "functools", "numpy", "scipy", "numba", "meshing", __package__)
+SAME = ("builtins", "functools", "numpy", "scipy", "numba", "meshing", __package__.partition(".")[0])
 
 
 @dataclasses.dataclass(frozen=True)
