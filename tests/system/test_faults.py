@@ -3,6 +3,7 @@ numbers.
 """
 
 import os
+import pickle
 import re
 import resource
 import shutil
@@ -18,8 +19,8 @@ import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from meshing.warnings import IncompleteHistory
 from sbfem_petsc.study import rows
-from sbfem_petsc.study.run import read_run
-from sbfem_petsc.study.sweep_file import read_sweep
+from sbfem_petsc.study.run import RunResults, read_run
+from sbfem_petsc.study.sweep_file import Sweep, read_sweep
 from tests.parallel import ROOT, answer, in_session, interruptible, kill_all, on_ranks
 from tests.study.small_case import CASE, SWEEP, sbfem, stopped_sweep, written
 
@@ -228,7 +229,7 @@ def files(tmp_path_factory):
 
 def said(read, path, whole):
     """The sentence with which a file is refused or told to be incomplete; "the same" for a history whose
-    states are those of the whole file bit for bit.
+    states are those of the whole file bit for bit, and for a run or sweep of which all is.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("error", IncompleteHistory)
@@ -236,7 +237,10 @@ def said(read, path, whole):
             found = read(path)
         except (ValueError, IncompleteHistory) as sentence:
             return str(sentence)
-    same = isinstance(found, sb.History) and np.array_equal(found.states.q, whole.states.q)
+    if isinstance(found, (Sweep, RunResults)):
+        same = pickle.dumps(found) == pickle.dumps(whole)
+    else:
+        same = isinstance(found, sb.History) and np.array_equal(found.states.q, whole.states.q)
     return "the same" if same else "nothing"
 
 
