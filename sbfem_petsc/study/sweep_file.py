@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ import numpy as np
 
 from ..record.layout import bare, put, text, text_of
 from ..record.record import About
-from ..writing import replaced
+from ..writing import write_table
 from .case.case import Case, CaseTables
 from .case.locations import parse
 from .case.parameters import unit_of, words_of
@@ -148,32 +147,17 @@ def write(sweep: Sweep, case: Case, folder: str) -> None:
 
 def write_csv(sweep: Sweep, path: str) -> None:
     """Write inputs, scalar values and short arrays, a row a line; units in the heading."""
-    heading: list[str] = ["row"]
-    columns: list[list[Any]] = [list(range(len(sweep)))]
-    for name, column in sweep.inputs.items():
-        heading.append(name)
-        columns.append(column.tolist())
+    columns: dict[str, Any] = {"row": range(len(sweep)), **sweep.inputs}
     for name, array in sweep.values.items():
         unit = sweep.units.get(name, "1")
         ending = "" if unit == "1" else f" [{unit}]"
         if np.iscomplexobj(array) or array.ndim > 2 or (array.ndim == 2 and array.shape[1] > WIDEST):
             continue
         if array.ndim == 1:
-            heading.append(f"{name}{ending}")
-            columns.append(array.tolist())
-            continue
-        for k in range(array.shape[1]):
-            heading.append(f"{name}/{k + 1}{ending}")
-            columns.append(array[:, k].tolist())
-    heading += ["seconds", "reason"]
-    columns += [sweep.seconds.tolist(), sweep.reasons]
-    with (
-        replaced(path, "table") as temporary,
-        open(temporary, "w", newline="", encoding="utf-8") as file,
-    ):
-        writer = csv.writer(file)
-        writer.writerow(heading)
-        writer.writerows(zip(*columns))
+            columns[f"{name}{ending}"] = array
+        else:
+            columns |= {f"{name}/{k + 1}{ending}": column for k, column in enumerate(array.T)}
+    write_table(path, columns | {"seconds": sweep.seconds, "reason": np.array(sweep.reasons, dtype=str)})
 
 
 def read_sweep(path: str | os.PathLike[str]) -> Sweep:
