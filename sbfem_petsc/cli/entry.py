@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 
 from ..command_line import start_petsc, wrong_option
 from ..installation import remedy
+from ..ranks import abort
 from .parser import make_parser, split
 from .terminal import tell
 
@@ -32,9 +33,13 @@ class _Terminated(BaseException):
 def main(arguments: list[str] | None = None) -> NoReturn:
     """Run a command and exit with its code."""
     try:
-        sys.exit(_run(sys.argv[1:] if arguments is None else list(arguments)))
-    except ImportError as error:
-        sys.exit(_not_installed(error))
+        try:
+            sys.exit(_run(sys.argv[1:] if arguments is None else list(arguments)))
+        except ImportError as error:
+            sys.exit(_not_installed(error))
+    except SystemExit as error:  # on several ranks the others may still be at work
+        abort.leaves(error)
+        raise
 
 
 def _run(arguments: list[str]) -> int:

@@ -25,13 +25,15 @@ class _State:
     """What is known of this process' end."""
 
     installed = False
+    # of a `SystemExit` on its way through what all ranks call
     status: Any = None
     # the communicator of the latest exchange: the one whose ranks share an error
     latest: Any = None
 
 
 def install() -> None:
-    """Let an uncaught error or `sys.exit` of one rank end all ranks instead of leaving them waiting for it.
+    """Let an uncaught error of one rank, or `sys.exit` in a function that a solver calls, end all ranks
+    instead of leaving them waiting for it. Who leaves elsewhere is missed where the others next meet.
 
     An error known to all ranks of a communicator is printed once, by its rank 0. To be called again when
     PETSc is loaded, whose own end would otherwise come first and wait for the other ranks.
@@ -41,7 +43,7 @@ def install() -> None:
     if _State.installed:
         return
     _State.installed = True
-    previous, leave = sys.excepthook, sys.exit
+    previous = sys.excepthook
 
     def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
         world = several_ranks()
@@ -54,11 +56,7 @@ def install() -> None:
             sys.stderr.write(f"rank {world.rank} of {world.size} failed: all ranks are stopped\n")
             _stop(world, 1)
 
-    def leave_noted(status: Any = None, /) -> None:
-        _State.status = status
-        leave(status)
-
-    sys.excepthook, sys.exit = hook, leave_noted  # type: ignore[assignment]
+    sys.excepthook = hook
 
 
 def several_ranks() -> Any:
@@ -72,6 +70,11 @@ def several_ranks() -> Any:
 def noted(comm: Any) -> None:
     """Remember the communicator whose ranks exchange something."""
     _State.latest = comm
+
+
+def leaves(error: SystemExit) -> None:
+    """Remember how this rank leaves what all ranks call, which only the interpreter sees outside of it."""
+    _State.status = error.code
 
 
 def left(comm: Any) -> int | None:
@@ -100,8 +103,8 @@ def _end_together(world: Any, report: Any) -> None:
 
 
 def _at_exit() -> None:
-    """Tell the other ranks that this one leaves; after `sys.exit` with a status they leave too, or are
-    stopped.
+    """Tell the other ranks that this one leaves; if it was with a status out of what all of them call, they
+    leave too, or are stopped.
     """
     world = several_ranks()
     if world is None:

@@ -176,7 +176,11 @@ def agreed(*own: str) -> Callable[[Callable[Parameters, Result]], Callable[Param
         def call(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
             if MPI.COMM_WORLD.size > 1:
                 _compare(owner, _given(signature, args, kwargs, apart), "comm" in signature.parameters)
-            return function(*args, **kwargs)
+            try:
+                return function(*args, **kwargs)
+            except SystemExit as error:
+                abort.leaves(error)
+                raise
 
         call.own = apart  # type: ignore[attr-defined]
         return call
