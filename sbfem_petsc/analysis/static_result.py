@@ -81,15 +81,6 @@ class Static(Record):
         text="kinds of the tips", part="TipFacts", detail=True, default_factory=TipFacts.none
     )
     pair_cracks: tuple[str, ...] = quantity(text="crack of each pair", dims="pair", default=())
-    stress_at: dict[str, np.ndarray] = quantity(
-        "Pa",
-        "stress at places that were asked for",
-        "at stress",
-        called="stress",
-        row=True,
-        finite=False,
-        default_factory=dict,
-    )
 
     @derived(text="loads", dims="load", detail=True)
     def loads(self) -> tuple[str, ...] | None:

@@ -30,7 +30,7 @@ else:  # of Python 3.11, for type checkers alone
 
 
 # Entries of the axes that every result has.
-AXES = {"xy": ("x", "y"), "component": ("I", "II"), "stress": ("xx", "yy", "xy")}
+AXES = {"xy": ("x", "y"), "component": ("I", "II")}
 AXES |= {"side": ("before", "behind")}
 # Kinds of NumPy's types by the types of fields.
 KINDS = {"bool": "b", "int": "iu", "float": "f", "complex": "c", "str": "U"}
@@ -451,8 +451,11 @@ def described(cls: type[Kind]) -> type[Kind]:
     """
     made = dataclass(frozen=True, eq=False, repr="__repr__" not in vars(cls))(cls)
     lines = []
+    axes = {dim for entry in entries(made).values() if entry.about.stored for dim in entry.about.dims}
     for name, entry in entries(made).items():
         about = entry.about
+        if about.stored and entry.called in axes and about.dims != (entry.called,):
+            raise TypeError(f"{cls.__name__}: {name} is named as an axis is; give one of them another name")
         kind = re.sub(r"np\.ndarray", "array", entry.type) if not about.dims or about.part else "array"
         shape = f"({', '.join(about.dims)}) " if about.dims and not about.part else ""
         lines += [f"{name} : {shape}{kind}", f"    {_words(about)}."]

@@ -17,7 +17,7 @@ import sbfem_petsc as sb
 from sbfem_petsc.petsc import MPI
 from sbfem_petsc.record.gather import whole
 from sbfem_petsc.record.layout import bare
-from sbfem_petsc.record.record import entries
+from sbfem_petsc.record.record import Record, described, entries, quantity
 from sbfem_petsc.writing import check_output_folder
 from tests.fuzz import examples
 from tests.results.results_case import LOADS, on_ranks
@@ -125,6 +125,15 @@ def test_attributes_in_docstrings():
     for kind in (sb.Static, sb.Modal, sb.ReducedModel, sb.Estimate):
         assert kind.__doc__.count("Attributes") == 1
         assert all(f"\n    {name} : " in kind.__doc__ for name in entries(kind))
+
+
+def test_no_quantity_is_named_as_an_axis():
+    with pytest.raises(TypeError, match="Closing: pair is named as an axis is"):
+
+        @described
+        class Closing(Record):
+            pair: int = quantity("1", "the first")
+            factor: np.ndarray = quantity("1", "of each", "pair")
 
 
 def test_petsc_options_are_recorded(solved, tmp_path):
