@@ -6,25 +6,26 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy import linalg
+from scipy import linalg, sparse
 
 from ..checks import Bounds, integer, real, real_array, shown
 from ..contact.law import ContactLaw, row_laws
 from .outputs import LinearOutput
 from .reduced_model import ReducedModel
+from .sparse import sparse_modes
 
 # Relative asymmetry of a matrix that rounding explains.
 SYMMETRY = 1e-9
 
 
 def reduce_matrices(
-    mass: np.ndarray,
-    stiffness: np.ndarray,
-    contact_rows: np.ndarray,
+    mass: np.ndarray | sparse.spmatrix,
+    stiffness: np.ndarray | sparse.spmatrix,
+    contact_rows: np.ndarray | sparse.spmatrix,
     gap: np.ndarray,
     *,
-    loads: np.ndarray,
-    sensors: Mapping[str, int],
+    loads: np.ndarray | sparse.spmatrix,
+    sensors: Mapping[str, int | np.ndarray | sparse.spmatrix],
     modes: int | None = None,
     damping: float | np.ndarray = 0.0,
     compliance: np.ndarray | None = None,
@@ -37,18 +38,21 @@ def reduce_matrices(
 
     Parameters
     ----------
-    mass, stiffness : (n, n) arrays
-        Symmetric; mass positive definite; the stiffness may admit rigid-body motions.
-    contact_rows : (pairs, n) array
+    mass, stiffness : (n, n) arrays or sparse matrices of SciPy
+        Symmetric; mass positive definite; the stiffness may admit rigid-body motions. Sparse ones are for
+        large systems, by SLEPc and PETSc: the stiffness positive definite, unknowns without mass allowed.
+    contact_rows : (pairs, n) array or sparse matrix
         Gap = contact_rows u + gap + compliance force.
     gap : (pairs,) array
         m.
-    loads : (n, k) array
+    loads : (n, k) array or sparse matrix
         Unit loads.
-    sensors : dict of str to int
-        Names of unknowns; each is the y displacement of a point.
+    sensors : dict of str to int or (n,) row
+        Names of unknowns, or of rows that give means, differences and components along any direction; each
+        is the y displacement of a point.
     modes : int, optional
-        Lowest modes kept; the others act by their flexibility. Default: all.
+        Lowest modes kept; the others act by their flexibility. Default: all, of sparse matrices 80, or half
+        as many as unknowns.
     damping : float or (n, n) array
         Modal damping ratio, or a damping matrix that the modes make diagonal, such as a M + b K.
     compliance : (pairs,) array, optional
@@ -63,11 +67,14 @@ def reduce_matrices(
         row has no compliance at all: a rigid stop on an unknown whose mass is kept in full has no law in this
         form.
     """
-    mass, stiffness = _array("mass", mass, 2), _array("stiffness", stiffness, 2)
-    n = len(mass)
+    mass, stiffness = _matrix("mass", mass), _matrix("stiffness", stiffness)
+    large = sparse.issparse(mass) or sparse.issparse(stiffness)
+    if large:
+        mass, stiffness = sparse.csr_matrix(mass), sparse.csr_matrix(stiffness)
+    n = mass.shape[0]
     gap = _array("gap", gap, 1)
     pairs = len(gap)
-    contact_rows, loads = _array("contact_rows", contact_rows, 2), _array("loads", loads, 2)
+    contact_rows, loads = _dense("contact_rows", contact_rows), _dense("loads", loads)
     stops = np.zeros(pairs) if compliance is None else _array("compliance", compliance, 1)
     for name, array, shape in (
         ("mass", mass, (n, n)),
@@ -82,31 +89,18 @@ def reduce_matrices(
         raise ValueError("reduce_matrices: mass is empty; give at least one unknown")
     _check_symmetric("mass", mass)
     _check_symmetric("stiffness", stiffness)
-    if linalg.eigvalsh(mass)[0] <= 0.0:
-        raise ValueError(
-            "reduce_matrices: mass is not positive definite; give each unknown a mass or condense it"
-        )
     if (stops < 0.0).any():
         raise ValueError(f"reduce_matrices: compliance {stops.min():g} m/N is negative")
     if (idle := np.flatnonzero(~contact_rows.any(axis=1))).size:
         raise ValueError(f"reduce_matrices: contact_rows[{idle[0]}] is zero; no displacement moves its gap")
     laws = row_laws(contact_laws, pairs, "reduce_matrices")
-    modes = n if modes is None else integer("reduce_matrices", "modes", modes, least=1, most=n)
-    index = _places(sensors, n)
+    default, most = (max(min(80, n // 2), 1), max(n - 1, 1)) if large else (n, n)
+    modes = default if modes is None else integer("reduce_matrices", "modes", modes, least=1, most=most)
+    seen = _sensor_rows(sensors, n)
 
-    values, vectors = linalg.eigh(stiffness, mass)
-    # rigid-body modes come out at round-off's level
-    values = np.where(np.abs(values) < 1e-12 * np.abs(values).max(), 0.0, values)
-    if values[0] < 0.0:
-        raise ValueError(
-            f"reduce_matrices: stiffness is indefinite (least eigenvalue {values[0]:g} of M^-1 K)"
-        )
-    if modes < n and values[modes] == 0.0:
-        raise ValueError(f"reduce_matrices: modes = {modes} leaves out rigid-body motions; keep more modes")
-    kept, left = vectors[:, :modes], vectors[:, modes:]
-    omega = np.sqrt(values[:modes])
     columns = np.concatenate([contact_rows.T, loads], axis=1)
-    flexibility = (left / values[modes:]) @ (left.T @ columns)
+    values, kept, flexibility = (sparse_modes if large else _dense_modes)(mass, stiffness, columns, modes)
+    omega = np.sqrt(values)
     by_contact, by_loads = flexibility[:, :pairs], flexibility[:, pairs:]
     gaps = LinearOutput(
         (), contact_rows @ kept, contact_rows @ by_loads, contact_rows @ by_contact + np.diag(stops)
@@ -119,8 +113,8 @@ def reduce_matrices(
         )
 
     def at_sensors(array: np.ndarray) -> np.ndarray:
-        result = np.zeros((len(index), 2, array.shape[1]))
-        result[:, 1] = array[index]
+        result = np.zeros((len(sensors), 2, array.shape[1]))
+        result[:, 1] = seen @ array
         return result
 
     return ReducedModel(
@@ -138,30 +132,70 @@ def reduce_matrices(
     )
 
 
+def _dense_modes(
+    mass: np.ndarray, stiffness: np.ndarray, columns: np.ndarray, modes: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The lowest modes and the flexibility of the others under the columns, see `sparse_modes`."""
+    if linalg.eigvalsh(mass)[0] <= 0.0:
+        raise ValueError(
+            "reduce_matrices: mass is not positive definite; give each unknown a mass or condense it"
+        )
+    values, vectors = linalg.eigh(stiffness, mass)
+    # rigid-body modes come out at round-off's level
+    values = np.where(np.abs(values) < 1e-12 * np.abs(values).max(), 0.0, values)
+    if values[0] < 0.0:
+        raise ValueError(
+            f"reduce_matrices: stiffness is indefinite (least eigenvalue {values[0]:g} of M^-1 K)"
+        )
+    if modes < len(mass) and values[modes] == 0.0:
+        raise ValueError(f"reduce_matrices: modes = {modes} leaves out rigid-body motions; keep more modes")
+    left = vectors[:, modes:]
+    return values[:modes], vectors[:, :modes], (left / values[modes:]) @ (left.T @ columns)
+
+
 def _array(name: str, value: Any, dimensions: int) -> np.ndarray:
     """A finite real array of so many dimensions."""
     return real_array("reduce_matrices", name, value, dimensions)
 
 
-def _check_symmetric(name: str, matrix: np.ndarray) -> None:
-    largest = np.abs(matrix - matrix.T).max(initial=0.0)
-    if largest > SYMMETRY * np.abs(matrix).max(initial=0.0):
+def _matrix(name: str, value: Any) -> np.ndarray | sparse.csr_matrix:
+    """A finite real matrix, sparse if it was."""
+    if not sparse.issparse(value):
+        return _array(name, value, 2)
+    entries = sparse.coo_matrix(value)
+    real_array("reduce_matrices", f"{name}.data", entries.data, 1)
+    return sparse.csr_matrix(entries.astype(float))
+
+
+def _dense(name: str, value: Any) -> np.ndarray:
+    return _array(name, value.toarray() if sparse.issparse(value) else value, 2)
+
+
+def _check_symmetric(name: str, matrix: np.ndarray | sparse.csr_matrix) -> None:
+    largest = abs(matrix - matrix.T).max()
+    if largest > SYMMETRY * abs(matrix).max():
         raise ValueError(f"reduce_matrices: {name} is not symmetric, entries differ by up to {largest:g}")
 
 
-def _places(sensors: Any, count: int) -> list[int]:
-    """Numbers of the sensors' unknowns."""
+def _sensor_rows(sensors: Any, count: int) -> sparse.csr_matrix:
+    """(sensors, count): the rows of the sensors."""
     if not isinstance(sensors, Mapping):
         raise TypeError(
             f"reduce_matrices: sensors = {shown(sensors)} must be a dict of names to unknowns, {{'tip': 3}}"
         )
-    for name in sensors:
+    rows = sparse.lil_matrix((len(sensors), count))
+    for k, (name, place) in enumerate(sensors.items()):
         if not isinstance(name, str):
             raise TypeError(f"reduce_matrices: sensors has the name {name!r}; names are strings")
-    return [
-        integer("reduce_matrices", f"sensors[{name!r}]", place, least=0, most=count - 1)
-        for name, place in sensors.items()
-    ]
+        item = f"sensors[{name!r}]"
+        if sparse.issparse(place) or (isinstance(place, np.ndarray) and place.ndim):
+            row = _dense(item, place).ravel() if sparse.issparse(place) else _array(item, place, 1)
+            if len(row) != count:
+                raise ValueError(f"reduce_matrices: {item} has {len(row)} entries, {count} were expected")
+            rows[k] = row
+        else:
+            rows[k, integer("reduce_matrices", item, place, least=0, most=count - 1)] = 1.0
+    return rows.tocsr()
 
 
 def _ratios(damping, modes: np.ndarray, omega: np.ndarray) -> np.ndarray:

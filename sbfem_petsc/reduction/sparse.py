@@ -1,0 +1,163 @@
+"""Modes and residual flexibility of sparse matrices, by SLEPc and PETSc from one factorisation."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse
+
+from ..errors import SolveError
+from ..petsc import MPI, PETSc, SLEPc, block_solve, configure, dense_columns, direct_solver, free, solving
+
+# Relative residual of K x = b that a solve may have, and eigenvalue beside the largest K_ii / M_ii that is
+# told from zero.
+RESIDUAL, ZERO = 1e-6, 1e-12
+
+
+def sparse_modes(
+    mass: sparse.csr_matrix, stiffness: sparse.csr_matrix, columns: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The lowest modes of K phi = w2 M phi and what is left of the flexibility, on each rank alike.
+
+    The residual flexibility is P K^-1 P^T with the projector P = 1 - Phi Phi^T M, without the cancellation
+    of K^-1 - Phi Omega^-2 Phi^T.
+
+    Returns
+    -------
+    values, vectors, flexibility : (m,), (n, m), (n, k) arrays
+        The last is that of the columns.
+
+    Raises
+    ------
+    ValueError
+        If the stiffness is indefinite, or admits rigid-body motions.
+    SolveError
+        If SLEPc does not find the modes, or has left some out.
+    """
+    k, m = _matrix(stiffness), _matrix(mass)
+    eps = SLEPc.EPS().create(MPI.COMM_SELF)
+    try:
+        eps.setOptionsPrefix("modal_")
+        eps.setOperators(k, m)
+        eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
+        eps.setDimensions(count, min(len(columns), max(2 * count, count + 20)))
+        eps.setTolerances(1e-12, 200)
+        eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+        eps.setTarget(0.0)
+        st = eps.getST()
+        st.setType(SLEPc.ST.Type.SINVERT)
+        st.setShift(0.0)
+        ksp = st.getKSP()
+        _direct(ksp, k)
+        configure(eps)
+        with solving("modal"):
+            eps.setUp()
+            _require_definite(ksp.getPC())
+            eps.solve()
+        if eps.getConverged() < count:
+            raise SolveError(
+                f"modal: SLEPc found {eps.getConverged()} of {count} eigenpairs; raise "
+                "-modal_eps_max_it or -modal_eps_ncv"
+            )
+        values, vectors = _pairs(eps, k, count)
+        inertia = mass @ vectors
+        if values[0] < 0.0:
+            raise _indefinite(f"eigenvalue {values[0]:g} of M^-1 K")
+        heavy = mass.diagonal() > 0.0
+        if values[0] <= ZERO * (stiffness.diagonal()[heavy] / mass.diagonal()[heavy]).max(initial=0.0):
+            raise _not_held()
+        vectors /= np.sqrt((vectors * inertia).sum(axis=0))
+        inertia = mass @ vectors
+        right = np.asfortranarray(columns - inertia @ (vectors.T @ columns))
+        block = dense_columns(k, right)
+        answers = np.empty_like(right, order="F")
+        try:
+            with solving("reduction"):
+                block_solve(ksp, block, answers)
+        finally:
+            free(MPI.COMM_SELF, block)
+        left = np.abs(stiffness @ answers - right).max(initial=0.0)
+        if not left <= RESIDUAL * np.abs(right).max(initial=0.0):
+            raise _not_held()
+        _require_all(mass, stiffness, values)
+        return values, vectors, answers - vectors @ (inertia.T @ answers)
+    finally:
+        free(MPI.COMM_SELF, eps, k, m)
+
+
+def _matrix(matrix: sparse.csr_matrix) -> PETSc.Mat:
+    indices = (matrix.indptr.astype(PETSc.IntType), matrix.indices.astype(PETSc.IntType))
+    result = PETSc.Mat().createAIJ(matrix.shape, csr=(*indices, matrix.data), comm=MPI.COMM_SELF)
+    result.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    return result
+
+
+def _direct(ksp: PETSc.KSP, matrix: PETSc.Mat) -> None:
+    """A direct solve that counts the signs of its pivots where it can."""
+    factorisation, package = direct_solver(MPI.COMM_SELF, positive_definite=False)
+    ksp.setOperators(matrix)
+    ksp.setType(PETSc.KSP.Type.PREONLY)
+    pc = ksp.getPC()
+    pc.setType(factorisation)
+    pc.setFactorSolverType(package)
+    if package == "mumps":
+        pc.setFactorSetUpSolverType()
+        factor = pc.getFactorMatrix()
+        factor.setMumpsIcntl(24, 1)  # null pivots are looked for, which the count needs
+        factor.setMumpsIcntl(13, 1)  # no ScaLAPACK at the root: its pivots would not be counted
+
+
+def _signs(pc: PETSc.PC) -> tuple[int, int]:
+    """Negative and zero eigenvalues of what is factored; none where the package does not count them."""
+    if pc.getType() != "cholesky" or pc.getFactorSolverType() != "mumps":
+        return 0, 0
+    return pc.getFactorMatrix().getInertia()[:2]
+
+
+def _require_definite(pc: PETSc.PC) -> None:
+    negative, zero = _signs(pc)
+    if negative:
+        raise _indefinite(f"{negative} negative eigenvalues")
+    if zero:
+        raise _not_held()
+
+
+def _indefinite(why: str) -> ValueError:
+    return ValueError(f"reduce_matrices: stiffness is indefinite ({why})")
+
+
+def _not_held() -> ValueError:
+    return ValueError(
+        "reduce_matrices: stiffness admits rigid-body motions; hold the system, by weak "
+        "springs if it is free, or give dense matrices"
+    )
+
+
+def _pairs(eps: SLEPc.EPS, k: PETSc.Mat, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenpairs in ascending order."""
+    values = np.array([eps.getEigenvalue(i).real for i in range(count)])
+    vectors = np.empty((k.size[0], count), order="F")
+    x = k.createVecRight()
+    for column, i in enumerate(np.argsort(values)):
+        eps.getEigenvector(int(i), x)
+        vectors[:, column] = x.array_r
+    x.destroy()
+    return np.sort(values), vectors
+
+
+def _require_all(mass: sparse.csr_matrix, stiffness: sparse.csr_matrix, values: np.ndarray) -> None:
+    """Raise a SolveError if the inertia below the last eigenvalue says that some are missing."""
+    last = values[-1] * (1.0 - 1e-6)
+    shifted = _matrix((stiffness - last * mass).tocsr())
+    ksp = PETSc.KSP().create(MPI.COMM_SELF)
+    try:
+        _direct(ksp, shifted)
+        with solving("modal"):
+            ksp.setUp()
+        below, found = _signs(ksp.getPC())[0], int((values < last).sum())
+    finally:
+        free(MPI.COMM_SELF, ksp, shifted)
+    if below > found:
+        raise SolveError(
+            f"modal: {below} eigenvalues lie below the last, but the eigensolver found {found}; raise "
+            "-modal_eps_ncv or ask for more modes"
+        )
