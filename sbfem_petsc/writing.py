@@ -11,12 +11,13 @@ from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from meshing import whole_file
 from meshing.folder_index import make_folder
 
 from .checks import path as checked_path
-from .ranks.parallel import MPI, collective
+from .ranks.parallel import collective
 
 
 def destination(path: Any, what: str) -> str:

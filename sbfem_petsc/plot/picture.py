@@ -9,9 +9,10 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from matplotlib import rc_context
+from mpi4py import MPI
 
 from ..checks import Bounds, choice, flag, instance, integer, numbers_of, positive, real, shown
-from ..ranks.parallel import MPI, agreed, checked_communicator, collective, on_root, ranks_of
+from ..ranks.parallel import agreed, checked_communicator, collective, on_root, ranks_of
 from ..system.fields.places import checked_place
 from .drawing import STYLE, Sheet
 

@@ -136,7 +136,8 @@ class _Exchange:
         """What another rank gives."""
         self._send(None, other, _ASK)
         self._wait(lambda: self.comm.Iprobe(source=other, tag=_GIVE))
-        return self.comm.recv(source=other, tag=_GIVE)
+        given: _Batch = self.comm.recv(source=other, tag=_GIVE)
+        return given
 
     def _answer(self) -> None:
         """Give those who ask half of what is left, from its end."""

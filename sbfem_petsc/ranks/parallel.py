@@ -9,6 +9,7 @@ import pickle
 import sys
 import time
 from collections.abc import Callable, Mapping
+from types import TracebackType
 from typing import Any, Literal, ParamSpec, TypeVar
 
 import numpy as np
@@ -59,7 +60,9 @@ class collective:
     def __enter__(self) -> collective:
         return self
 
-    def __exit__(self, kind, error, trace) -> Literal[False]:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> Literal[False]:
         if error is not None and not isinstance(error, Exception):
             return False
         comm = self.comm
@@ -347,7 +350,8 @@ def unpacked(message: tuple[bytes | None, str, str]) -> Exception:
     whole, kind, text = message
     if whole is not None:
         try:
-            return pickle.loads(whole)
+            known: Exception = pickle.loads(whole)
+            return known
         except Exception:  # a class that this rank does not know
             pass
     plain: dict[str, type[Exception]] = {

@@ -241,7 +241,7 @@ def _root() -> str:
 
 
 def _version() -> str:
-    return importlib.import_module(_root()).__version__
+    return str(importlib.import_module(_root()).__version__)
 
 
 def require_own(file: h5py.File, size: int) -> None:

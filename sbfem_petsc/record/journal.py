@@ -67,6 +67,7 @@ def _number(value: Any) -> Any:
 def unpacked(payload: bytes) -> Frame:
     """What `packed` packed."""
     line, _, data = payload.partition(b"\n")
+    frame: Frame
     frame, shapes = json.loads(line)
     at = 0
     for name, (kind, shape) in shapes.items():

@@ -180,9 +180,10 @@ def _named(group: h5py.Group, dim: str, names: tuple[str, ...]) -> bool:
     return dim in group or (texts and names_along(here, dim) == names)
 
 
-def text_of(words: str) -> np.ndarray:
+def text_of(words: str) -> np.bytes_:
     """A text as HDF5 keeps it with a checksum: of a fixed length."""
-    return texts_of([words])[0]
+    text: np.bytes_ = texts_of([words])[0]
+    return text
 
 
 def texts_of(words: Any) -> np.ndarray:

@@ -60,7 +60,7 @@ class _Reader:
         for f in dataclasses.fields(cls):
             if f.default is f.default_factory is dataclasses.MISSING:
                 values.setdefault(f.name, None)
-        made = cls._revived(values)
+        made: Record = cls._revived(values)
         made.check()
         self.known[group.name] = made
         return made
