@@ -38,6 +38,7 @@ _HOME = {
     "Unilateral": "contact.law",
     "Tied": "contact.law",
     "Clearance": "contact.law",
+    "Coulomb": "contact.law",
     "SolveError": "errors",
     "UnknownName": "errors",
     "LoadWarning": "meshing.warnings",

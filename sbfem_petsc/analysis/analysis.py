@@ -25,14 +25,15 @@ _within: contextvars.ContextVar[bool] = contextvars.ContextVar("within", default
 
 
 def analysis(
-    options: type[Options],
+    options: type[Options], *, rubs: bool = False
 ) -> Callable[[Callable[Parameters, Result]], Callable[Parameters, Result]]:
     """Decorator of a public analysis that all ranks call together.
 
     The function is given its options as their class has checked them, `file`, `resume` and `progress` are
-    checked too, and an error of one rank is raised on all of those that share the model. Displacements that
-    are not small are told of when its result is there, but not within another analysis. Its signature and
-    docstring are written out for readers and tools; a test compares them with the class.
+    checked too; a model whose faces rub is refused unless the function `rubs`. An error of one rank is raised
+    on all of those that share the model. Displacements that are not small are told of when its result is
+    there, but not within another analysis. Its signature and docstring are written out for readers and tools;
+    a test compares them with the class.
     """
 
     def decorated(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
@@ -52,13 +53,16 @@ def analysis(
                 asked = options.checked(owner, {name: given[name] for name in options.model_fields})
                 _check_recording(owner, given)
             given.update((name, getattr(asked, name)) for name in options.model_fields)
+            body = _body(next(iter(given.values())))
+            if body is not None and not rubs:
+                body.require_frictionless(owner)
             outermost, token = not _within.get(), _within.set(True)
             try:
                 result = function(*bound.args, **bound.kwargs)
             finally:
                 _within.reset(token)
             if outermost:
-                warn_if_large(owner, _body(next(iter(given.values()))), result)
+                warn_if_large(owner, body, result)
             return result
 
         call.options = options  # type: ignore[attr-defined]

@@ -120,7 +120,7 @@ def _array(item: Any) -> Any:
     return np.array(item) if isinstance(item, list) else item
 
 
-@analysis(EstimateOptions)
+@analysis(EstimateOptions, rubs=True)
 def estimate(
     model: Model | Callable[..., Model],
     quantity: Callable[[Model], Any],

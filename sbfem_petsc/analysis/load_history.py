@@ -1,7 +1,9 @@
-"""Static states along a history of the loads, with unilateral contact (prefix ``static_``).
+"""Static states along a history of the loads, with contact (prefix ``static_``).
 
-Frictionless contact has no memory: each state is the static solution under the loads of its instant. The
-history shows how faces close and open, and K_I(t) and K_II(t), under loads too slow for inertia to matter.
+Frictionless contact has no memory: each state is the static solution under the loads of its instant. Faces
+that rub remember how far they have slipped: a state follows from the one before it, the first one from rest.
+The history shows how faces close and open, and K_I(t) and K_II(t), under loads too slow for inertia to
+matter.
 """
 
 from __future__ import annotations
@@ -24,7 +26,8 @@ from ..system.fields.tip_facts import together
 from ..system.model import Model
 from .analysis import analysis
 from .options import LoadHistoryOptions
-from .static import Static, static
+from .static import state
+from .static_result import Static
 
 
 @described
@@ -113,6 +116,26 @@ class LoadHistory(Record):
         """(n, pairs): m."""
         return np.array([state.gap for state in self.states])
 
+    @derived("m", "slips of the pairs, where faces of the model rub", "time pair", detail=True)
+    def slip(self) -> np.ndarray | None:
+        """(n, pairs): m, along the normal turned clockwise."""
+        return self._rubbed("slip")
+
+    @derived("N", "friction of the pairs", "time pair", detail=True)
+    def friction_force(self) -> np.ndarray | None:
+        """(n, pairs): N, against the changes of the slips."""
+        return self._rubbed("friction_force")
+
+    @derived("J", "lost to friction so far", "time")
+    def friction_loss(self) -> np.ndarray | None:
+        """(n,): J, that inside tip elements included; friction changes linearly from a state to the next."""
+        lost = self._rubbed("friction_loss")
+        return None if lost is None else np.cumsum(lost)
+
+    def _rubbed(self, name: str) -> np.ndarray | None:
+        found = [getattr(state, name) for state in self.states]
+        return None if found[0] is None else np.array(found)
+
     @derived("N", "sum of the contact forces", "time")
     def contact_resultant(self) -> np.ndarray:
         """(n,): sum of all contact forces, N."""
@@ -125,7 +148,7 @@ class LoadHistory(Record):
         )
 
 
-@analysis(LoadHistoryOptions)
+@analysis(LoadHistoryOptions, rubs=True)
 def load_history(
     model: Model, load, time: Sequence[float] | np.ndarray, *, contact: bool = True
 ) -> LoadHistory:
@@ -137,7 +160,7 @@ def load_history(
     load : PointForce, EdgeLoad, SupportMotion, a sum or a sequence of them
         Numbers are constant loads; signals are taken at each time.
     time : (n,) sequence of float
-        s, in the order in which the states are wanted.
+        s, in the order in which the states are wanted and in which faces rub (`Coulomb`).
     contact : bool
         Whether crack faces may press on each other; False: they may overlap.
 
@@ -161,7 +184,11 @@ def load_history(
         f"{len(times):,d} states",
         lambda share: f"at most {int(share * len(times)):,d} times fit, or take a coarser mesh",
     )
-    return LoadHistory(times, tuple(static(model, _at(loads, float(t)), contact=contact) for t in times))
+    states: list[Static] = []
+    for t in times:
+        former = states[-1] if states else None
+        states.append(state(model, _at(loads, float(t)), contact, former=former))
+    return LoadHistory(times, tuple(states))
 
 
 def _state_size(model: Model) -> float:

@@ -21,7 +21,7 @@ from .options import ModalOptions
 RIGID = 1e-5
 
 
-@analysis(ModalOptions)
+@analysis(ModalOptions, rubs=True)
 def modal(
     model: Model,
     count: int | None = None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from ..system.fields.fracture import notes
 from ..system.fields.resolution import warn_of_tips
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
-from ..system.solve.equilibrium import equilibrium
+from ..system.solve.equilibrium import Equilibrium, equilibrium
 from .analysis import analysis
 from .estimate import Sought, refined
 from .options import StaticOptions
@@ -39,7 +40,7 @@ DIGITS, LOST = 2e-13, 1e-4
 _METHODS = {"active_set": solve_complementarity, "one_pass_tie": one_pass_tie}
 
 
-@analysis(StaticOptions)
+@analysis(StaticOptions, rubs=True)
 def static(
     model: Model,
     load,
@@ -58,7 +59,7 @@ def static(
         Whether crack faces may press on each other; False: the linear solution, which lets them overlap.
     method : {"active_set", "one_pass_tie"}
         Unilateral contact, or the paper's single correction that ties every penetrating pair and admits
-        tension.
+        tension. Faces that rub (`Coulomb`) take the first alone, loaded in one step from rest.
     accuracy : float, optional
         Relative error asked for: finer meshes are made, as by `estimate`, until two of them agree in the
         displacements of the named points, the contact resultant, and the stress intensity factors, relative
@@ -86,18 +87,12 @@ def static(
     """
     if not isinstance(model, Model):
         raise TypeError(f"static: model = {shown(model)} is not a Model")
-    with collective(model.comm):
-        model.checked_loads(load)
-    model.require_support("static")
+    if method == "one_pass_tie":
+        model.require_frictionless("the method one_pass_tie")
     solve = _METHODS[method]
-    warn_of_idle_loads("static", model, separate(load)[0])
     if accuracy is None:
-        found = _solved(model, load, contact, solve)
-        warn_of_tips("static", model)
-        _warn_of_springs(found)
-        if contact:
-            _warn_of_contact(found)
-        return found
+        return state(model, load, contact, solve)
+    _prepare(model, load)
     _, found, estimate = refined(
         "static",
         Sought(
@@ -109,6 +104,26 @@ def static(
         accuracy=accuracy,
     )
     return replace(found, estimate=estimate)
+
+
+def state(
+    model: Model, load, contact: bool, solve=solve_complementarity, former: Static | None = None
+) -> Static:
+    """The solution on the model's own mesh, of faces that rub after a former one. Collective."""
+    _prepare(model, load)
+    found = _solved(model, load, contact, solve, former)
+    warn_of_tips("static", model)
+    _warn_of_springs(found)
+    if contact:
+        _warn_of_contact(found)
+    return found
+
+
+def _prepare(model: Model, load) -> None:
+    with collective(model.comm):
+        model.checked_loads(load)
+    model.require_support("static")
+    warn_of_idle_loads("static", model, separate(load)[0])
 
 
 def _judged(found: Static) -> dict[str, np.ndarray]:
@@ -154,10 +169,10 @@ def _warn_of_contact(found: Static) -> None:
     )
 
 
-def _solved(model: Model, load, contact: bool, solve) -> Static:
+def _solved(model: Model, load, contact: bool, solve, former: Static | None = None) -> Static:
     """Of the model as it is."""
     columns = model.load_columns([load])
-    found = equilibrium(model, columns, contact, solve)
+    found = equilibrium(model, columns, contact, solve, None if former is None else former.equilibrium.memory)
     _judge(found.residual)
     model.refinement.judge("static")
     model.solver.judge("static")
@@ -166,7 +181,7 @@ def _solved(model: Model, load, contact: bool, solve) -> Static:
         found.force[: model.gap_operator.pairs],
         found.gap[: model.gap_operator.pairs],
         found.active[: model.gap_operator.pairs],
-        float(found.force.sum()),
+        float(found.force[: len(model.gap_operator.laws)].sum()),
         model.nodal(found.owned),
         found.iterations,
         model.solver.name,
@@ -179,6 +194,19 @@ def _solved(model: Model, load, contact: bool, solve) -> Static:
         notes=notes(model, found.force, columns.tip_forces),
         tip_facts=model.tips.facts,
         pair_cracks=tuple(model.cracks[k].name for k in model.pairs.crack),
+        **_rubbed(model, found),
+    )
+
+
+def _rubbed(model: Model, found: Equilibrium) -> dict[str, Any]:
+    """What faces that rub have beside the others."""
+    if found.memory is None:
+        return {}
+    pairs = model.gap_operator.pairs
+    return dict(
+        slip=found.memory.slip[:pairs],
+        friction_force=found.memory.force[:pairs],
+        friction_loss=found.friction_loss,
     )
 
 

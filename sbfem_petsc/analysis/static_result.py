@@ -81,6 +81,19 @@ class Static(Record):
         text="kinds of the tips", part="TipFacts", detail=True, default_factory=TipFacts.none
     )
     pair_cracks: tuple[str, ...] = quantity(text="crack of each pair", dims="pair", default=())
+    slip: np.ndarray | None = quantity(
+        "m",
+        "slips of the pairs, along the normal turned clockwise, where faces of the model rub",
+        "pair",
+        kinds="f",
+        default=None,
+    )
+    friction_force: np.ndarray | None = quantity(
+        "N", "friction of the pairs, against the change of their slips", "pair", kinds="f", default=None
+    )
+    friction_loss: float | None = quantity(
+        "J", "lost to friction since the state before, or since rest", kinds="f", default=None
+    )
 
     @derived(text="loads", dims="load", detail=True)
     def loads(self) -> tuple[str, ...] | None:

@@ -14,12 +14,8 @@ answered from the same arrays: `RowLaws.acting` (the rows that keep their gaps, 
 model), `fixed` (rows of one state alone); `dissipative` is for the guard of the energy
 (`motion.energy.guard`).
 
-Coulomb friction would be a second, tangential row for each pair, the same staircase turned over: held in the
-middle, where it sticks at the slip of the step before, and under a force of its own at either end, where it
-slips. The table would have to say whether the middle or the ends of a row hold its gap, and the number of the
-normal row whose force times the friction coefficient bounds its own; its places would move with the motion.
-In `pivoting` and `closed_sets` the bound's dependence on the normal force makes the condensed operator
-unsymmetric. It would be `dissipative`, for the work of the slip is lost.
+Coulomb friction is a second, tangential row for each one that rubs (`friction`): its states depend on the
+force of the normal row and on the slip before. Table and `RowLaws` are those of the normal rows alone.
 """
 
 from __future__ import annotations
@@ -89,6 +85,11 @@ class ContactLaw:
         return False
 
     @property
+    def rubs(self) -> bool:
+        """Whether friction resists the faces' sliding."""
+        return False
+
+    @property
     def parts(self) -> bool:
         """Whether the faces ever come apart."""
         return self.states[FREE].least <= self.states[FREE].most
@@ -155,6 +156,61 @@ class Clearance(ContactLaw):
     def states(self) -> tuple[State, State, State]:
         """Free from zero to the width."""
         return State(0.0, 0.0, self.width), _PRESSED, State(self.width, -math.inf, 0.0)
+
+
+@dataclass(frozen=True, init=False)
+class Coulomb(Unilateral):
+    """Faces that come apart freely and rub where they press on each other: |t| <= friction n, the friction t
+    against the slip; with friction 0, `Unilateral`. Taken by `static` and `load_history`.
+
+    Attributes
+    ----------
+    friction : float
+        Coefficient of faces that slip.
+    static_friction : float
+        Coefficient up to which they stick, at least `friction`. Default: the same.
+    compliance : float
+        m^3/N; an elastic layer on the faces if it is not zero.
+    tangential_compliance : float
+        m^3/N; the same along the faces: they slide by so much for each pascal before they slip.
+    """
+
+    friction: float = 0.0
+    static_friction: float = 0.0
+    tangential_compliance: float = 0.0
+
+    def __init__(
+        self,
+        friction: float,
+        static_friction: float | None = None,
+        compliance: float = 0.0,
+        tangential_compliance: float = 0.0,
+    ):
+        mu = real("Coulomb", "friction", friction, within=Bounds(least=0.0))
+        static = mu if static_friction is None else real("Coulomb", "static_friction", static_friction)
+        if static < mu:
+            raise ValueError(f"Coulomb: static_friction = {static:g} must be at least friction = {mu:g}")
+        along = real(
+            "Coulomb", "tangential_compliance", tangential_compliance, "m^3/N", within=Bounds(least=0.0)
+        )
+        for name, value in (
+            ("compliance", compliance),
+            ("friction", mu),
+            ("static_friction", static),
+            ("tangential_compliance", along),
+        ):
+            object.__setattr__(self, name, value)
+        self.__post_init__()
+
+    @property
+    def dissipative(self) -> bool:
+        """The work of friction is lost."""
+        return self.rubs
+
+    @property
+    def rubs(self) -> bool:
+        """Unless both coefficients are zero."""
+        return self.static_friction > 0.0
 
 
 class Table(NamedTuple):
@@ -318,6 +374,11 @@ def row_laws(laws: ContactLaw | Sequence[ContactLaw] | None, count: int, owner: 
         )
     for k, law in enumerate(given):
         check_law(owner, f"contact_laws[{k}]", law)
+        if law.rubs:
+            raise ValueError(
+                f"{owner}: contact_laws[{k}] = {law!r} rubs, which static and load_history of a Model alone "
+                "take; give Unilateral()"
+            )
         if law.compliance:
             raise ValueError(
                 f"{owner}: contact_laws[{k}] = {law!r} is a layer in m^3/N of a face's area, which a row of "
@@ -331,8 +392,8 @@ def row_laws(laws: ContactLaw | Sequence[ContactLaw] | None, count: int, owner: 
 
 
 # Solvers read of a law what stands in `RowLaws` alone: any other class would be one of these under its name.
-KNOWN = (Unilateral, Tied, Clearance)
-_GIVE = "Unilateral(), Tied() or Clearance(width=...)"
+KNOWN = (Unilateral, Tied, Clearance, Coulomb)
+_GIVE = "Unilateral(), Tied(), Clearance(width=...) or Coulomb(friction)"
 
 
 def check_law(owner: str, name: str, law) -> None:

@@ -169,7 +169,7 @@ def load_columns(model, loads) -> LoadColumns:
         table = np.stack([np.zeros(len(faces.flexibility)) if f is None else f for f in acting], axis=1)
         tip_forces[faces.number] = table
         means = faces.flexibility @ table
-        gaps[faces.contact] = means[: faces.modes]
+        faces.place(gaps.T, means.T)
         intensities[2 * faces.number : 2 * faces.number + 2] = tips.faces[faces.number] @ table
         flexibility += table.T @ means
     if accelerations.any():

@@ -301,6 +301,18 @@ class Structure:
             )
 
     # ------------------------------------------------------------------ contact and outputs
+    def require_frictionless(self, owner: str) -> None:
+        """Raise ValueError, on all ranks, where faces rub."""
+        rubbing = [name for name, law in self.contact_laws.items() if law.rubs]
+        if rubbing:
+            raise on_all_ranks(
+                ValueError(
+                    f"{owner} knows no friction yet, and {listed(rubbing)} has the law "
+                    f"{self.contact_laws[rubbing[0]]!r}; use static or load_history, or a model with "
+                    "contact_laws = Unilateral()"
+                )
+            )
+
     @functools.cached_property
     def point_holders(self) -> dict[str, list[int]]:
         """Ranks whose S-elements touch each named point. Collective."""

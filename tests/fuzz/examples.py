@@ -166,6 +166,14 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
     "Unilateral": [lambda: {"compliance": 0.0}],
     "Tied": [lambda: {"compliance": 0.0}],
     "Clearance": [lambda: {"compliance": 0.0, "width": 1e-5}],
+    "Coulomb": [
+        lambda: {
+            "friction": 0.3,
+            "static_friction": 0.4,
+            "compliance": 0.0,
+            "tangential_compliance": 0.0,
+        }
+    ],
     "Model": [
         lambda: {
             "mesh": mesh(),
@@ -835,6 +843,7 @@ INTERNAL = {
         "load_columns",
         "checked_loads",
         "require_support",
+        "require_frictionless",
         "nodal",
         "at_points",
         "unknowns_of",

@@ -84,6 +84,7 @@ class UnreducedSteps:
     def __init__(
         self, model: Model, pencil: Pencil, units: Sequence[Load], steps: Steps, found: Modal | None
     ):
+        model.require_frictionless("the integration in time")
         self.model, self.pencil, self.scheme = model, pencil, steps.scheme
         step = self.step = steps.step
         a, b = self.rayleigh = model.rayleigh

@@ -162,13 +162,19 @@ def contact_nodal_forces(model, force: np.ndarray) -> np.ndarray:
     result = np.zeros((len(model.part.nodes), 2))
     if model.comm.rank == 0:
         mine = model.part.nodes
-        for (right, left), normal, value in zip(model.pairs.nodes, model.pairs.normal, force):
+        pressing = model.pairs.normal * force[: len(model.pairs), None]
+        if model.gap_operator.friction is not None:
+            behind = force[len(model.gap_operator.laws) :][: len(model.pairs), None]
+            pressing = pressing + model.pairs.normal[:, ::-1] * [1.0, -1.0] * behind
+        for (right, left), value in zip(model.pairs.nodes, pressing):
             for node, sign in ((right, 1.0), (left, -1.0)):
                 row = np.searchsorted(mine, node)
-                if value and row < len(mine) and mine[row] == node:
-                    result[row] += sign * value * normal
+                if value.any() and row < len(mine) and mine[row] == node:
+                    result[row] += sign * value
     for faces in model.tip_faces:
         forces = faces.rows[: faces.modes].T @ force[faces.contact]
+        if faces.rubbing >= 0:
+            forces = faces.rows.T @ faces.pressing(force)
         np.add.at(result, faces.group.nodes[faces.member], forces.reshape(-1, 2))
     return result
 

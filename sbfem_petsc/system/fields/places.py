@@ -202,7 +202,7 @@ def places(model, points: list[tuple[float, float]], inertia: bool = False) -> P
                 local[kind][first + row] = (unknowns, scale * form[row, : forms.unknowns])
             if faces is not None:
                 columns = scale * form[:, forms.unknowns :] / faces.stiffness
-                contact[kind][first : first + 2 + kind, faces.contact] = columns[:, : faces.modes]
+                faces.place(contact[kind][first : first + 2 + kind], columns)
                 table = face_forms[kind].setdefault(
                     faces.number, np.zeros(((2 + kind) * count, columns.shape[1]))
                 )

@@ -14,11 +14,13 @@ from ...ranks.parallel import collective
 from ...selement.coefficients import SElementError
 from ...selement.face_tractions import (
     FaceTractions,
+    face_axis,
     face_tractions,
     opening_direction,
     single_face_directions,
 )
 from ...selement.sectors import Sectors
+from ..contact.gap_operator import tangential_rows
 from ..elements.shapes import Group
 
 
@@ -36,6 +38,8 @@ class TipFaces:
         Of the tip among those with an element.
     first : int
         Contact row of its first mode.
+    rubbing : int
+        The tangential row of its first mode, -1 where its faces do not rub.
     modes : int
         Number of its contact rows.
     group : Group
@@ -52,6 +56,7 @@ class TipFaces:
 
     number: int
     first: int
+    rubbing: int
     modes: int
     group: Group
     member: int
@@ -74,7 +79,30 @@ class TipFaces:
         """(m,): forces of all modes from those of the contact rows (c,), N."""
         forces = np.zeros(len(self.tractions.growth))
         forces[: self.modes] = force[self.contact]
+        if self.rubbing >= 0:
+            forces += self.sliding @ force[self.tangential]
         return forces
+
+    @property
+    def tangential(self) -> slice:
+        """Its tangential rows."""
+        return slice(self.rubbing, self.rubbing + self.modes)
+
+    @property
+    def sliding(self) -> np.ndarray:
+        """(m, modes): forces of all modes under friction of the same modes along the faces: what the
+        tractions on either face alone are together.
+        """
+        axis, each = face_axis(self.group.shape), self.tractions.lengths[1:].reshape(2, 2)
+        components = 2.0 * each / each[:, :1].sum() * [axis, -axis]
+        every = np.eye(self.tractions.modes, self.modes)
+        return np.concatenate([np.zeros_like(every), *(part * every for part in components.ravel())])
+
+    def place(self, target: np.ndarray, columns: np.ndarray) -> None:
+        """Put columns (k, m) of all modes where those of its contact rows are, in a view (k, c)."""
+        target[:, self.contact] = columns[:, : self.modes]
+        if self.rubbing >= 0:
+            target[:, self.tangential] = columns @ self.sliding
 
     @property
     def size(self) -> float:
@@ -155,7 +183,7 @@ def tip_rows(model) -> np.ndarray:
 def tip_faces(model) -> list[TipFaces]:
     """Those of the tip elements that this rank holds. Collective."""
     found: list[TipFaces] = []
-    first, gaps = model.tip_rows, model.tip_gaps
+    first, gaps, rubbing = model.tip_rows, model.tip_gaps, tangential_rows(model)
     shared: dict[int, FaceTractions] = {}  # similar tip elements have the same
     if not model.tip_modes:
         return found
@@ -174,6 +202,7 @@ def tip_faces(model) -> list[TipFaces]:
                 TipFaces(
                     number,
                     int(first[number]),
+                    int(rubbing[number]),
                     int(first[number + 1] - first[number]),
                     group,
                     place.member,

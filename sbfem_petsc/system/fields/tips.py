@@ -115,7 +115,7 @@ def tip_intensities(model) -> TipIntensities:
             if number in tractions:
                 faces = tractions[number]
                 columns[number] = form.placed_of_tractions(faces.tractions, rotation, size, model.thickness)
-                contact[2 * number : 2 * number + 2, faces.contact] = columns[number][:, : faces.modes]
+                faces.place(contact[2 * number : 2 * number + 2], columns[number])
     exponents, contact, errors, interfaces = (
         model.comm.allreduce(array) for array in (exponents, contact, errors, interfaces)
     )

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...contact.complementarity import Complementarity, active_set, solve_complementarity
+from ...contact.friction import Memory, solve_friction
 from ...contact.law import RowLaws
 from ...petsc import free, stage
 from ..boundary import LoadColumns
@@ -31,6 +32,10 @@ class Equilibrium:
         K_I and K_II of each tip, Pa m^(1/2).
     iterations : int
         Of the active set.
+    memory : Memory or None
+        What faces that rub leave to the next state.
+    friction_loss : float
+        Lost to friction since the state before, J.
     residual : float
         ||K u - f - G' force|| / ||f||; of slender structures, whose solutions are refined, the relative size
         of the last correction.
@@ -43,6 +48,8 @@ class Equilibrium:
     intensities: dict[str, tuple[float, float]]
     iterations: int
     residual: float
+    memory: Memory | None = None
+    friction_loss: float = 0.0
 
 
 def equilibrium(
@@ -50,6 +57,7 @@ def equilibrium(
     load: LoadColumns,
     contact: bool = True,
     solve: Callable[[np.ndarray, np.ndarray, RowLaws], Complementarity] = solve_complementarity,
+    memory: Memory | None = None,
 ) -> Equilibrium:
     """Displacements under one column of loads. Collective.
 
@@ -62,7 +70,9 @@ def equilibrium(
     contact : bool
         False: faces may overlap.
     solve : callable
-        Solver of the complementarity problem of flexibility, free gaps and laws.
+        Solver of the complementarity problem of flexibility, free gaps and laws, where no faces rub.
+    memory : Memory, optional
+        Of the state before; default: faces that have never been loaded.
     """
     gap_operator, solver = model.gap_operator, model.solver
     forces = model.stiffness.createVecRight()
@@ -72,11 +82,23 @@ def equilibrium(
         solver.solve(forces, solution, "static")
         gap = gap_operator.rows(solution.array_r) + load.gaps[:, 0] + gap_operator.initial
         force, active, iterations = np.zeros(len(gap)), np.zeros(len(gap), dtype=bool), 0
-        if contact and gap_operator.laws.touched(gap).any():
+        result: Complementarity | None
+        laws, friction, lost = gap_operator.laws, gap_operator.friction, 0.0
+        touching = contact and laws.touched(gap[: len(laws)]).any()
+        if friction is not None:
+            memory = Memory.none(laws, friction) if memory is None else memory
+            result = Complementarity(force, gap, active.astype(np.int8), 0)
+            if touching:
+                result = solve_friction(model.compliance.gaps, gap, laws, friction, memory)
+            force, gap, active, iterations = result.force, result.gap, result.active, result.iterations
+            former, memory = memory, Memory.of(result, len(laws))
+            lost = memory.lost_since(former)
+        elif touching:
             result = _without_flexibility(model, gap) if solve is solve_complementarity else None
             if result is None:
-                result = solve(model.compliance.gaps, gap, gap_operator.laws)
+                result = solve(model.compliance.gaps, gap, laws)
             force, gap, active, iterations = result.force, result.gap, result.active, result.iterations
+        if touching:
             gap_operator.rows.add_to(right, force)
             solver.solve(right, solution, "static")
         model.stiffness.mult(solution, residual)
@@ -88,7 +110,7 @@ def equilibrium(
             relative = solver.refinement.correction
         owned = solution.array_r.copy()
         intensities = model.tips.evaluate(owned, load.tips[:, 0] + model.tips.contact @ force)
-        return Equilibrium(owned, force, gap, active, intensities, iterations, relative)
+        return Equilibrium(owned, force, gap, active, intensities, iterations, relative, memory, lost)
     finally:
         free(model.comm, forces, solution, right, residual)
 

@@ -1,0 +1,333 @@
+"""Coulomb friction of some contact rows: a tangential row beside each normal one that rubs.
+
+The rows obey (gap, slip) = W (n, t) + free, n pressure and t friction. With the slip s_old of the state
+before, a tangential row is in one of four states: apart, t = 0; sticking, s = s_old and |t| <= mu n; slipping
+either way, t = +-mu n against the change of s. States are exchanged as those of the normal rows are
+(`complementarity`), each set a linear system that the bound's dependence on n makes unsymmetric. Where sets
+repeat, sweeps of Gauss-Seidel lead to other ones, and where these do not help Lemke's method takes over: the
+problem in pressures, friction of either sense and speeds of slip is copositive for every mu >= 0, so that it
+ends in a solution (Stewart and Trinkle 1996) wherever W is positive definite. For large mu there may be
+several: it is then one of them.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import SolveError, on_all_ranks
+from .complementarity import Complementarity
+from .law import FREE, PRESSED, PULLED, ROUND_OFF, RowLaws
+
+# States of a tangential row: apart as FREE, sticking, slipping under friction along t and against it.
+STICKS, ALONG, AGAINST = 1, 2, 3
+# Exchanges before Lemke's method, and the rounding of forces, relative to the largest.
+_MAXIMUM, _ROUNDING = 40, 1e-12
+# Sweeps of Gauss-Seidel before the next exchanges, and how often.
+_SWEEPS, _ROUNDS = 20, 20
+# Smallest pivot of Lemke's tableau, whose rows are scaled.
+_LEAST = 1e-11
+
+
+class Friction(NamedTuple):
+    """The tangential rows, which stand behind the normal ones.
+
+    Attributes
+    ----------
+    rows : (k,) int array
+        The normal row of each.
+    kinetic, static : (k,) arrays
+        Coefficients of rows that slip, and up to which they stick.
+    """
+
+    rows: np.ndarray
+    kinetic: np.ndarray
+    static: np.ndarray
+
+
+class Memory(NamedTuple):
+    """What a state leaves to the next one.
+
+    Attributes
+    ----------
+    slip, force : (k,) arrays
+        Of the tangential rows, m and N.
+    normal, tangential : int8 arrays
+        States.
+    """
+
+    slip: np.ndarray
+    force: np.ndarray
+    normal: np.ndarray
+    tangential: np.ndarray
+
+    @classmethod
+    def none(cls, laws: RowLaws, friction: Friction) -> Memory:
+        """Of faces that have never been loaded."""
+        count = len(friction.rows)
+        states = (np.zeros(n, dtype=np.int8) for n in (len(laws), count))
+        return cls(np.zeros(count), np.zeros(count), *states)
+
+    def lost_since(self, former: Memory) -> float:
+        """Work lost to friction on the way from a former state, J, along which each row's friction changes
+        linearly and feeds nothing.
+        """
+        work = 0.5 * (former.force + self.force) * (former.slip - self.slip)
+        return float(np.maximum(work, 0.0).sum())
+
+    @classmethod
+    def of(cls, found: Complementarity, count: int) -> Memory:
+        """Of a solution with so many normal rows."""
+        state = found.state
+        return cls(found.gap[count:], found.force[count:], state[:count], state[count:])
+
+
+def solve_friction(
+    flexibility: np.ndarray, free_gap: np.ndarray, laws: RowLaws, friction: Friction, memory: Memory
+) -> Complementarity:
+    """Contact with friction of normal rows (c) and tangential ones (k) behind them.
+
+    Parameters
+    ----------
+    flexibility : (c + k, c + k) array
+        Symmetric positive definite but for rows of zeros, which take no part, m/N.
+    free_gap : (c + k,) array
+        Gaps and slips without contact forces, m.
+    laws : RowLaws
+        Of the normal rows; those that rub are unilateral.
+    friction : Friction
+    memory : Memory
+        Its states are the first guess.
+
+    Raises
+    ------
+    SolveError
+        If neither method ends.
+    """
+    problem = _Problem(flexibility, free_gap, laws, friction, memory.slip)
+    normal, tangential = problem.joined(laws.following(memory.normal, *problem.nothing), memory.tangential)
+    found, exchanges = problem.exchanged(normal, tangential)
+    force = np.zeros(len(free_gap))
+    for _ in range(_ROUNDS):
+        if found is not None:
+            break
+        found, more = problem.exchanged(*problem.swept(force))
+        exchanges += more
+    if found is None and (states := problem.pivoted()) is not None:
+        found, more = problem.exchanged(*states)
+        exchanges += more
+    if found is None:
+        raise on_all_ranks(
+            SolveError(
+                f"friction: neither exchanges of states nor Gauss-Seidel or Lemke's method ended for "
+                f"{len(laws)} contact rows with coefficients up to {friction.static.max():g}; take smaller "
+                "load steps or smaller coefficients"
+            )
+        )
+    force, gap, state = found
+    return Complementarity(force, gap, state, exchanges)
+
+
+class _Problem:
+    """One problem; arguments are those of `solve_friction`, with the slips (k,) of the state before."""
+
+    def __init__(self, flexibility, free_gap, laws: RowLaws, friction: Friction, slip):
+        self.w, self.free, self.laws, self.friction, self.slip = flexibility, free_gap, laws, friction, slip
+        self.count = len(laws)
+        moves = np.diag(flexibility) > 0.0
+        self.flexible = moves[: self.count]
+        self.rubs = moves[self.count :] & self.flexible[friction.rows] & (friction.static > 0.0)
+        with np.errstate(divide="ignore"):
+            self.weight = np.where(moves, 1.0 / np.sqrt(np.diag(flexibility)), 0.0)
+        self.nothing = np.zeros(self.count), free_gap[: self.count]
+
+    def joined(self, normal: np.ndarray, tangential: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """States that fit together: what has just closed begins by sticking."""
+        normal = np.where(self.flexible, normal, FREE).astype(np.int8)
+        closed = self.rubs & (normal[self.friction.rows] != FREE)
+        begun = np.where(tangential == FREE, STICKS, tangential)
+        return normal, np.where(closed, begun, FREE).astype(np.int8)
+
+    def _solved(self, normal: np.ndarray, tangential: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Forces and gaps of all rows in these states; None where they are not determined."""
+        c, rows = self.count, self.friction.rows
+        pull = self.friction.kinetic * ((tangential == ALONG) * 1.0 - (tangential == AGAINST))
+        slipping, sticking = np.flatnonzero(pull), np.flatnonzero(tangential == STICKS)
+        pressing = self.w[:, :c].copy()
+        pressing[:, rows[slipping]] += pull[slipping] * self.w[:, c + slipping]
+        held = np.flatnonzero(normal != FREE)
+        index = np.concatenate([held, c + sticking])
+        kept = np.concatenate([self.laws.places(normal)[held], self.slip[sticking]])
+        force, weight = np.zeros(len(self.free)), self.weight[index]
+        matrix = np.concatenate([pressing[index][:, held], self.w[np.ix_(index, c + sticking)]], axis=1)
+        try:
+            right = weight * (kept - self.free[index])
+            force[index] = weight * np.linalg.solve(weight[:, None] * matrix * weight, right)
+        except np.linalg.LinAlgError:
+            return None
+        force[c + slipping] = pull[slipping] * force[rows[slipping]]
+        gap = self.w @ force + self.free
+        gap[index] = kept
+        return force, gap
+
+    def _following(self, states, force: np.ndarray, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """States that rows go on to. What both sticking and slipping meet by rounding stays as it is."""
+        (normal, tangential), c = states, self.count
+        pull = _ROUNDING * np.abs(force).max(initial=0.0)
+        rounding = 10.0 * ROUND_OFF * (np.abs(self.w) @ np.abs(force) + np.abs(self.free))
+        following = self.laws.following(normal, force[:c], gap[:c], pull, rounding[:c])
+        bound = self.friction.static * np.maximum(force[self.friction.rows], 0.0) + pull
+        friction, moved = force[c:], gap[c:] - self.slip
+        begins = np.where(friction > bound, ALONG, np.where(friction < -bound, AGAINST, STICKS))
+        off = np.where(tangential == ALONG, moved, -moved) > rounding[c:]
+        slipping = np.where(off, STICKS, tangential)
+        return self.joined(following, np.where(tangential == STICKS, begins, slipping))
+
+    def exchanged(self, normal: np.ndarray, tangential: np.ndarray):
+        """Forces, gaps and states, None where sets repeat, and the exchanges."""
+        states, seen = (normal, tangential), set[bytes]()
+        for exchange in range(1, _MAXIMUM + 1):
+            found = self._solved(*states)
+            if found is None:
+                return None, exchange
+            former, states = states, self._following(states, *found)
+            if all(map(np.array_equal, former, states)):
+                force, gap = found
+                force[: self.count] = self.laws.admissible(states[0], force[: self.count])
+                return (force, gap, np.concatenate(states)), exchange
+            key = b"".join(state.tobytes() for state in states)
+            if key in seen:
+                break
+            seen.add(key)
+        return None, exchange
+
+    def swept(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """States after sweeps of nonsmooth Gauss-Seidel from forces, which are changed: each row, with its
+        tangential one, exactly under the forces of the others.
+        """
+        c, w, table = self.count, self.w, self.laws.table
+        beside = dict(zip(self.friction.rows[self.rubs], np.flatnonzero(self.rubs)))
+        normal, tangential = np.zeros(c, dtype=np.int8), np.zeros(len(self.slip), dtype=np.int8)
+        gap = w @ force + self.free
+        for _ in range(_SWEEPS):
+            for i in np.flatnonzero(self.flexible):
+                k = beside.get(i)
+                rows = [i] if k is None else [i, c + k]
+                own = w[np.ix_(rows, rows)]
+                rest = gap[rows] - own @ force[rows]
+                if k is not None:
+                    rest[1] -= self.slip[k]
+                    bounds = float(self.friction.kinetic[k]), float(self.friction.static[k])
+                    new, tangential[k] = _alone(own, rest, *bounds)
+                    normal[i] = PRESSED if tangential[k] else FREE
+                elif rest[0] < table.least[FREE, i]:
+                    new, normal[i] = (table.place[PRESSED, i] - rest) / own[0], PRESSED
+                elif rest[0] > table.most[FREE, i]:
+                    new, normal[i] = (table.place[PULLED, i] - rest) / own[0], PULLED
+                else:
+                    new, normal[i] = np.zeros(1), FREE
+                gap += w[:, rows] @ (new - force[rows])
+                force[rows] = new
+        return normal, tangential
+
+    def pivoted(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """States by Lemke's method: unknowns are what presses rows, what pulls those that may be pulled,
+        friction along and against t, and speeds of slip.
+        """
+        c, table, fixed = self.count, self.laws.table, self.laws.fixed
+        pressed = np.flatnonzero(self.flexible)
+        pulled = np.flatnonzero(self.flexible & (fixed | np.isfinite(table.most[FREE])))
+        rubs = np.flatnonzero(self.rubs)
+        rows = np.concatenate([pressed, pulled, c + rubs, c + rubs])
+        sign = np.repeat([1.0, -1.0, 1.0, -1.0], [len(pressed), len(pulled), len(rubs), len(rubs)])
+        place = np.concatenate(
+            [
+                table.place[PRESSED, pressed],
+                table.place[np.where(fixed[pulled], PRESSED, PULLED), pulled],
+                *[self.slip[rubs]] * 2,
+            ]
+        )
+        size, count = len(rows), len(rubs)
+        first = size - 2 * count
+        scale = np.concatenate([self.weight[rows], 1.0 / self.weight[c + rubs]])
+        matrix, right = np.zeros((size + count, size + count)), np.zeros(size + count)
+        matrix[:size, :size] = np.outer(sign, sign) * self.w[np.ix_(rows, rows)]
+        right[:size] = sign * (self.free[rows] - place)
+        every = np.arange(count)
+        for part in (first + every, first + count + every):
+            matrix[part, size + every], matrix[size + every, part] = 1.0, -1.0
+        at = np.searchsorted(pressed, self.friction.rows[rubs])
+        matrix[size + every, at] = self.friction.kinetic[rubs]
+        basic = _lemke(scale[:, None] * matrix * scale, scale * right)
+        if basic is None:
+            return None
+        normal, tangential = np.zeros(c, dtype=np.int8), np.zeros(len(self.slip), dtype=np.int8)
+        normal[pulled[basic[len(pressed) : first]]] = PULLED
+        normal[pressed[basic[: len(pressed)]]] = PRESSED
+        normal[fixed & self.flexible] = PRESSED
+        along, slips = basic[first : first + count], basic[size:]
+        tangential[rubs] = np.where(slips, np.where(along, ALONG, AGAINST), STICKS)
+        return self.joined(normal, tangential)
+
+
+def _alone(own: np.ndarray, rest: np.ndarray, kinetic: float, static: float) -> tuple[np.ndarray, int]:
+    """Pressure and friction of one pair of rows with flexibility `own` whose gap and change of slip are
+    `rest` without them, and the state of the second.
+    """
+    if rest[0] >= 0.0:
+        return np.zeros(2), FREE
+    (a, b), (_, d) = own
+    determinant = a * d - b * b
+    pressure, along = (b * rest[1] - d * rest[0]), (b * rest[0] - a * rest[1])
+    if determinant > 0.0 and abs(along) <= static * pressure:
+        return np.array([pressure, along]) / determinant, STICKS
+    sign = 1.0 if along > 0.0 else -1.0
+    # beyond the coefficient that a pair alone has one solution for, as if its rows were independent
+    pressure = -rest[0] / max(a + sign * kinetic * b, 0.1 * a)
+    return np.array([pressure, sign * kinetic * pressure]), ALONG if sign > 0.0 else AGAINST
+
+
+def _lemke(matrix: np.ndarray, right: np.ndarray) -> np.ndarray | None:
+    """Which unknowns z of w = M z + q, 0 <= w _|_ z >= 0, are basic at a solution; None without one.
+
+    Ties are broken lexicographically by the columns of w, which are the inverse of the basis.
+    """
+    n = len(right)
+    basis, artificial = np.arange(n), 2 * n
+    right = right / max(np.abs(right).max(initial=0.0), 1e-300)
+    table = np.concatenate([np.eye(n), -matrix, -np.ones((n, 1)), right[:, None]], axis=1)
+    entering, row = artificial, int(np.argmin(right))
+    if n == 0 or right[row] >= 0.0:
+        return np.zeros(n, dtype=bool)
+    for _ in range(100 + 50 * n):
+        table[row] /= table[row, entering]
+        column = table[:, entering].copy()
+        column[row] = 0.0
+        table -= np.outer(column, table[row])
+        leaving, basis[row] = basis[row], entering
+        if leaving == artificial:
+            result = np.zeros(n, dtype=bool)
+            result[basis[basis >= n] - n] = True
+            return result
+        entering = leaving + n if leaving < n else leaving - n
+        found = _leaving(table, entering, basis, artificial)
+        if found is None:
+            return None
+        row = found
+    return None
+
+
+def _leaving(table: np.ndarray, entering: int, basis: np.ndarray, artificial: int) -> int | None:
+    """Row of the unknown that leaves the basis: that of the lexicographically least ratio."""
+    rows = np.flatnonzero(table[:, entering] > _LEAST)
+    if not len(rows):
+        return None
+    for column in (-1, *range(len(table))):
+        ratio = table[rows, column] / table[rows, entering]
+        rows = rows[ratio <= ratio.min() + 1e-13 * max(1.0, abs(ratio.min()))]
+        if (last := rows[basis[rows] == artificial]).size and column == -1:
+            return int(last[0])
+        if len(rows) == 1:
+            break
+    return int(rows[0])

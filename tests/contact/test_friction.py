@@ -1,0 +1,401 @@
+"""Coulomb friction at rest: closed forms, enumeration of states, uniform stress in bodies with any cracks."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from meshing import Beam, CrackLine, Plate, VNotch
+from sbfem_petsc.contact.complementarity import Complementarity, solve_complementarity
+from sbfem_petsc.contact.friction import Friction, Memory, solve_friction
+from sbfem_petsc.contact.law import RowLaws
+
+SIDE = 0.1
+ALUMINIUM = sb.Material(70e9, 0.33, 2700)
+
+
+# ---------------------------------------------------------------------- rows
+def problem(rng, count, most):
+    """Rows of a random body, each with its own coefficient."""
+    root = rng.normal(size=(2 * count, 2 * count + rng.integers(0, 3)))
+    coefficients = rng.uniform(0.0, most, count)
+    return 1e-9 * root @ root.T, Friction(np.arange(count), coefficients, coefficients)
+
+
+def check(flexibility, free, friction, memory, found):
+    """The law itself, row by row."""
+    count = len(friction.rows)
+    pressure, along = found.force[:count], found.force[count:]
+    gap, moved = np.split(flexibility @ found.force + free, 2)
+    moved = moved - memory.slip
+    force = 1e-9 * np.abs(found.force).max()
+    length = 1e-9 * max((np.abs(flexibility) @ np.abs(found.force)).max(), np.abs(free).max())
+    assert (pressure >= -force).all() and (gap >= -length).all()
+    assert ((pressure <= force) | (gap <= length)).all()
+    bound = friction.kinetic * pressure
+    assert (np.abs(along) <= bound + force).all()
+    slips = np.abs(moved) > length
+    assert np.abs(along + bound * np.sign(moved))[slips] == pytest.approx(0.0, abs=force)
+
+
+def enumerated(flexibility, free, friction, memory):
+    """All solutions, by trying every row apart, sticking, and slipping either way."""
+    count, solutions = len(friction.rows), []
+    for states in itertools.product(range(4), repeat=count):
+        matrix, right = np.zeros((4 * count, 4 * count)), np.zeros(4 * count)
+        # forces, then gap and slip
+        matrix[: 2 * count, : 2 * count], matrix[: 2 * count, 2 * count :] = flexibility, -np.eye(2 * count)
+        right[: 2 * count] = -free
+        for k, state in enumerate(states):
+            n, t, gap, slip = k, count + k, 2 * count + k, 3 * count + k
+            first, second = 2 * count + k, 3 * count + k
+            matrix[first, n if state == 0 else gap] = 1.0
+            if state == 1:
+                matrix[second, slip], right[second] = 1.0, memory.slip[k]
+            else:
+                matrix[second, t] = 1.0
+                matrix[second, n] += {0: 0.0, 2: -1.0, 3: 1.0}[state] * friction.kinetic[k]
+        scale = np.repeat([1e3, 1e-6], 2 * count)
+        x = scale * np.linalg.solve(matrix * scale, right)
+        n, t, gap, moved = np.split(x, 4)
+        moved = moved - memory.slip
+        state = np.array(states)
+        stays = np.select(
+            [state == 0, state == 1, state == 2],
+            [
+                gap >= 0,
+                (n >= 0) & (np.abs(t) <= friction.kinetic * n),
+                (n >= 0) & (moved <= 0),
+            ],
+            (n >= 0) & (moved >= 0),
+        )
+        if stays.all():
+            solutions.append(x[: 2 * count])
+    return solutions
+
+
+@pytest.mark.parametrize("most", [0.5, 1.5])
+def test_few_rows_against_enumeration(most):
+    rng = np.random.default_rng(int(10 * most))
+    for _ in range(40):
+        flexibility, friction = problem(rng, int(rng.integers(1, 4)), most)
+        memory = Memory.none(RowLaws.unilateral(len(friction.rows)), friction)
+        for _ in range(2):
+            free = 1e-6 * rng.normal(size=len(flexibility))
+            found = solve_friction(
+                flexibility, free, RowLaws.unilateral(len(friction.rows)), friction, memory
+            )
+            check(flexibility, free, friction, memory, found)
+            known = enumerated(flexibility, free, friction, memory)
+            off = [np.abs(found.force - force).max() for force in known]
+            assert min(off) <= 1e-8 * np.abs(found.force).max()
+            memory = Memory.of(found, len(friction.rows))
+
+
+@pytest.mark.parametrize("count", [200, pytest.param(3000, marks=pytest.mark.long)])
+def test_sequences_of_random_problems(count):
+    """Each solution obeys the law, and there is none that is not found, coefficients of 1.5 included."""
+    rng = np.random.default_rng(7)
+    for _ in range(count):
+        rows = int(rng.integers(1, 21))
+        flexibility, friction = problem(rng, rows, rng.choice([0.5, 1.5]))
+        laws = RowLaws.unilateral(rows)
+        memory = Memory.none(laws, friction)
+        for _ in range(3):
+            free = 1e-6 * rng.normal(size=2 * rows)
+            found = solve_friction(flexibility, free, laws, friction, memory)
+            check(flexibility, free, friction, memory, found)
+            memory = Memory.of(found, rows)
+
+
+def test_rows_of_other_laws_beside_those_that_rub():
+    """Tied rows and rows with play, which do not rub, from states that suit none: the same with each of them
+    condensed by what it does.
+    """
+    rng = np.random.default_rng(3)
+    each = [sb.Coulomb(0.9), sb.Tied(), sb.Clearance(width=2e-7), sb.Coulomb(1.2), sb.Unilateral()]
+    laws, rows = RowLaws.of(each), np.array([0, 3])
+    friction = Friction(rows, np.array([0.9, 1.2]), np.array([0.9, 1.2]))
+    for _ in range(200):
+        root = rng.normal(size=(7, 8))
+        flexibility, free = 1e-9 * root @ root.T, 1e-6 * rng.normal(size=7)
+        memory = Memory.none(laws, friction)
+        found = solve_friction(flexibility, free, laws, friction, memory)
+        others = [1, 2, 4]
+        acting = free + flexibility[:, rows] @ found.force[rows] + flexibility[:, 5:] @ found.force[5:]
+        alone = solve_complementarity(
+            flexibility[np.ix_(others, others)], acting[others], RowLaws.of([each[k] for k in others])
+        )
+        scale = np.abs(found.force).max()
+        assert alone.force == pytest.approx(found.force[others], abs=1e-9 * scale)
+        own = np.array([0, 3, 5, 6])
+        acting = (free + flexibility[:, others] @ found.force[others])[own]
+        pair = Friction(np.arange(2), friction.kinetic, friction.static)
+        check(
+            flexibility[np.ix_(own, own)],
+            acting,
+            pair,
+            Memory.none(RowLaws.unilateral(2), pair),
+            Complementarity(found.force[own], found.gap[own], found.state, 1),
+        )
+
+
+def test_static_coefficient():
+    """One row under a pressure that stays: it sticks up to the larger coefficient and slips at the other."""
+    friction, laws = Friction(np.zeros(1, dtype=int), np.array([0.2]), np.array([0.3])), RowLaws.unilateral(1)
+    memory, flexibility = Memory.none(laws, friction), 1e-9 * np.eye(2)
+    for shear, expected in [(0.25, -0.25), (0.31, -0.2), (0.25, -0.14), (0.05, 0.06), (-0.3, 0.2)]:
+        free = 1e-9 * np.array([-1.0, shear])
+        found = solve_friction(flexibility, free, laws, friction, memory)
+        assert found.force == pytest.approx([1.0, expected], rel=1e-12)
+        memory = Memory.of(found, 1)
+
+
+# ---------------------------------------------------------------------- bodies
+def ray(angle):
+    return [(0.05, 0.05), (0.05 + 0.02 * math.cos(angle), 0.05 + 0.02 * math.sin(angle))]
+
+
+LINES = {
+    "kink": [[(0.05, 0.1), (0.05, 0.07), (0.065, 0.045)]],
+    "embedded": [[(0.03, 0.04), (0.07, 0.06)]],
+    "crossing": [[(0.03, 0.045), (0.07, 0.055)], [(0.05, 0.03), (0.055, 0.07)]],
+    "T": [[(0.03, 0.045), (0.07, 0.055)], [(0.05, 0.1), (0.05, 0.05)]],
+    "star": [ray(0.3), ray(2.4), ray(4.5)],
+}
+
+
+def square(lines, law, side=SIDE, material=ALUMINIUM, **options):
+    """A square plate on rollers below and at its left."""
+    corners = [(0, 0), (side, 0), (side, side), (0, side)]
+    plate = Plate(corners, cracks=[CrackLine(points) for points in lines])
+    return sb.Model(
+        plate.mesh(points={"O": (0, 0), "P": (side, side)}, **options),
+        material,
+        clamped=None,
+        supports=[sb.Support("edge1", x=False, y=True), sb.Support("O", x=True, y=False)],
+        contact_laws=law,
+    )
+
+
+@pytest.mark.parametrize("name", LINES)
+def test_faces_that_stick_carry_a_uniform_stress(name):
+    """Under unequal pressures, whose shear on every face friction can hold: that of the body without cracks,
+    to the tips, in any path. A tenth of the coefficient lets faces slip.
+    """
+    pressures = {2: 1.0e6, 4: 1.0e6, 3: 1.6e6}
+    load = [sb.EdgeLoad(f"edge{side}", pressure=value) for side, value in pressures.items()]
+    with square(LINES[name], sb.Coulomb(0.3), order=3) as model:
+        found = sb.static(model, load)
+        strains = np.array([-1.0e6 + 0.33 * 1.6e6, -1.6e6 + 0.33 * 1.0e6]) / 70e9
+        assert found.displacement("P") == pytest.approx(strains * SIDE, rel=1e-9)
+        assert np.abs(found.slip).max() < 1e-9 * np.abs(found.displacement("P")).max()
+        for factors in found.stress_intensity.values():
+            assert np.abs(factors).max() < 1e-9 * 1.6e6 * math.sqrt(math.pi * 0.04)
+        assert found.stress((0.051, 0.062)) == pytest.approx([-1.0e6, -1.6e6, 0.0], abs=1e-3)
+    with square(LINES[name], sb.Coulomb(0.03), order=3) as model:
+        found = sb.static(model, load)
+        assert np.abs(found.slip).max() > 1e-7 * SIDE
+        assert (np.abs(found.friction_force) <= 0.03 * found.contact_force * (1 + 1e-9) + 1e-9).all()
+        # the reactions are in balance with the loads
+        assert sum(found.reactions.values()) == pytest.approx([0.0, 1.6e6 * SIDE], abs=1e-6 * 1.6e6 * SIDE)
+
+
+def test_loads_on_faces_that_stick():
+    """Opposite tractions along the faces that friction holds, the ones inside tip elements included, move
+    nothing; three times as large they slip.
+    """
+    load = [sb.EdgeLoad(f"edge{side}", pressure=1e6) for side in (2, 3, 4)]
+    with square([[(0.05, 0.1), (0.05, 0.06)]], sb.Coulomb(0.5), order=3) as model:
+        for shear in (0.4e6, 1.2e6):
+            faces = [sb.EdgeLoad("crack1_left", ty=shear), sb.EdgeLoad("crack1_right", ty=-shear)]
+            found = sb.static(model, [*load, *faces])
+            (factors,) = found.stress_intensity.values()
+            scale = 1e6 * math.sqrt(math.pi * 0.04)
+            if shear < 0.5e6:
+                assert np.abs(factors).max() < 1e-9 * scale
+                assert np.abs(found.slip).max() < 1e-14
+                assert np.abs(found.friction_force).max() > 0.0
+            else:
+                assert np.abs(factors[1]) > 0.1 * scale
+
+
+@pytest.mark.parametrize("name, coefficient", [("T", 0.05), ("crossing", 0.8), ("star", 0.3)])
+def test_cracks_that_meet_in_a_history(name, coefficient):
+    """Loads that come, go and change sign: every row obeys the law in each state, and nothing is gained."""
+    levels = 1e6 * np.array([0, 1, 0.3, 0.8, 0.1, 0.5, -0.2, 1.5, 0.3])
+    time = np.arange(len(levels), dtype=float)
+    loads = [sb.EdgeLoad("edge3", pressure=sb.Samples(time, levels)), sb.EdgeLoad("edge2", pressure=2e5)]
+    with square(LINES[name], sb.Coulomb(coefficient), order=3) as model:
+        found = sb.load_history(model, loads, time)
+        friction, count = model.gap_operator.friction, len(model.gap_operator.laws)
+        memory = Memory.none(model.gap_operator.laws, friction)
+        for state in found.states:
+            force, gap = state.equilibrium.force, state.equilibrium.gap
+            rows = np.concatenate([friction.rows, count + np.arange(len(friction.rows))])
+            flexibility = model.compliance.gaps
+            free = (gap - flexibility @ force)[rows]
+            result = Complementarity(force[rows], gap[rows], state.equilibrium.active, 1)
+            beside = Friction(np.arange(len(friction.rows)), friction.kinetic, friction.static)
+            check(flexibility[np.ix_(rows, rows)], free, beside, memory, result)
+            memory = state.equilibrium.memory
+    assert (np.diff(found.friction_loss) >= 0.0).all()
+
+
+@pytest.mark.parametrize("degrees", [30, 45, 60])
+def test_an_oblique_crack_in_compression(degrees):
+    """K_I = 0 and K_II = (tau - mu sigma) sqrt(pi a); the plate of 40 half-lengths has 1.65e-3 more."""
+    angle, half, stress = math.radians(degrees), 0.01, 100e6
+    centre, along = np.full(2, 0.2), half * np.array([math.cos(angle), math.sin(angle)])
+    normal, shear = stress * math.cos(angle) ** 2, stress * math.sin(angle) * math.cos(angle)
+    whole = stress * math.sqrt(math.pi * half)
+    for coefficient in (0.2, 0.4, 0.8):
+        with square([[tuple(centre - along), tuple(centre + along)]], sb.Coulomb(coefficient), 0.4) as model:
+            found = sb.static(model, sb.EdgeLoad("edge3", pressure=stress))
+            expected = max(shear - coefficient * normal, 0.0) * math.sqrt(math.pi * half)
+            for first, second in found.stress_intensity.values():
+                assert abs(first) < 1e-9 * whole
+                assert abs(second) == pytest.approx(expected, rel=1.75e-3, abs=1e-9 * whole)
+
+
+GEOS = sb.Material(25.000833e9, 0.2500417, 2700, plane="strain")
+
+
+@pytest.fixture(scope="module")
+def slanted():
+    """F1 and F2: a crack of 2 m at 20 degrees to the compression, in a plate of 40 m."""
+    angle = math.radians(70)
+    along = np.array([math.cos(angle), math.sin(angle)])
+    with pytest.warns(sb.UnitWarning, match="40"):
+        model = square(
+            [[tuple(np.full(2, 20.0) - along), tuple(np.full(2, 20.0) + along)]],
+            sb.Coulomb(math.tan(math.radians(30))),
+            40.0,
+            GEOS,
+        )
+    yield model
+    model.destroy()
+
+
+def test_slanted_crack_of_geos(slanted):
+    """Published: Phan, Napier, Gray and Kaplan (2003), and GEOS' singleFracCompression."""
+    found = sb.static(slanted, sb.EdgeLoad("edge3", pressure=100e6))
+    _, pressure = found.contact_pressure()
+    assert pressure == pytest.approx(11.69778e6, rel=2e-3)
+    slip = np.abs(found.slip)
+    assert slip.max() == pytest.approx(3.807638e-3, rel=2e-3)
+    place = slanted.pairs.arc - 1.0
+    assert slip == pytest.approx(3.807638e-3 * np.sqrt(1.0 - place**2), rel=2e-3, abs=2e-3 * slip.max())
+    for first, second in found.stress_intensity.values():
+        assert abs(first) < 1e-6 * 44.99492e6
+        assert abs(second) == pytest.approx(44.99492e6, rel=2e-3)
+
+
+@pytest.mark.parametrize("least, lost", [(0.0, 33379.77), (0.1, 32596.24), (0.2, 30245.68), (0.3, 26328.07)])
+def test_walshs_loop(slanted, least, lost):
+    """Loaded, unloaded to a share of the load, and loaded again: the loss of a cycle; back-slip from .652704
+    of the peak.
+    """
+    levels = np.linspace(1.0, least, 41)
+    levels = np.concatenate([levels, levels[-2::-1]])
+    loads = sb.EdgeLoad("edge3", pressure=sb.Samples(np.arange(len(levels)), 100e6 * levels))
+    found = sb.load_history(slanted, loads, np.arange(len(levels), dtype=float))
+    assert found.friction_loss[-1] - found.friction_loss[0] == pytest.approx(lost, rel=5e-3)
+    assert (np.diff(found.friction_loss) >= -1e-9 * lost).all()
+    middle = np.abs(found.slip[0]).argmax()
+    stuck = found.slip[:41, middle] == found.slip[0, middle]
+    assert (stuck == (levels[:41] >= 0.652704)).all()
+    assert found.slip[-1] == pytest.approx(found.slip[0], rel=1e-9)
+
+
+def test_layers_give_way_before_they_slip():
+    """Along the faces as across them: a crack through the whole plate under pressure and shear of its two
+    halves, on whose layer a uniform friction acts.
+    """
+    law = sb.Coulomb(0.5, compliance=2e-13, tangential_compliance=3e-13)
+    beam = Beam(length=0.04, height=0.01, notches=[VNotch(0.02, 0.005, 0.0)])
+    with sb.Model(beam.mesh(order=3), ALUMINIUM, contact_laws=law) as model:
+        load = [sb.EdgeLoad("right", tx=-1e6), sb.PointForce("A", fy=-50.0)]
+        found = sb.static(model, load)
+        operator, count = model.gap_operator, len(model.gap_operator.laws)
+        assert found.active.any()
+        pairs = operator.pairs
+        sticks = found.active & (np.abs(found.friction_force) < 0.499 * found.contact_force)
+        rows = operator.rows(found.equilibrium.owned)
+        area = model.pairs.weight * model.thickness
+        # faces that stick slide by what their layer gives way
+        given = rows[count : count + pairs] + 3e-13 * found.friction_force / area
+        assert sticks.any()
+        assert given[sticks] == pytest.approx(0.0, abs=1e-9 * np.abs(rows).max())
+
+
+def test_without_friction_nothing_changes():
+    """Coefficients of zero are the frictionless law, bit by bit."""
+    beam = Beam(length=0.2, height=0.006, notches=[VNotch(0.08, 0.003, 0.1)]).mesh(order=3)
+    load = sb.PointForce("A", fy=1e3)
+    found = []
+    for law in (None, sb.Coulomb(0.0)):
+        with sb.Model(beam, ALUMINIUM, contact_laws=law) as model:
+            found.append(sb.static(model, load))
+    one, other = found
+    assert one.slip is None and other.slip is None
+    assert np.array_equal(one.contact_force, other.contact_force)
+    assert np.array_equal(one.field, other.field)
+    assert one.stress_intensity == other.stress_intensity
+
+
+def test_results_hold_slips(tmp_path, slanted):
+    found = sb.load_history(slanted, sb.EdgeLoad("edge3", pressure=1e8), [0.0, 1.0])
+    sb.save(tmp_path / "history.h5", found)
+    read = sb.read(tmp_path / "history.h5")
+    for name in ("slip", "friction_force", "friction_loss"):
+        assert np.array_equal(getattr(read, name), getattr(found, name)), name
+
+
+# ---------------------------------------------------------------------- input
+@pytest.mark.parametrize(
+    "given, told",
+    [
+        (dict(friction=-0.1), "friction"),
+        (dict(friction=math.nan), "friction"),
+        (dict(friction=0.3, static_friction=0.2), "at least friction"),
+        (dict(friction=0.3, compliance=-1.0), "compliance"),
+        (dict(friction=0.3, tangential_compliance=-1.0), "tangential_compliance"),
+    ],
+)
+def test_values_that_make_no_sense(given, told):
+    with pytest.raises(ValueError, match=told):
+        sb.Coulomb(**given)
+
+
+def test_what_takes_no_friction_says_so():
+    beam = Beam(length=0.2, height=0.006, notches=[VNotch(0.08, 0.003, 0.1)]).mesh(order=3)
+    load = sb.PointForce("A", fy=sb.Harmonic(1.0, 100.0))
+    with sb.Model(beam, ALUMINIUM, damping=0.01, contact_laws=sb.Coulomb(0.3)) as model:
+        calls = [
+            lambda: sb.transient(model, load, duration=1e-3),
+            lambda: sb.transient(model, load, duration=1e-3, reduction=None),
+            lambda: sb.periodic(model, load, 100.0),
+            lambda: sb.frequency_response(model, load, 90.0, 110.0),
+            lambda: sb.backbone(model, 1, 1e-9, 1e-6),
+            lambda: sb.reduce(model, load),
+            lambda: sb.static(model, sb.PointForce("A", fy=1.0), method="one_pass_tie"),
+        ]
+        for call in calls:
+            with pytest.raises(ValueError, match="knows no friction yet"):
+                call()
+        assert len(sb.modal(model, 2).frequencies) == 2
+    one = np.eye(1)
+    with pytest.raises(ValueError, match="rubs"):
+        sb.reduce_matrices(
+            one,
+            one,
+            one,
+            np.zeros(1),
+            loads=one,
+            sensors={"x": 0},
+            compliance=[1.0],
+            contact_laws=sb.Coulomb(0.3),
+        )
