@@ -53,12 +53,15 @@ class Memory(NamedTuple):
     ----------
     slip, force : (k,) arrays
         Of the tangential rows, m and N.
+    pressing : (c,) array
+        Of the normal rows, N.
     normal, tangential : int8 arrays
         States.
     """
 
     slip: np.ndarray
     force: np.ndarray
+    pressing: np.ndarray
     normal: np.ndarray
     tangential: np.ndarray
 
@@ -67,20 +70,22 @@ class Memory(NamedTuple):
         """Of faces that have never been loaded."""
         count = len(friction.rows)
         states = (np.zeros(n, dtype=np.int8) for n in (len(laws), count))
-        return cls(np.zeros(count), np.zeros(count), *states)
+        return cls(np.zeros(count), np.zeros(count), np.zeros(len(laws)), *states)
 
-    def lost_since(self, former: Memory) -> float:
-        """Work lost to friction on the way from a former state, J, along which each row's friction changes
-        linearly and feeds nothing.
+    def lost_since(self, former: Memory, friction: Friction) -> float:
+        """Work lost to friction on the way from a former state, J: each row slips one way, against a friction
+        that goes linearly from what the former pressure allows to what it is now. Exact where the pressure
+        stays or changes with the slip, also where the slip turns.
         """
-        work = 0.5 * (former.force + self.force) * (former.slip - self.slip)
-        return float(np.maximum(work, 0.0).sum())
+        begun = friction.kinetic * np.maximum(former.pressing[friction.rows], 0.0)
+        return float((0.5 * (begun + np.abs(self.force)) * np.abs(self.slip - former.slip)).sum())
 
     @classmethod
     def of(cls, found: Complementarity, count: int) -> Memory:
         """Of a solution with so many normal rows."""
         state = found.state
-        return cls(found.gap[count:], found.force[count:], state[:count], state[count:])
+        normal, along = found.force[:count], found.force[count:]
+        return cls(found.gap[count:], along, normal, state[:count], state[count:])
 
 
 def solve_friction(

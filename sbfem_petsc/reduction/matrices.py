@@ -94,7 +94,8 @@ def reduce_matrices(
     if (idle := np.flatnonzero(~contact_rows.any(axis=1))).size:
         raise ValueError(f"reduce_matrices: contact_rows[{idle[0]}] is zero; no displacement moves its gap")
     laws = row_laws(contact_laws, pairs, "reduce_matrices")
-    default, most = (max(min(80, n // 2), 1), max(n - 1, 1)) if large else (n, n)
+    heavy = np.count_nonzero(mass.diagonal())
+    default, most = (max(min(80, n // 2, heavy), 1), max(n - 1, 1)) if large else (n, n)
     modes = default if modes is None else integer("reduce_matrices", "modes", modes, least=1, most=most)
     seen = _sensor_rows(sensors, n)
 
@@ -141,8 +142,14 @@ def _dense_modes(
             "reduce_matrices: mass is not positive definite; give each unknown a mass or condense it"
         )
     values, vectors = linalg.eigh(stiffness, mass)
-    # rigid-body modes come out at round-off's level
-    values = np.where(np.abs(values) < 1e-12 * np.abs(values).max(), 0.0, values)
+    # rigid-body modes come out at round-off's level, and so do low ones of what is held beside very high ones
+    lost = np.abs(values) < 1e-12 * np.abs(values).max()
+    if lost.any() and _held(stiffness):
+        inverse, vectors = linalg.eigh(mass, stiffness)
+        values = 1.0 / inverse[::-1]
+        vectors = vectors[:, ::-1] * np.sqrt(values)
+    else:
+        values = np.where(lost, 0.0, values)
     if values[0] < 0.0:
         raise ValueError(
             f"reduce_matrices: stiffness is indefinite (least eigenvalue {values[0]:g} of M^-1 K)"
@@ -151,6 +158,15 @@ def _dense_modes(
         raise ValueError(f"reduce_matrices: modes = {modes} leaves out rigid-body motions; keep more modes")
     left = vectors[:, modes:]
     return values[:modes], vectors[:, :modes], (left / values[modes:]) @ (left.T @ columns)
+
+
+def _held(stiffness: np.ndarray) -> bool:
+    """Whether no rigid-body motion is left: no pivot is lost in round-off."""
+    try:
+        pivots = np.diag(linalg.cholesky(stiffness)) ** 2
+    except linalg.LinAlgError:
+        return False
+    return bool((pivots > len(stiffness) * 1e-14 * np.diag(stiffness)).all())
 
 
 def _array(name: str, value: Any, dimensions: int) -> np.ndarray:

@@ -8,9 +8,9 @@ from scipy import sparse
 from ..errors import SolveError
 from ..petsc import MPI, PETSc, SLEPc, block_solve, configure, dense_columns, direct_solver, free, solving
 
-# Relative residual of K x = b that a solve may have, and eigenvalue beside the largest K_ii / M_ii that is
-# told from zero.
-RESIDUAL, ZERO = 1e-6, 1e-12
+# Relative residual of K x = b that a solve may have, and the energy of a mode, beside that of its parts, that
+# is told from their round-off.
+RESIDUAL, ZERO = 1e-6, 1e-14
 
 
 def sparse_modes(
@@ -33,6 +33,7 @@ def sparse_modes(
     SolveError
         If SLEPc does not find the modes, or has left some out.
     """
+    _require_mass(mass, count)
     k, m = _matrix(stiffness), _matrix(mass)
     eps = SLEPc.EPS().create(MPI.COMM_SELF)
     try:
@@ -62,8 +63,8 @@ def sparse_modes(
         inertia = mass @ vectors
         if values[0] < 0.0:
             raise _indefinite(f"eigenvalue {values[0]:g} of M^-1 K")
-        heavy = mass.diagonal() > 0.0
-        if values[0] <= ZERO * (stiffness.diagonal()[heavy] / mass.diagonal()[heavy]).max(initial=0.0):
+        lowest = np.abs(vectors[:, 0])
+        if values[0] * (lowest @ np.abs(mass @ vectors[:, 0])) <= ZERO * (lowest @ (abs(stiffness) @ lowest)):
             raise _not_held()
         vectors /= np.sqrt((vectors * inertia).sum(axis=0))
         inertia = mass @ vectors
@@ -82,6 +83,34 @@ def sparse_modes(
         return values, vectors, answers - vectors @ (inertia.T @ answers)
     finally:
         free(MPI.COMM_SELF, eps, k, m)
+
+
+def _require_mass(mass: sparse.csr_matrix, count: int) -> None:
+    """Raise a ValueError unless the mass is positive semi-definite, with unknowns for so many modes."""
+    diagonal = mass.diagonal()
+    heavy = np.flatnonzero(diagonal)
+    if len(heavy) < count:
+        raise ValueError(
+            f"reduce_matrices: mass has {len(heavy)} unknowns that are not without mass, for {count} modes; "
+            "give modes as many or fewer"
+        )
+    coupled = abs(mass).sum(axis=1).A1 > 0.0
+    wrong = (diagonal < 0.0) | (coupled & (diagonal == 0.0))
+    negative = int(wrong.sum())
+    if not negative:
+        inner = _matrix(mass[heavy][:, heavy].tocsr())
+        ksp = PETSc.KSP().create(MPI.COMM_SELF)
+        try:
+            _direct(ksp, inner)
+            with solving("modal"):
+                ksp.setUp()
+            negative = _signs(ksp.getPC())[0]
+        finally:
+            free(MPI.COMM_SELF, ksp, inner)
+    if negative:
+        raise ValueError(
+            f"reduce_matrices: mass is indefinite ({negative} negative eigenvalues); a mass is at least 0"
+        )
 
 
 def _matrix(matrix: sparse.csr_matrix) -> PETSc.Mat:

@@ -6,14 +6,16 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from meshing.boundary_mesh import BoundaryMesh
 
+from ..contact.law import ContactLaw
 from ..errors import SolveError, listed, on_all_ranks
 from ..loads import Loads, as_loads
 from ..material import AnyMaterial, Material, OrthotropicMaterial, SectorMaterials
@@ -141,7 +143,7 @@ class Structure:
             materials = named.materials(self.material_names)
             sectors = [_around(tuple(materials[k] for k in parts)) for parts in found.compositions]
             self.materials: list[AnyMaterial] = [*materials, *sectors]
-            self.contact_laws = named.contact_laws(tuple(crack.name for crack in self.cracks))
+            self._contact_laws = named.contact_laws(tuple(crack.name for crack in self.cracks))
             if self.boundary_unknowns == 0:
                 raise ValueError(
                     f"Model: the supports ({listed(s.where for s in supports)}) leave no free displacement"
@@ -151,6 +153,11 @@ class Structure:
         # a term of the continued fraction has as many unknowns as the S-element's boundary
         auxiliary = self.continued_fraction * sum(2 * group.nodes.size for group in self.groups)
         self.unknowns = self.boundary_unknowns + comm.allreduce(auxiliary)
+
+    @property
+    def contact_laws(self) -> Mapping[str, ContactLaw]:
+        """Of the cracks, by name; other laws are of another model, for what is computed is kept."""
+        return MappingProxyType(self._contact_laws)
 
     @property
     def owned(self) -> slice:

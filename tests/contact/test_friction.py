@@ -399,3 +399,25 @@ def test_what_takes_no_friction_says_so():
             compliance=[1.0],
             contact_laws=sb.Coulomb(0.3),
         )
+
+
+def test_losses_where_the_slip_turns():
+    """One state a reversal, under a pressure that stays: the friction's force times each slip."""
+    plate = Plate([(0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1)], cracks=[CrackLine([(0, 0.09), (0.1, 0.09)])])
+    held = [sb.Support("edge1", x=True, y=True), sb.Support("edge3", x=1e10, y=1e9)]
+    steel = sb.Material(70e12, 0.0, 2700)
+    model = sb.Model(plate.mesh(order=2), steel, clamped=None, supports=held, contact_laws=sb.Coulomb(0.3))
+    shear = sb.Samples(np.arange(5.0), 1e6 * np.array([0.0, 1.0, -1.0, 1.0, -1.0]))
+    load = sb.EdgeLoad("edge3", pressure=1e6) + sb.EdgeLoad("edge3", tx=shear)
+    history = sb.load_history(model, load, np.arange(5.0))
+    assert history.friction_loss == pytest.approx([0.0, 2.1, 6.3, 10.5, 14.7], rel=2e-3, abs=1e-6)
+
+
+def test_laws_of_a_model_stay():
+    """What has been computed is kept: a law that is set later would be ignored."""
+    mesh = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.05)]).mesh(order=1)
+    model = sb.Model(mesh, sb.Material(70e9, 0.3, 2700.0))
+    with pytest.raises(AttributeError):
+        model.contact_laws = {"crack1": sb.Coulomb(0.3)}
+    with pytest.raises(TypeError):
+        model.contact_laws["crack1"] = sb.Coulomb(0.3)

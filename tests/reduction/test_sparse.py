@@ -130,3 +130,44 @@ def test_refused(changes, sentence):
     }
     with pytest.raises(ValueError, match=sentence):
         sb.reduce_matrices(**{**given, **changes})
+
+
+def slender(count):
+    """A clamped steel beam of 1 m x 5 mm in Euler-Bernoulli elements, and its first frequency, Hz."""
+    young, density, height, h = 210e9, 7850.0, 5e-3, 1.0 / count
+    bend, line = young * height**3 / 12.0, density * height
+    length = np.diag([1.0, h, 1.0, h])
+    k = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]])
+    m = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]])
+    k, m = bend / h**3 * length @ k @ length, line * h / 420.0 * length @ m @ length
+    mass, stiffness = (np.zeros((2 * count + 2, 2 * count + 2)) for _ in range(2))
+    for element in range(count):
+        part = slice(2 * element, 2 * element + 4)
+        mass[part, part] += m
+        stiffness[part, part] += k
+    return mass[2:, 2:], stiffness[2:, 2:], 1.875104**2 / (2.0 * np.pi) * np.sqrt(bend / line)
+
+
+@pytest.mark.parametrize(
+    "form, count", [(np.asarray, 300), (scipy.sparse.csr_matrix, 300), (scipy.sparse.csr_matrix, 700)]
+)
+def test_a_slender_beam_that_is_held_has_no_rigid_motion(form, count):
+    """Its first frequency, though eigenvalues are up to 1e15 apart: it was zero, or refused."""
+    mass, stiffness, first = slender(count)
+    push = np.zeros((2 * count, 1))
+    push[-2] = 1.0
+    row = np.ascontiguousarray(push.T)
+    loads = {"loads": push, "sensors": {"tip": 0}, "modes": 5}
+    made = sb.reduce_matrices(form(mass), form(stiffness), row, np.ones(1), **loads)
+    assert made.frequencies[0] == pytest.approx(first, rel=2e-5)
+
+
+@pytest.mark.parametrize("change", [(3, 3, -0.5), (3, 4, 1.4), (20, 20, -20.0)])
+def test_a_mass_that_is_indefinite_is_refused(change):
+    mass, stiffness = np.eye(40), 1e6 * (2.0 * np.eye(40) - np.eye(40, k=1) - np.eye(40, k=-1))
+    i, j, value = change
+    mass[i, j] = mass[j, i] = value
+    row = np.eye(40)[:1]
+    given = scipy.sparse.csr_matrix(mass), scipy.sparse.csr_matrix(stiffness), row, np.ones(1)
+    with pytest.raises(ValueError, match="mass is indefinite"):
+        sb.reduce_matrices(*given, loads=row.T, sensors={"u": 0}, modes=3)

@@ -92,7 +92,7 @@ def equilibrium(
                 result = solve_friction(model.compliance.gaps, gap, laws, friction, memory)
             force, gap, active, iterations = result.force, result.gap, result.active, result.iterations
             former, memory = memory, Memory.of(result, len(laws))
-            lost = memory.lost_since(former)
+            lost = memory.lost_since(former, friction)
         elif touching:
             result = _without_flexibility(model, gap) if solve is solve_complementarity else None
             if result is None:
