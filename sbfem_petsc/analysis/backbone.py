@@ -272,6 +272,7 @@ def backbone(
             record = stack.enter_context(LineFile(comm, file, resume=resume))
             told = {"mode": mode, "start": start, "stop": stop, "steps": steps, "damped": damping}
             told |= {"interactions": interactions, "refine": refine, "stability": stability}
+            told |= {"largest_step": largest_step or "none", "largest_change": largest_change}
             reduction, _ = record.begin(reduction, told, np.array([start, stop]))
         system = FreeSystem(reduction, mode - 1, steps)
         rows = _Rows(system, refine, stability, damping, interactions)

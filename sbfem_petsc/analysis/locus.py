@@ -131,6 +131,7 @@ def locus(
             record = stack.enter_context(LineFile(comm, file, resume=resume))
             told = {"kind": bifurcation.kind, "row": -1 if row is None else row, "parameter": parameter}
             told |= {"lower": limits[0], "upper": limits[1], "factor": factor}
+            told["largest_step"] = largest_step or "none"
             period, begin = _recorded(record, period, told, begin)
         family = Family(period, parameter, factor)
         if row is not None:

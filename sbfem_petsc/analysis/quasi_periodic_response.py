@@ -95,9 +95,8 @@ def quasi_periodic_response(
         record, lines = None, []
         if file is not None:
             record = stack.enter_context(LineFile(own.comm, file, resume=resume))
-            own, known = _recorded(
-                record, own, {"stop": stop, "stability": stability, "growing": growing}, known
-            )
+            told = {"stop": stop, "stability": stability, "growing": growing}
+            own, known = _recorded(record, own, told | {"largest_step": largest_step or "none"}, known)
         report = stack.enter_context(progress_bar(own.comm, "quasi-periodic response", progress))
         finer = own.finer(what)
         if record is not None:

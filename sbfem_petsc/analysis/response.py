@@ -208,7 +208,9 @@ class _Run:
             period = prepare(what, self.model, self.load, begins, settings=settings, guess=guess)
             asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
             if record is not None:  # in the steps of the file where none are asked for
-                reduced, steps = record.begin(period, over, any_steps=asked.most_steps > period.steps)
+                reduced, steps = record.begin(
+                    period, over, asked.largest_step, any_steps=asked.most_steps > period.steps
+                )
                 period = Period(reduced, period.excitation, steps, period.pairs > 0)
             with progress_bar(self.comm, f"{over.name} response", self.progress) as report:
                 while True:
@@ -240,7 +242,7 @@ class _Run:
             progress_bar(self.comm, f"{over.name} response", self.progress) as report,
         ):
             if record is not None:
-                record.begin_unreduced(period, over)
+                record.begin_unreduced(period, over, self.asked.largest_step)
             asked = replace(_with_room(what, period, self.asked), stability=False)
             orbits = UnreducedOrbits(period, over)
             return follow_response(

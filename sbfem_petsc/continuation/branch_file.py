@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from typing import Any
@@ -40,19 +41,19 @@ class BranchFile(RunFile):
 
     Attributes
     ----------
-    former : (states (n, k), values (n,), float, str) or None
-        Points of the run that is resumed, the length of its next step and why it ended.
+    former : (states (n, k), values (n,), float, str, bool) or None
+        See `branch_following.BranchRecorder`.
     """
 
     def __init__(self, comm: MPI.Comm, path: Any, *, resume: bool = False):
         super().__init__(comm, path, "branch", resume=resume)
-        self.former: tuple[np.ndarray, np.ndarray, float, str] | None = None
+        self.former: tuple[np.ndarray, np.ndarray, float, str, bool] | None = None
         self._head: dict[str, Any] = {}
         self._told: list[Point] = []
         self._finished, self._begun, self._written = False, -1, -np.inf
 
     def begin(
-        self, period: Period, over: ParameterRange, any_steps: bool = False
+        self, period: Period, over: ParameterRange, largest_step: float = math.inf, any_steps: bool = False
     ) -> tuple[ReducedModel, int]:
         """Note what is followed, and read the points of a former run under the same conditions. Collective.
 
@@ -60,6 +61,7 @@ class BranchFile(RunFile):
         ----------
         period : Period
         over : ParameterRange
+        largest_step : float
         any_steps : bool
             Go on in the steps of the former run, whatever they are.
 
@@ -71,20 +73,22 @@ class BranchFile(RunFile):
         Raises
         ------
         ValueError
-            If the file was written for another model, load or range.
+            If the file was written for another model, load, range or largest step.
         """
         reduced = self.adopt(period.reduced)
-        conditions = {**_conditions(period, over), "contact": period.pairs > 0}
+        conditions = {**_conditions(period, over, largest_step), "contact": period.pairs > 0}
         steps = self._begin(conditions, any_steps)
         if self.comm.rank == 0:
             self._head["model"] = image(reduced)
         return reduced, steps or period.steps
 
-    def begin_unreduced(self, period: UnreducedPeriod, over: ParameterRange) -> None:
+    def begin_unreduced(
+        self, period: UnreducedPeriod, over: ParameterRange, largest_step: float = math.inf
+    ) -> None:
         """The same of motions of an unreduced model, on as many ranks as the run that is gone on with began
         with. Collective.
         """
-        march, own = period.march(over.frequency or over.start), _conditions(period, over)
+        march, own = period.march(over.frequency or over.start), _conditions(period, over, largest_step)
         own |= {"contact": period.contact, "ranks": self.comm.size, "fingerprint": march.fingerprint()}
         self._begin(own)
 
@@ -122,6 +126,7 @@ class BranchFile(RunFile):
         with collective(self.comm):
             if self._journal is not None:
                 facts = {"first": first, "length": line.length, "reason": line.reason}
+                facts["complete"] = line.complete
                 self._journal.append({**facts, "unknowns": new})
                 if found is not None:
                     asked = found.map is None or found.multipliers.shape[1] > 0
@@ -151,12 +156,15 @@ class BranchFile(RunFile):
         self._written = -np.inf
 
 
-def _conditions(period: Period | UnreducedPeriod, over: ParameterRange) -> dict[str, Any]:
+def _conditions(
+    period: Period | UnreducedPeriod, over: ParameterRange, largest_step: float
+) -> dict[str, Any]:
     """What a run must have been begun with to be gone on with."""
     return {
         "parameter": over.name,
         "start": over.start,
         "stop": over.stop,
+        "largest_step": largest_step if math.isfinite(largest_step) else "none",
         "steps": period.steps,
         "periods": period.excitation.periods,
         "fixed_frequency": over.frequency or 0.0,
@@ -164,12 +172,14 @@ def _conditions(period: Period | UnreducedPeriod, over: ParameterRange) -> dict[
     }
 
 
-def _points(kept: Kept) -> tuple[np.ndarray, np.ndarray, float, str]:
-    """States and values of all points, the length of the next step, and why the line ended."""
-    points, length, reason = np.zeros((0, 1)), 0.0, ""
+def _points(kept: Kept) -> tuple[np.ndarray, np.ndarray, float, str, bool]:
+    """States and values of all points, the length of the next step, why the line ended, and whether it is
+    complete.
+    """
+    points, length, reason, complete = np.zeros((0, 1)), 0.0, "", False
     for frame in kept.frames():
         new, first = frame["unknowns"], frame["first"]
         parts = [part for part in (points[:first], new) if part.size]
         points = np.concatenate(parts) if parts else points
-        length, reason = float(frame["length"]), str(frame["reason"])
-    return points[:, :-1], points[:, -1], length, reason
+        length, reason, complete = float(frame["length"]), str(frame["reason"]), bool(frame["complete"])
+    return points[:, :-1], points[:, -1], length, reason, complete

@@ -51,11 +51,12 @@ class BranchRecorder(Protocol):
 
     Attributes
     ----------
-    former : (states (n, k), values (n,), float, str) or None
-        Points of the run that is resumed, of all ranks, the length of its next step, and why it ended.
+    former : (states (n, k), values (n,), float, str, bool) or None
+        Points of the run that is resumed, of all ranks, the length of its next step, why it ended, and
+        whether it is complete, with the points between others.
     """
 
-    former: tuple[np.ndarray, np.ndarray, float, str] | None
+    former: tuple[np.ndarray, np.ndarray, float, str, bool] | None
 
     def update(self, branch: Callable[[], Branch], line: Line, last: bool = False) -> None:
         """Keep the branch as it is and the line that is followed. Collective."""
@@ -135,18 +136,16 @@ def follow_response(
     else:
         known = [problem.own(np.append(*point)) for point in zip(*former[:2])]
     rows, line = PointRows(period, settings.stability, settings.most_steps), Line([])
+    within = parameter.range
     for u in known:
         line.points.append(Point.known(problem, u))
         rows.add(line.points[-1])
+        if settings.leave and len(line.points) == 1:
+            within = led_away(line, within)
         if len(line.points) > 2:
             line.points[-3].state.forget()
-    within = parameter.range
     if former is not None:
-        line.length, line.reason = former[2:]
-        ended = len(known) > 1 and not within.holds(line.points[-1].value)
-        line.complete = ended or line.reason == CLOSED
-    elif settings.leave:
-        within = led_away(line, within)
+        line.length, line.reason, line.complete = former[2:]
     made = functools.partial(_branch, line, rows, problem)
 
     def step(_: Line) -> None:

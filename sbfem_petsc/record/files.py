@@ -43,7 +43,8 @@ UNSOUND = (ValueError, KeyError, IndexError, TypeError, AttributeError, OSError,
 
 @agreed()
 def save(path: Any, result: Any) -> None:
-    """Write a result; the file takes its name when it is whole. Collective for results of several ranks.
+    """Write a result; the file takes its name when it is whole. Collective for those of several ranks: their
+    rank 0 writes, with its own of what each rank has for itself.
 
     Parameters
     ----------
@@ -54,13 +55,13 @@ def save(path: Any, result: Any) -> None:
     Raises
     ------
     TypeError, ValueError
-        If it is none, or the file cannot be written; on all ranks.
+        If it is none, its parts are of other ranks, or the file cannot be written; on all ranks.
     """
-    comm = ranks_of(result) or MPI.COMM_SELF
     several = isinstance(result, (list, tuple))
     parts: dict[str, Any] = {"": result}
     if several or isinstance(result, Mapping):
         parts = {f"{k:04d}": part for k, part in enumerate(result)} if several else dict(result)
+    comm = _writers(parts)
     with collective(comm):
         _check(result, parts)
     whole: dict[int, dict[str, Any]] = {}
@@ -75,6 +76,24 @@ def save(path: Any, result: Any) -> None:
                     file.attrs["several"] = len(parts)
                 for name, part in parts.items():
                     write(within(file, name) if name else file, part, whole, seen=seen)
+
+
+def _writers(parts: Mapping[Any, Any]) -> MPI.Comm:
+    """Ranks that share what is written; this one alone where it is all its own.
+
+    Raises
+    ------
+    ValueError
+        If some of it is shared by other ranks than the rest.
+    """
+    found = [comm for comm in map(ranks_of, parts.values()) if comm is not None and comm.size > 1]
+    alike = (MPI.IDENT, MPI.CONGRUENT)
+    if any(MPI.Comm.Compare(found[0], comm) not in alike for comm in found):
+        raise ValueError(
+            f"save: of {len(parts)} results some are of {min(c.size for c in found)} ranks and some of "
+            f"{max(c.size for c in found)}, or of other ones; write them to files of their own"
+        )
+    return found[0] if found else MPI.COMM_SELF
 
 
 def _check(result: Any, parts: Mapping[Any, Any]) -> None:
@@ -149,7 +168,10 @@ def _kept(path: str, in_memory: bool) -> Any:
             raise ValueError(f"it is of another kind of run than {', '.join(KEPT)}")
         reader = KEPT[kept.head["kept"]]
         if not reader and "result" not in kept.state:
-            raise ValueError(f"{path!r} holds no result yet")
+            raise ValueError(
+                f"{path!r} holds no result: its run has not come to one, or the file beside it, "
+                f"{f'{path}.state'!r}, in which it stands, is missing; both belong together"
+            )
         if reader:
             found = importlib.import_module(f"{_root()}.{reader}").result_of(kept, in_memory)
         else:

@@ -37,11 +37,20 @@ Frame = dict[str, Any]
 
 def is_journal(path: str) -> bool:
     """Whether a file begins as a journal does."""
+    return _begin(path) == MAGIC[:8]
+
+
+def may_be_replaced(path: str) -> bool:
+    """Whether nothing of a user's is lost with a file: one of a run, torn or whole, or none."""
+    return MAGIC.startswith(_begin(path))
+
+
+def _begin(path: str) -> bytes:
     try:
         with open(path, "rb") as file:
-            return file.read(8) == MAGIC[:8]
+            return file.read(8)
     except OSError:
-        return False
+        return b""
 
 
 def packed(frame: Mapping[str, Any]) -> list[Any]:
@@ -204,6 +213,9 @@ class Journal:
                     f"{what} {self.path!r} is being written by another run; wait for its end, or name "
                     "another file"
                 )
+            for own in (self.path, f"{self.path}.state"):
+                if not may_be_replaced(own):
+                    raise ValueError(f"{what} {own!r} is no file of a run; name another file")
             self._clear()
             if resume and os.fstat(self._file).st_size > len(MAGIC):
                 self.former = self._found()
@@ -219,8 +231,6 @@ class Journal:
                 shutil.rmtree(os.path.join(folder, other), ignore_errors=True)
 
     def _found(self) -> Kept | None:
-        if not is_journal(self.path):
-            raise ValueError(f"{self.what} {self.path!r} is no file of a run; name another file")
         if next(frames(self.path), None) is None:
             return None  # killed before its head was whole
         return read(self.path)

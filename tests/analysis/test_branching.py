@@ -10,6 +10,7 @@ import pytest
 import sbfem_petsc as sb
 from examples.tables.frequency_response import doublings, half
 from meshing import Beam, VNotch
+from meshing.warnings import BranchWarning
 from sbfem_petsc.continuation.problems.several_periods import minimal_periods
 from sbfem_petsc.motion.excitation import Excitation
 from sbfem_petsc.motion.period_map import FixedPoint, Period
@@ -143,9 +144,9 @@ def test_a_motion_of_one_period_over_two(reduction):
 
 
 @pytest.mark.long
-def test_subcritical_doubling():
+def test_subcritical_doubling(tmp_path):
     """A beam whose motions of two periods begin unstable: their branch first goes back, turns in a fold and
-    becomes stable.
+    becomes stable. Interrupted while it is outside of its range, it goes on to the same points.
     """
     model = sb.Model(
         Beam(0.200, 0.005, [VNotch(0.050, 0.0025, 0.03)]).mesh(order=5, tip_size=2e-6),
@@ -158,6 +159,12 @@ def test_subcritical_doubling():
     branch = sb.frequency_response(model, load, found.frequency, 3436.0, guess=found)
     half = np.abs(branch.subharmonics("A")[:, 1])
     assert branch.complete and branch.frequency.min() < found.frequency - 0.1
+    asked = {"guess": found, "file": str(tmp_path / "branch.journal")}
+    with pytest.warns(BranchWarning, match="after 3 points"):
+        few = sb.frequency_response(model, load, found.frequency, 3436.0, points=3, **asked)
+    assert few.frequency[-1] < found.frequency
+    again = sb.frequency_response(model, load, found.frequency, 3436.0, resume=True, **asked)
+    np.testing.assert_array_equal(again.states, branch.states)
     assert any(item.kind == "fold" for item in branch.bifurcations)
     assert branch.stable[-1] and not branch.stable[0] and half[-1] == pytest.approx(3.67e-4, rel=0.01)
     settled = sb.periodic(model, load, 3436.0, periods=2, guess=branch.orbit(-3), stability=False)

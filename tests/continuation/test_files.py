@@ -1,5 +1,6 @@
 """Lines of every family in files: killed and resumed to the same points; refused for other runs."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -102,6 +103,8 @@ def test_another_run_is_refused(tmp_path):
     point = next(item for item in curve().bifurcations if item.kind == "Neimark-Sacker")
     with pytest.raises(ValueError, match="was written with upper = 1.1, not 1.2; resume with the same value"):
         sb.locus(curve(), point, 0.9, 1.2, file=path, resume=True)
+    with pytest.raises(ValueError, match="was written with largest_step = none, not 0.01"):
+        sb.locus(curve(), point, 0.9, 1.1, largest_step=0.01, file=path, resume=True)
     with pytest.raises(ValueError, match="was written with parameter = load, not damping"):
         sb.locus(curve(), point, 0.9, 1.1, parameter="damping", file=path, resume=True)
     sb.save(path, sb.read(path))
@@ -109,6 +112,28 @@ def test_another_run_is_refused(tmp_path):
         sb.locus(curve(), point, 0.9, 1.1, file=path, resume=True)
     with pytest.raises(ValueError, match="locus: resume = True needs the file"):
         sb.locus(curve(), point, 0.9, 1.1, resume=True)
+
+
+@pytest.mark.parametrize("resume", [False, True])
+@pytest.mark.parametrize("ending", ["", ".state"])
+@pytest.mark.parametrize("words", [b"pw: 1", b"my own notes of a year"])
+def test_files_of_the_users_stay(words, ending, resume, tmp_path):
+    """Whatever is no file of a run is refused in the place of one, and of what stands beside it."""
+    path = tmp_path / "notes"
+    mine = tmp_path / f"notes{ending}"
+    mine.write_bytes(words)
+    with pytest.raises(ValueError, match="is no file of a run; name another file"):
+        locus(file=str(path), resume=resume)
+    assert mine.read_bytes() == words and os.listdir(tmp_path) == [mine.name]
+
+
+def test_the_state_that_is_missing_is_named(tmp_path):
+    """A journal that was copied without the file beside it."""
+    path = tmp_path / "line.journal"
+    locus(file=str(path))
+    os.remove(f"{path}.state")
+    with pytest.raises(ValueError, match=r"line\.journal\.state', in which it stands, is missing"):
+        sb.read(path)
 
 
 @pytest.mark.parametrize("ending", ["", ".state"])
@@ -136,13 +161,15 @@ def test_largest_step_of_a_locus():
     assert np.abs(np.diff(line.value)).max() < 0.0041 and len(line) >= 15
 
 
-def test_a_line_that_had_come_to_its_end(tmp_path):
+@pytest.mark.parametrize("kind", ["backbone", "response", "damping"])
+def test_a_line_that_had_come_to_its_end(kind, tmp_path):
     """Killed at the last point of the range: what is left is what lies between the points."""
     path, told = str(tmp_path / "line.h5"), []
-    expected, reasons = FAMILIES["backbone"](progress=told.append)
-    run = [sys.executable, "-c", PROGRAM, "backbone", path, str(len(told))]
+    expected, reasons = FAMILIES[kind](progress=told.append)
+    run = [sys.executable, "-c", PROGRAM, kind, path, str(len(told))]
     assert subprocess.run(run, cwd=ROOT).returncode == -signal.SIGKILL
-    found, again = FAMILIES["backbone"](file=path, resume=True)
+    assert kind != "response" or len(values(path)) < len(expected)
+    found, again = FAMILIES[kind](file=path, resume=True)
     np.testing.assert_array_equal(found, expected)
     assert again == reasons
 

@@ -55,6 +55,8 @@ FAILING = {
     "found = sb.static(structure(), push); sb.on_root(world, lambda: sb.save('never.h5', found))": (
         "call it on all"
     ),
+    "turned = world.Create_group(world.group.Incl([1, 0]))\n"
+    "sb.save('never.h5', [sb.static(structure(comm), push) for comm in (world, turned)])": "or of other ones",
     "model = structure(); sb.on_root(world, lambda: sb.modal(model, 1))": "inside on_root",
     "import json; sb.on_root(world, lambda: json.loads('{'))": "Expecting property name",
     "sb.transient(structure(), sb.PointForce('A', fy=sb.Custom(one_fails)), 1e-3, 1e-4, modes=4)": "Custom",
@@ -125,6 +127,11 @@ RIGHT = {
     "sb.modal(structure(MPI.COMM_SELF), 1) if rank else None; print('fine')",
     "sb.on_root(world, lambda: sb.modal(structure(MPI.COMM_SELF), 1)); sb.modal(structure(), 1); "
     "print('fine')",
+    # one's own beside what is shared: one file, of rank 0
+    "import tempfile, time; found = [sb.static(structure(c), push) for c in (MPI.COMM_SELF, world)]\n"
+    "path = world.bcast(tempfile.mkdtemp()) + '/both.h5'; time.sleep(0.2 * rank)\n"
+    "sb.save(path, found); both = sb.read(path) if rank == 0 else None; world.barrier()\n"
+    "assert rank or np.allclose(both[0].field, both[1].field); print('fine')",
     "sb.Model(sb.on_root(world, lambda: Beam(0.1, 0.01).mesh(order=1)), sb.Material(70e9, 0.3, 1.0)); "
     "print('fine')",
 }

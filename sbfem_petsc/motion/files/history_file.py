@@ -268,7 +268,10 @@ def result_of(kept: Kept, in_memory: bool = True) -> History:
     """
     head, state = kept.head, kept.state
     if not state:
-        raise ValueError(f"{WHAT} {kept.path!r} holds no recorded instant")
+        raise ValueError(
+            f"{WHAT} {kept.path!r} holds no recorded instant: its run has not come to one, or "
+            f"the file beside it, {f'{kept.path}.state'!r}, is missing; both belong together"
+        )
     rows, complete = rows_of(kept, in_memory), state["done"] == state["count"]
     found = {name: values.shape[1:] for name, values in rows.items()}
     if head["kind"] == "reduced":
