@@ -270,7 +270,13 @@ def backbone(
         record = None
         if file is not None:
             record = stack.enter_context(LineFile(comm, file, resume=resume))
-            told = {"mode": mode, "start": start, "stop": stop, "steps": steps, "damped": damping}
+            told: dict[str, Any] = {
+                "mode": mode,
+                "start": start,
+                "stop": stop,
+                "steps": steps,
+                "damped": damping,
+            }
             told |= {"interactions": interactions, "refine": refine, "stability": stability}
             told |= {"largest_step": largest_step or "none", "largest_change": largest_change}
             reduction, _ = record.begin(reduction, told, np.array([start, stop]))
