@@ -38,11 +38,13 @@ __all__ = [
     "check_ksp",
     "collect",
     "configure",
+    "count_pivots",
     "dense_columns",
     "direct_solver",
     "finite",
     "free",
     "make_ksp",
+    "negative_eigenvalues",
     "scripted",
     "solver_name",
     "solving",
@@ -117,6 +119,39 @@ def direct_solver(comm: MPI.Comm, positive_definite: bool = True) -> tuple[str, 
             "rank, or an iterative solver (for statics: -static_ksp_type cg -static_pc_type gamg)"
         )
     return ("cholesky" if positive_definite else "lu"), "petsc"
+
+
+def count_pivots(pc: PETSc.PC) -> PETSc.Mat:
+    """Let MUMPS, as a factorisation that is not done yet, count the signs of pivots; its factor."""
+    pc.setFactorSetUpSolverType()
+    factor = pc.getFactorMatrix()
+    factor.setMumpsIcntl(24, 1)  # null pivots are looked for, which the count needs
+    factor.setMumpsIcntl(13, 1)  # no ScaLAPACK at the root: its pivots would not be counted
+    return factor
+
+
+def negative_eigenvalues(matrix: PETSc.Mat, what: str) -> int | None:
+    """Number of negative eigenvalues of a symmetric matrix by Sylvester's law of inertia (prefix
+    ``modal_inertia_``); None where the direct solver does not tell it (MUMPS does). Collective.
+    """
+    comm = matrix.comm.tompi4py()
+    if direct_solver(comm)[1] != "mumps":
+        return None
+    pc = PETSc.PC().create(comm)
+    try:
+        pc.setOptionsPrefix("modal_inertia_")
+        pc.setOperators(matrix)
+        pc.setType(PETSc.PC.Type.CHOLESKY)
+        pc.setFactorSolverType("mumps")
+        factor = count_pivots(pc)
+        configure(pc)
+        with solving(what):
+            pc.setUp()
+        negative = int(factor.getInertia()[0])
+        factor.destroy()  # before its owner, which would otherwise leave MUMPS' memory behind
+    finally:
+        free(comm, pc)
+    return negative
 
 
 def make_ksp(

@@ -270,14 +270,14 @@ def backbone(
         record = None
         if file is not None:
             record = stack.enter_context(LineFile(comm, file, resume=resume))
-            told: dict[str, Any] = {
-                "mode": mode,
-                "start": start,
-                "stop": stop,
-                "steps": steps,
+            told: dict[str, Any] = {"mode": mode, "start": start, "stop": stop, "steps": steps}
+            told |= {"damped": damping}
+            told |= {
                 "damped": damping,
+                "interactions": interactions,
+                "refine": refine,
+                "stability": stability,
             }
-            told |= {"interactions": interactions, "refine": refine, "stability": stability}
             told |= {"largest_step": largest_step or "none", "largest_change": largest_change}
             reduction, _ = record.begin(reduction, told, np.array([start, stop]))
         system = FreeSystem(reduction, mode - 1, steps)

@@ -39,7 +39,6 @@ from .options import FrequencyResponseOptions, LoadResponseOptions
 DOUBLED = "period doubling"
 # Instants a period at which a linear response is evaluated.
 INSTANTS = 256
-# Where a curve is kept and whom it tells.
 
 
 @analysis(FrequencyResponseOptions)

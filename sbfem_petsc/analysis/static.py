@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from meshing.warnings import MeshWarning, RoundOffWarning
+from meshing.warnings import MeshWarning, RoundOffWarning, StepWarning
 
 from ..checks import shown
 from ..contact.complementarity import one_pass_tie, solve_complementarity
@@ -80,6 +80,8 @@ def static(
         anisotropic material are not carried by its edges; if the accuracy asked for is not reached.
     LargeDisplacementWarning
         If displacements are more than 5 % of the body.
+    StepWarning
+        If faces that rub (`Coulomb`) and stood apart close in this one step.
     RoundOffWarning
         If a structure, or a body that contact presses on, is held so softly that digits are lost.
     SolverWarning
@@ -116,6 +118,8 @@ def state(
     _warn_of_springs(found)
     if contact:
         _warn_of_contact(found)
+    if former is None:
+        _warn_of_closing(found)
     return found
 
 
@@ -167,6 +171,25 @@ def _warn_of_contact(found: Static) -> None:
         MeshWarning,
         stacklevel=caller_level(),
     )
+
+
+def _warn_of_closing(found: Static) -> None:
+    """Warn where faces that rub have come together in one step: what they slid while they were apart does not
+    resist.
+    """
+    gaps, friction = found.model.gap_operator, found.model.gap_operator.friction
+    if friction is None:
+        return
+    rows = friction.rows[friction.static > 0.0]
+    closed = int((found.equilibrium.active[rows] & (gaps.initial[rows] > 0.0)).sum())
+    if closed:
+        warnings.warn(
+            f"static: {closed} of {len(rows)} contact rows that rub stood apart and close in this one step, as "
+            "if their faces had met before they slid; friction depends on the way there: take load_history "
+            "with so many states that its results no longer change",
+            StepWarning,
+            stacklevel=caller_level(),
+        )
 
 
 def _solved(model: Model, load, contact: bool, solve, former: Static | None = None) -> Static:

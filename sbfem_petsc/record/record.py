@@ -30,8 +30,7 @@ else:  # of Python 3.11, for type checkers alone
 
 
 # Entries of the axes that every result has.
-AXES = {"xy": ("x", "y"), "component": ("I", "II")}
-AXES |= {"side": ("before", "behind")}
+AXES = {"xy": ("x", "y"), "component": ("I", "II"), "side": ("before", "behind")}
 # Kinds of NumPy's types by the types of fields.
 KINDS = {"bool": "b", "int": "iu", "float": "f", "complex": "c", "str": "U"}
 # The axis of what has none.

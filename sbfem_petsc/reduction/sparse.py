@@ -2,11 +2,27 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 from scipy import sparse
 
-from ..errors import SolveError
-from ..petsc import MPI, PETSc, SLEPc, block_solve, configure, dense_columns, direct_solver, free, solving
+from meshing.warnings import SolverWarning
+
+from ..errors import SolveError, caller_level
+from ..petsc import (
+    MPI,
+    PETSc,
+    SLEPc,
+    block_solve,
+    configure,
+    count_pivots,
+    dense_columns,
+    direct_solver,
+    free,
+    negative_eigenvalues,
+    solving,
+)
 
 # Relative residual of K x = b that a solve may have, and the energy of a mode, beside that of its parts, that
 # is told from their round-off.
@@ -48,11 +64,20 @@ def sparse_modes(
         st.setType(SLEPc.ST.Type.SINVERT)
         st.setShift(0.0)
         ksp = st.getKSP()
-        _direct(ksp, k)
+        ksp.setOperators(k)
+        ksp.setType(PETSc.KSP.Type.PREONLY)
+        pc, (factorisation, package) = ksp.getPC(), direct_solver(MPI.COMM_SELF, positive_definite=False)
+        pc.setType(factorisation)
+        pc.setFactorSolverType(package)
+        counted = count_pivots(pc) if package == "mumps" else None
         configure(eps)
         with solving("modal"):
             eps.setUp()
-            _require_definite(ksp.getPC())
+            negative, zero, _ = (0, 0, 0) if counted is None else counted.getInertia()
+            if negative:
+                raise _indefinite(f"{negative} negative eigenvalues")
+            if zero:
+                raise _not_held()
             eps.solve()
         if eps.getConverged() < count:
             raise SolveError(
@@ -64,7 +89,7 @@ def sparse_modes(
         if values[0] < 0.0:
             raise _indefinite(f"eigenvalue {values[0]:g} of M^-1 K")
         lowest = np.abs(vectors[:, 0])
-        if values[0] * (lowest @ np.abs(mass @ vectors[:, 0])) <= ZERO * (lowest @ (abs(stiffness) @ lowest)):
+        if values[0] * (lowest @ np.abs(inertia[:, 0])) <= ZERO * (lowest @ (abs(stiffness) @ lowest)):
             raise _not_held()
         vectors /= np.sqrt((vectors * inertia).sum(axis=0))
         inertia = mass @ vectors
@@ -97,16 +122,7 @@ def _require_mass(mass: sparse.csr_matrix, count: int) -> None:
     coupled = abs(mass).sum(axis=1).A1 > 0.0
     wrong = (diagonal < 0.0) | (coupled & (diagonal == 0.0))
     negative = int(wrong.sum())
-    if not negative:
-        inner = _matrix(mass[heavy][:, heavy].tocsr())
-        ksp = PETSc.KSP().create(MPI.COMM_SELF)
-        try:
-            _direct(ksp, inner)
-            with solving("modal"):
-                ksp.setUp()
-            negative = _signs(ksp.getPC())[0]
-        finally:
-            free(MPI.COMM_SELF, ksp, inner)
+    negative = negative or _below(mass[heavy][:, heavy], 0.0) or 0
     if negative:
         raise ValueError(
             f"reduce_matrices: mass is indefinite ({negative} negative eigenvalues); a mass is at least 0"
@@ -120,34 +136,13 @@ def _matrix(matrix: sparse.csr_matrix) -> PETSc.Mat:
     return result
 
 
-def _direct(ksp: PETSc.KSP, matrix: PETSc.Mat) -> None:
-    """A direct solve that counts the signs of its pivots where it can."""
-    factorisation, package = direct_solver(MPI.COMM_SELF, positive_definite=False)
-    ksp.setOperators(matrix)
-    ksp.setType(PETSc.KSP.Type.PREONLY)
-    pc = ksp.getPC()
-    pc.setType(factorisation)
-    pc.setFactorSolverType(package)
-    if package == "mumps":
-        pc.setFactorSetUpSolverType()
-        factor = pc.getFactorMatrix()
-        factor.setMumpsIcntl(24, 1)  # null pivots are looked for, which the count needs
-        factor.setMumpsIcntl(13, 1)  # no ScaLAPACK at the root: its pivots would not be counted
-
-
-def _signs(pc: PETSc.PC) -> tuple[int, int]:
-    """Negative and zero eigenvalues of what is factored; none where the package does not count them."""
-    if pc.getType() != "cholesky" or pc.getFactorSolverType() != "mumps":
-        return 0, 0
-    return pc.getFactorMatrix().getInertia()[:2]
-
-
-def _require_definite(pc: PETSc.PC) -> None:
-    negative, zero = _signs(pc)
-    if negative:
-        raise _indefinite(f"{negative} negative eigenvalues")
-    if zero:
-        raise _not_held()
+def _below(matrix: sparse.csr_matrix, shift: float, mass: sparse.csr_matrix | None = None) -> int | None:
+    """Eigenvalues below a shift; None where PETSc has nothing that counts them."""
+    shifted = _matrix(sparse.csr_matrix(matrix if mass is None else matrix - shift * mass))
+    try:
+        return negative_eigenvalues(shifted, "modal")
+    finally:
+        free(MPI.COMM_SELF, shifted)
 
 
 def _indefinite(why: str) -> ValueError:
@@ -176,16 +171,15 @@ def _pairs(eps: SLEPc.EPS, k: PETSc.Mat, count: int) -> tuple[np.ndarray, np.nda
 def _require_all(mass: sparse.csr_matrix, stiffness: sparse.csr_matrix, values: np.ndarray) -> None:
     """Raise a SolveError if the inertia below the last eigenvalue says that some are missing."""
     last = values[-1] * (1.0 - 1e-6)
-    shifted = _matrix((stiffness - last * mass).tocsr())
-    ksp = PETSc.KSP().create(MPI.COMM_SELF)
-    try:
-        _direct(ksp, shifted)
-        with solving("modal"):
-            ksp.setUp()
-        below, found = _signs(ksp.getPC())[0], int((values < last).sum())
-    finally:
-        free(MPI.COMM_SELF, ksp, shifted)
-    if below > found:
+    below, found = _below(stiffness, last, mass), int((values < last).sum())
+    if below is None:
+        warnings.warn(
+            "reduce_matrices: this PETSc has no MUMPS, which counts eigenvalues: whether modes are missing, "
+            "or a matrix is indefinite, is not known; use one with MUMPS",
+            SolverWarning,
+            stacklevel=caller_level(),
+        )
+    elif below > found:
         raise SolveError(
             f"modal: {below} eigenvalues lie below the last, but the eigensolver found {found}; raise "
             "-modal_eps_ncv or ask for more modes"

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -421,3 +422,15 @@ def test_laws_of_a_model_stay():
         model.contact_laws = {"crack1": sb.Coulomb(0.3)}
     with pytest.raises(TypeError):
         model.contact_laws["crack1"] = sb.Coulomb(0.3)
+
+
+def test_faces_that_close_in_one_step_are_told():
+    """A notch whose faces stand apart; closed ones, and those that no load closes, are not."""
+    closes, opens = sb.PointForce("A", fy=1e3), sb.PointForce("A", fy=-1e3)
+    for opening, load, told in ((0.05, closes, True), (0.05, opens, False), (0.0, closes, False)):
+        mesh = Beam(0.1, 0.01, [VNotch(0.04, 0.004, opening)]).mesh(order=2)
+        model = sb.Model(mesh, ALUMINIUM, contact_laws=sb.Coulomb(0.3))
+        with model, warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            sb.static(model, load)
+        assert any("close in this one step" in str(item.message) for item in found) == told

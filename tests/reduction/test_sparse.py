@@ -8,6 +8,7 @@ import scipy.linalg
 import scipy.sparse
 
 import sbfem_petsc as sb
+from meshing.warnings import SolverWarning
 from sbfem_petsc.petsc import PETSc
 
 
@@ -171,3 +172,14 @@ def test_a_mass_that_is_indefinite_is_refused(change):
     given = scipy.sparse.csr_matrix(mass), scipy.sparse.csr_matrix(stiffness), row, np.ones(1)
     with pytest.raises(ValueError, match="mass is indefinite"):
         sb.reduce_matrices(*given, loads=row.T, sensors={"u": 0}, modes=3)
+
+
+def test_without_mumps_it_is_said_that_nothing_was_counted(monkeypatch):
+    from sbfem_petsc.reduction import sparse as module
+
+    monkeypatch.setattr(module, "negative_eigenvalues", lambda *_: None)
+    mass = scipy.sparse.csr_matrix(np.eye(40))
+    stiffness = 1e6 * scipy.sparse.diags([-np.ones(39), 2.0 * np.ones(40), -np.ones(39)], [-1, 0, 1])
+    row = np.eye(40)[:1]
+    with pytest.warns(SolverWarning, match="no MUMPS"):
+        sb.reduce_matrices(mass, stiffness, row, np.ones(1), loads=row.T, sensors={"u": 0}, modes=3)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from ...petsc import PETSc, configure, dense_columns, direct_solver, free, make_ksp, solving
+from ...petsc import PETSc, dense_columns, direct_solver, free, make_ksp, negative_eigenvalues
 from ...ranks.capacity import give_back
 from ...ranks.parallel import alone
 from ...selement.dense import cholesky, lower_solve, symmetric_eigen
@@ -177,27 +177,15 @@ class Pencil:
         """Number of eigenvalues omega^2 < `shift` by Sylvester's law of inertia; None where the direct solver
         does not tell it (MUMPS does). Collective.
         """
-        if direct_solver(self.model.comm)[1] != "mumps":
+        if direct_solver(self.model.comm)[1] != "mumps":  # before a matrix is made for it
             return None
         matrix = self.condensed(shift)
-        pc = PETSc.PC().create(self.model.comm)
         try:
-            pc.setOptionsPrefix("modal_inertia_")
-            pc.setOperators(matrix)
-            pc.setType(PETSc.PC.Type.CHOLESKY)
-            pc.setFactorSolverType("mumps")
-            pc.setFactorSetUpSolverType()
-            factor = pc.getFactorMatrix()
-            factor.setMumpsIcntl(24, 1)  # null pivots are looked for, which the count needs
-            factor.setMumpsIcntl(13, 1)  # no ScaLAPACK at the root: its pivots would not be counted
-            configure(pc)
-            with solving("modal"):
-                pc.setUp()
-            negative = factor.getInertia()[0]
-            factor.destroy()  # before its owner, which would otherwise leave MUMPS' memory behind
+            negative = negative_eigenvalues(matrix, "modal")
         finally:
-            free(self.model.comm, pc, matrix)
-        return int(negative) + self.model.comm.allreduce(int((self.auxiliary_diagonal(shift) < 0.0).sum()))
+            free(self.model.comm, matrix)
+        own = int((self.auxiliary_diagonal(shift) < 0.0).sum())
+        return None if negative is None else negative + self.model.comm.allreduce(own)
 
     def destroy(self) -> None:
         """Free the PETSc matrices."""
