@@ -27,7 +27,8 @@ from ..continuation.problems.free_start import PACE, first_motion
 from ..errors import SolveError, on_all_ranks
 from ..motion.excitation import one_sided
 from ..motion.loading import communicator
-from ..motion.period_map import FixedPoint, require_waves
+from ..motion.of_period import require_waves
+from ..motion.period_map import FixedPoint
 from ..motion.preparation import period_memory
 from ..motion.step_plan import CONTACT_STEP
 from ..progress import Progress, progress_bar

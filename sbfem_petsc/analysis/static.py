@@ -184,9 +184,9 @@ def _warn_of_closing(found: Static) -> None:
     closed = int((found.equilibrium.active[rows] & (gaps.initial[rows] > 0.0)).sum())
     if closed:
         warnings.warn(
-            f"static: {closed} of {len(rows)} contact rows that rub stood apart and close in this one step, as "
-            "if their faces had met before they slid; friction depends on the way there: take load_history "
-            "with so many states that its results no longer change",
+            f"static: {closed} of {len(rows)} contact rows that rub stood apart and close in this one step, "
+            "as if their faces had met before they slid; friction depends on the way there: take "
+            "load_history with so many states that its results no longer change",
             StepWarning,
             stacklevel=caller_level(),
         )

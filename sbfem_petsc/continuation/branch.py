@@ -14,7 +14,8 @@ from meshing.warnings import IncompleteBranch
 
 from ..checks import index_of
 from ..errors import caller_level
-from ..motion.period_map import FixedPoint, OfPeriod, Period
+from ..motion.of_period import OfPeriod
+from ..motion.period_map import FixedPoint, Period
 from ..motion.states import Point
 from ..record.record import derived, described, quantity
 from ..reduction.reduced_model import ReducedModel

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import PetscFailure, SolveError
-from ...motion.period_map import DrivenPeriod, OfPeriod, Period
+from ...motion.of_period import OfPeriod
+from ...motion.period_map import DrivenPeriod, Period
 from ...petsc import MPI
 from ...record.record import described, quantity
 from ..bifurcations import Bifurcation
