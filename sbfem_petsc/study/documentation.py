@@ -41,6 +41,7 @@ from .case.geometry import (
     RayleighBand,
     Support,
 )
+from .case.laws import LAWS
 from .case.loads import EdgeLoad, PointForce, SupportMotion
 from .case.signals import SIGNALS
 from .case.sweep import Noise, Range, SweepTable
@@ -70,7 +71,7 @@ _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
         "gmsh model).",
         (Isotropic, Orthotropic),
     ),
-    ("[model]", "", (ModelTable, Support, RayleighBand)),
+    ("[model]", "", (ModelTable, Support, *LAWS, RayleighBand)),
     (
         "[loads.NAME]",
         'A component is a number or a table with a signal, `fy = { kind = "harmonic", amplitude = '

@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 import sbfem_petsc as sb
 from sbfem_petsc.study import documentation
-from sbfem_petsc.study.case import geometry, loads, objects
+from sbfem_petsc.study.case import geometry, laws, loads, objects
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.locations import parse
 from sbfem_petsc.study.starter import KINDS, starter_text
@@ -255,7 +255,7 @@ def test_the_unit_of_a_drawing(tmp_path):
     "table",
     [
         table
-        for module in (geometry, loads)
+        for module in (geometry, laws, loads)
         for table in vars(module).values()
         if getattr(table, "made", None)
     ],
@@ -284,3 +284,36 @@ def test_keys_of_the_mesh(kind):
         assert arguments[key].default == (tuple(default) if isinstance(default, list) else default)
     elsewhere = {"self", "points", "path", "scale", "max_unknowns", "time_limit", "memory_limit", "trust"}
     assert set(arguments) <= {*kind.mesh_keys(), *elsewhere}
+
+
+LAWS = {
+    "unilateral": ("compliance = 1e-9", sb.Unilateral(1e-9)),
+    "tied": ("", sb.Tied()),
+    "clearance": ("width = 1e-5", sb.Clearance(width=1e-5)),
+    "coulomb": ("friction = 0.2\nstatic_friction = 0.3", sb.Coulomb(0.2, 0.3)),
+}
+
+
+def with_law(kind, keys, analysis="static"):
+    start = CASE[: CASE.index("[analyses.frequencies]")]
+    return (
+        f'{start}[model.contact_laws.crack1]\nkind = "{kind}"\n{keys}\n'
+        f'[analyses.push]\nkind = "{analysis}"\nload = "push"\n'
+        + ("frequency = 1000.0\n" if analysis == "periodic" else "")
+    )
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_contact_laws(kind):
+    keys, law = LAWS[kind]
+    model = objects.model(case_from_text(with_law(kind, keys)), MPI.COMM_SELF)
+    assert model.contact_laws == {"crack1": law}
+
+
+def test_analyses_that_know_no_friction_say_so():
+    with pytest.raises(ValueError, match="'periodic' knows no friction yet, and the faces of 'crack1' rub"):
+        case_from_text(with_law("coulomb", "friction = 0.2", "periodic"))
+    assert case_from_text(with_law("coulomb", "friction = 0.0", "periodic"))
+    with pytest.raises((KeyError, ValueError), match="crack9"):
+        text = with_law("coulomb", "friction = 0.2").replace("crack1", "crack9")
+        objects.model(case_from_text(text), MPI.COMM_SELF)

@@ -14,6 +14,7 @@ from meshing.shapes import features
 
 from ... import material, supports
 from ...options import Pair, item
+from .laws import Law
 from .tables import AnyNames, Name, Problem, Table, by_kind
 
 
@@ -218,6 +219,9 @@ class ModelTable(Table):
         text='edge set or point, or several, held fixed; [] for a free structure; default "left" of a beam',
     )
     supports: list[Support] = item([], text="further supports, [[model.supports]]")
+    contact_laws: dict[str, Law] = item(
+        {}, text="what faces do to each other, [model.contact_laws.CRACK]; others are unilateral"
+    )
     damping: float = item(0.0, text="modal damping ratio of every dynamic analysis", ge=0, lt=1)
     rayleigh: Pair | RayleighBand | None = item(
         None, text="[a, b] of a damping matrix a M + b K (1/s and s), or { ratio, low, high }"

@@ -170,6 +170,7 @@ def model(case: Case, comm: Any, found: Any = None) -> sb.Model:
     table = case.tables.model
     body = found if found is not None else sb.on_root(comm, lambda: mesh(case))
     supports = [made(case, support, "model", "supports", k) for k, support in enumerate(table.supports)]
+    laws = {name: made(case, law, "model", "contact_laws", name) for name, law in table.contact_laws.items()}
     rayleigh = table.rayleigh
     if rayleigh is None:
         factors: Sequence[float] = (0.0, 0.0)
@@ -187,6 +188,7 @@ def model(case: Case, comm: Any, found: Any = None) -> sb.Model:
             damping=table.damping,
             rayleigh=tuple(factors),
             thickness=table.thickness,
+            contact_laws=laws or None,
             comm=comm,
         )
 

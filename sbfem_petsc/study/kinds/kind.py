@@ -107,6 +107,8 @@ class Kind(Table):
         Whether the structure may have rigid-body motions.
     statics : bool
         Whether it takes memory as statics do, and not as modes.
+    rubs : bool
+        Whether it takes faces that rub.
     alike : bool
         Whether loads have no part in it: one result serves all rows of a structure.
     moving : bool
@@ -130,6 +132,7 @@ class Kind(Table):
     signals: ClassVar[tuple[str, ...] | None] = None
     free: ClassVar[bool] = False
     statics: ClassVar[bool] = False
+    rubs: ClassVar[bool] = False
     alike: ClassVar[bool] = False
     moving: ClassVar[bool] = False
     fields: ClassVar[bool] = False

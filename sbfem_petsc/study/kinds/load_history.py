@@ -23,7 +23,7 @@ class LoadHistory(LoadHistoryOptions, Loaded):
 
     kind: Literal["load_history"] = item(text="equilibria under slowly changing loads")
     times: Times = item(text="times of the states, an array or { start, stop, count }", unit="s")
-    statics = True
+    statics = rubs = True
     details = ("contact_force", "gap")
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.LoadHistory:

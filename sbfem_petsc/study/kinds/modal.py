@@ -24,7 +24,7 @@ class Modal(ModalOptions, Kind):
     """Natural frequencies and modes of the undamped structure with open cracks: `count` or `band`."""
 
     kind: Literal["modal"] = item(text="natural frequencies and modes")
-    free = alike = fields = True
+    free = alike = fields = rubs = True
     captions = {"modes": "mode shapes"}
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Modal:

@@ -32,7 +32,7 @@ class Static(StaticOptions, Loaded):
         unit="m",
     )
     signals = ()
-    statics = fields = True
+    statics = fields = rubs = True
     captions = {"crack": "deformed region of crack", "contact": "contact pressure and gap along crack"}
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Static:
