@@ -99,8 +99,6 @@ def _guarded(options) -> int:
     """Exit code of a command; an error that one rank alone meets ends all ranks."""
     from mpi4py import MPI
 
-    from . import commands
-
     comm = MPI.COMM_WORLD
 
     def warn(message: Any, *_: Any, **__: Any) -> None:
@@ -108,6 +106,8 @@ def _guarded(options) -> int:
             tell(f"warning: {message}", sys.stderr)
 
     try:
+        from . import commands  # takes a second, in which a signal may come
+
         with warnings.catch_warnings():
             warnings.showwarning = warn
             return int(getattr(commands, options.command)(options, comm))

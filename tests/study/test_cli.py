@@ -299,6 +299,27 @@ def test_interrupt_and_termination(tmp_path):
         assert process.returncode == code and "goes on where it was" in err
 
 
+def test_termination_while_the_command_is_loaded():
+    """A sentence, no traceback: the modules of a command take a second, on a loaded machine more."""
+    script = """
+import os, signal, sys
+from sbfem_petsc.cli import main
+
+class Ending:
+    def find_spec(self, name, path, target=None):
+        if name == "sbfem_petsc.cli.commands":
+            os.kill(os.getpid(), signal.SIGTERM)
+
+sys.meta_path.insert(0, Ending())
+main(["doctor"])
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 143 and "goes on where it was" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 def test_a_signal_while_a_weak_reference_is_cleared():
     """What its handler raises there is dropped by Python; the signal is sent again."""
     script = """
