@@ -16,13 +16,6 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 # A process without a launcher needs no daemon of Open MPI's, which would outlive it where it is killed.
 os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")
 
-# Two processes that add different signatures of one function to numba's cache at the same moment may give
-# both the same file: each worker has its own cache, and so have the programs that it starts.
-_worker = os.environ.get("PYTEST_XDIST_WORKER")
-if _worker:
-    _shared = os.environ.get("NUMBA_CACHE_DIR", str(ROOT / ".pytest_cache" / "numba"))
-    os.environ["NUMBA_CACHE_DIR"] = os.path.join(_shared, _worker)
-
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What is long is slow too: `-m "not slow"` on the command line replaces the default `not long`."""

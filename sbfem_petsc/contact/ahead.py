@@ -1,5 +1,5 @@
-"""Compiles the kernels of the time steps before an analysis asks for them: ``python -m
-sbfem_petsc.contact.ahead``, once after an installation, saves the first history or orbit some seconds.
+"""Compiles the kernels of the time steps alone, where PETSc may still be missing: ``python -m
+sbfem_petsc.contact.ahead``, which `./run` waits for. `cli.ahead` compiles all.
 """
 
 from __future__ import annotations

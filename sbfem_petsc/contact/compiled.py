@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import functools
+import hashlib
+import os
+import pickle
 import sys
+from pathlib import Path
+from typing import Any
 
 from ..working_directory import unread
 
@@ -12,6 +18,7 @@ try:
     with unread(_CONFIGURATION, "numba"):
         from numba import njit
         from numba.core import config
+        from numba.core.caching import IndexDataCacheFile
         from numba.extending import get_cython_function_address  # noqa: F401
 except OSError as error:  # of the library of its compiler, of which it takes the name for missing
     raise ImportError(
@@ -28,6 +35,46 @@ if _first and getattr(config, "_config_fname", None) == _CONFIGURATION:
 OPTIONS: dict[str, object] = {"error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
 
 
+class KernelFiles(IndexDataCacheFile):
+    """What is kept on disk of one kernel: a file for each kind of arguments.
+
+    Its name has a digest of all that the code depends on: kind, processor, numba, the kernel's own module and
+    this package's, from which kernels take others and constants. So a file is never out of date, and what
+    several processes write at once is the same. numba's own files are numbered in an index, in which two
+    processes may give two kinds one number, and know nothing of what a kernel calls.
+    """
+
+    def __init__(self, kernel) -> None:
+        kept, module = kernel._cache, Path(kernel.py_func.__code__.co_filename)
+        super().__init__(kept.cache_path, kept._impl.filename_base, _sources(module))
+        self.name = kept._impl.filename_base
+        # read too where it may not be written; who names a folder means no other
+        beside = [] if config.CACHE_DIR else [str(module.parent / "__pycache__")]
+        self.folders = [kept.cache_path, *beside]
+
+    def file_name(self, key) -> str:
+        """Of the machine code for a kind of arguments."""
+        depends = repr((key, self._version, self._source_stamp))
+        return f"{self.name}.{hashlib.sha256(depends.encode()).hexdigest()[:32]}.nbc"
+
+    def save(self, key, data) -> None:
+        self._save_data(self.file_name(key), data)
+
+    def load(self, key) -> Any:
+        for folder in self.folders:
+            try:
+                return self._load_data(os.path.join(folder, self.file_name(key)))
+            except (OSError, EOFError, pickle.UnpicklingError):  # not there, or cut by a fall of the machine
+                continue
+        return None
+
+
+@functools.cache
+def _sources(module: Path) -> str:
+    files = {module, *Path(__file__).parent.glob("*.py")}
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(files))).hexdigest()
+
+
 def compiled(function, **options):
     """`function` compiled when it is first called.
 
@@ -36,9 +83,11 @@ def compiled(function, **options):
     """
     options = OPTIONS | options
     try:
-        return njit(cache=True, **options)(function)
-    except RuntimeError:  # numba finds no directory to write to
+        kernel = njit(cache=True, **options)(function)
+        kernel._cache._cache_file = KernelFiles(kernel)
+    except (RuntimeError, OSError):  # numba finds no directory to write to; no file holds the source
         return njit(**options)(function)
+    return kernel
 
 
 def compiled_loops(function):

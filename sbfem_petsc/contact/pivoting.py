@@ -1,8 +1,7 @@
 """Compiled solve of the contact problem of a step by block principal pivoting, and loops that steps share.
 
 The kernels are plain loops over scalars of contiguous arrays that are given: array expressions, slices,
-linear algebra and new arrays in them would take seconds to compile. What is kept of a kernel on disk holds
-those that it calls, and is made anew where its own file is newer, not theirs.
+linear algebra and new arrays in them would take seconds to compile.
 """
 
 from __future__ import annotations
