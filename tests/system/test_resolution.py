@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from meshing import Beam, CrackLine, Plate
-from sbfem_petsc.system.fields.resolution import frequency_errors
+from meshing import Beam, CrackLine, Plate, VNotch
+from sbfem_petsc.system.fields.resolution import NEGLIGIBLE, frequency_errors
 from tests.parallel import answer, on_ranks
 from tests.systems import ALUMINIUM, case_p
 from tests.validation.peer import cantilever
@@ -56,6 +56,19 @@ def test_estimated_errors(name, options):
     assert looked_at.sum() >= 2
     ratio = estimated[looked_at] / errors[looked_at]
     assert ratio.min() > 1 / 3 and ratio.max() < 3
+
+
+@pytest.mark.parametrize("order", [2, 3, 5])
+def test_small_cells_hardly_count(order):
+    """What warnings leave out of the errors of a graded mesh; nothing where order and tips lose as much."""
+    beam = Beam(0.1, 0.01, [VNotch(0.04, 0.005, 0.0)]).mesh(order=order, size=0.01)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sb.MeshWarning)
+        found = sb.modal(sb.Model(beam, ALUMINIUM), 30)
+    modes = range(22, 30)
+    whole, less = frequency_errors(found, modes), frequency_errors(found, modes, NEGLIGIBLE)
+    assert less.max() == pytest.approx(whole.max(), rel=0.05)
+    assert (less == whole).all() == (order == 2)
 
 
 @pytest.mark.long
