@@ -31,6 +31,7 @@ import numpy as np
 import sbfem_petsc as sb
 from examples.tables.harmonics import build
 from examples.tables.tone_burst import REFINED
+from sbfem_petsc.contact.marching import march
 from sbfem_petsc.contact.tangent import Derivative
 from sbfem_petsc.continuation import multipliers as floquet
 from sbfem_petsc.continuation.multipliers import multipliers
@@ -147,7 +148,7 @@ def kernels():
         return call
 
     with (
-        mock.patch.object(period_map, "march", timed("steps", period_map.march)),
+        mock.patch.object(period_map, "march", timed("steps", march)),
         mock.patch.object(Derivative, "__call__", timed("products", Derivative.__call__)),
         mock.patch.object(floquet.linalg, "eigvals", timed("eigenvalues", floquet.linalg.eigvals)),
     ):

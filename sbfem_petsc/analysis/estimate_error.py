@@ -75,14 +75,13 @@ def estimate_error(
     instance("estimate_error", "model", model, Model, "the Model that the history was made of")
     with collective(model.comm):
         instance("estimate_error", "history", history, History, "a History")
-        every = _kept_of(model, history)
+        modes, every = _kept_of(model, history)
         if decimation is not None and every != decimation:
             raise ValueError(
                 f"estimate_error: decimation = {decimation!r} is not that of the history, which keeps every "
                 f"{every} steps"
             )
-    modes, duration = len(history.reduced.omega), float(history.time[-1])
-
+    duration = float(history.time[-1])
     modal = isinstance(initial, tuple) and not by_functions(initial)
 
     def again(finer: int, more: int) -> History:
@@ -114,8 +113,8 @@ def estimate_error(
     return ErrorEstimate(_distance(history, halved), _distance(halved, richer))
 
 
-def _kept_of(model: Model, history: History) -> int:
-    """The decimation of a history that can be repeated of a model; ValueError of another."""
+def _kept_of(model: Model, history: History) -> tuple[int, int]:
+    """Number of modes and decimation of a history that can be repeated of a model; ValueError of another."""
     if history.reduced is None:
         raise ValueError(
             "estimate_error: the history is that of an unreduced model; repeat it with half of the step"
@@ -132,7 +131,7 @@ def _kept_of(model: Model, history: History) -> int:
         )
     if len(history.time) < 2:
         raise ValueError("estimate_error: the history has one instant only; give one that was integrated")
-    return round(float(history.time[1]) / history.step)
+    return len(history.reduced.omega), round(float(history.time[1]) / history.step)
 
 
 def _distance(one: History, other: History) -> float:

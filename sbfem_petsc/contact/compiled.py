@@ -7,8 +7,9 @@ import hashlib
 import os
 import pickle
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ..working_directory import unread
 
@@ -19,7 +20,7 @@ try:
         from numba import njit
         from numba.core import config
         from numba.core.caching import IndexDataCacheFile
-        from numba.extending import get_cython_function_address  # noqa: F401
+        from numba.extending import get_cython_function_address as get_cython_function_address
 except OSError as error:  # of the library of its compiler, of which it takes the name for missing
     raise ImportError(
         "numba, which compiles the time steps, cannot load its library: is there memory left for it (some "
@@ -33,6 +34,7 @@ if _first and getattr(config, "_config_fname", None) == _CONFIGURATION:
 # Quotients by zero give infinity, as in NumPy; a product and a sum may be one operation; no C code calls a
 # kernel.
 OPTIONS: dict[str, object] = {"error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
+Kernel = TypeVar("Kernel", bound=Callable)
 
 
 class KernelFiles(IndexDataCacheFile):
@@ -44,7 +46,7 @@ class KernelFiles(IndexDataCacheFile):
     processes may give two kinds one number, and know nothing of what a kernel calls.
     """
 
-    def __init__(self, kernel) -> None:
+    def __init__(self, kernel: Any) -> None:
         kept, module = kernel._cache, Path(kernel.py_func.__code__.co_filename)
         super().__init__(kept.cache_path, kept._impl.filename_base, _sources(module))
         self.name = kept._impl.filename_base
@@ -52,15 +54,15 @@ class KernelFiles(IndexDataCacheFile):
         beside = [] if config.CACHE_DIR else [str(module.parent / "__pycache__")]
         self.folders = [kept.cache_path, *beside]
 
-    def file_name(self, key) -> str:
+    def file_name(self, key: object) -> str:
         """Of the machine code for a kind of arguments."""
         depends = repr((key, self._version, self._source_stamp))
         return f"{self.name}.{hashlib.sha256(depends.encode()).hexdigest()[:32]}.nbc"
 
-    def save(self, key, data) -> None:
+    def save(self, key: object, data: object) -> None:
         self._save_data(self.file_name(key), data)
 
-    def load(self, key) -> Any:
+    def load(self, key: object) -> Any:
         for folder in self.folders:
             try:
                 return self._load_data(os.path.join(folder, self.file_name(key)))
@@ -75,7 +77,7 @@ def _sources(module: Path) -> str:
     return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(files))).hexdigest()
 
 
-def compiled(function, **options):
+def compiled(function: Kernel, **options: object) -> Kernel:
     """`function` compiled when it is first called.
 
     The machine code is kept in NUMBA_CACHE_DIR if that is set, else beside the source, or where that is not
@@ -90,19 +92,19 @@ def compiled(function, **options):
     return kernel
 
 
-def compiled_loops(function):
+def compiled_loops(function: Kernel) -> Kernel:
     """As `compiled`, for loops over arrays that are given: none is made inside, so that references to them
     need not be counted, of which much would be compiled.
     """
     return compiled(function, _nrt=False)
 
 
-def inner_loops(function):
+def inner_loops(function: Kernel) -> Kernel:
     """As `compiled_loops`, for what kernels alone call and is kept with them."""
     return njit(no_cpython_wrapper=True, _nrt=False, **OPTIONS)(function)
 
 
-def inner_sums(function):
+def inner_sums(function: Kernel) -> Kernel:
     """As `inner_loops`, and sums may be taken in any order: several terms at once."""
     options = OPTIONS | {"fastmath": {"contract", "reassoc"}}
     return njit(no_cpython_wrapper=True, _nrt=False, **options)(function)

@@ -137,7 +137,14 @@ def solve_friction(
 class _Problem:
     """One problem; arguments are those of `solve_friction`, with the slips (k,) of the state before."""
 
-    def __init__(self, flexibility, free_gap, laws: RowLaws, friction: Friction, slip):
+    def __init__(
+        self,
+        flexibility: np.ndarray,
+        free_gap: np.ndarray,
+        laws: RowLaws,
+        friction: Friction,
+        slip: np.ndarray,
+    ):
         self.w, self.free, self.laws, self.friction, self.slip = flexibility, free_gap, laws, friction, slip
         self.count = len(laws)
         moves = np.diag(flexibility) > 0.0
@@ -176,7 +183,9 @@ class _Problem:
         gap[index] = kept
         return force, gap
 
-    def _following(self, states, force: np.ndarray, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _following(
+        self, states: tuple[np.ndarray, np.ndarray], force: np.ndarray, gap: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """States that rows go on to. What both sticking and slipping meet by rounding stays as it is."""
         (normal, tangential), c = states, self.count
         pull = _ROUNDING * np.abs(force).max(initial=0.0)
@@ -189,7 +198,9 @@ class _Problem:
         slipping = np.where(off, STICKS, tangential)
         return self.joined(following, np.where(tangential == STICKS, begins, slipping))
 
-    def exchanged(self, normal: np.ndarray, tangential: np.ndarray):
+    def exchanged(
+        self, normal: np.ndarray, tangential: np.ndarray
+    ) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray] | None, int]:
         """Forces, gaps and states, None where sets repeat, and the exchanges."""
         states, seen = (normal, tangential), set[bytes]()
         for exchange in range(1, _MAXIMUM + 1):

@@ -21,7 +21,7 @@ force of the normal row and on the slip before. Table and `RowLaws` are those of
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -272,7 +272,7 @@ class RowLaws(Record):
     def __len__(self) -> int:
         return self.table.place.shape[1]
 
-    def _of_table(self, chosen) -> RowLaws:
+    def _of_table(self, chosen: Callable[[np.ndarray], np.ndarray]) -> RowLaws:
         table = Table(*(np.ascontiguousarray(chosen(values)) for values in self.table))
         return RowLaws(table, self.dissipative and table.place.size > 0)
 
@@ -396,7 +396,7 @@ KNOWN = (Unilateral, Tied, Clearance, Coulomb)
 _GIVE = "Unilateral(), Tied(), Clearance(width=...) or Coulomb(friction)"
 
 
-def check_law(owner: str, name: str, law) -> None:
+def check_law(owner: str, name: str, law: object) -> None:
     """Raise TypeError unless it is a contact law that the solvers know."""
     if type(law) in KNOWN:
         return

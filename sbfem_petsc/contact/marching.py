@@ -214,7 +214,7 @@ def march(step: StepConstants, loads: StepLoads, state: StepState, history: Step
 
 
 @inner_loops
-def _begin(step, loads, state, room):
+def _begin(step: StepConstants, loads: StepLoads, state: StepState, room: Room) -> None:
     """The first end of the first step."""
     rank, pairs = step.left.shape
     every, end = room.factor.every, room.before
@@ -235,7 +235,14 @@ def _begin(step, loads, state, room):
 
 
 @inner_loops
-def _take(step, loads, place, before, after, room):
+def _take(
+    step: StepConstants,
+    loads: StepLoads,
+    place: tuple[int, int, float, float],
+    before: _End,
+    after: _End,
+    room: Room,
+) -> int:
     """A step of a level, from one share of a given step to another; returns the exchanges, -1 if the contact
     problem was not solved.
     """
@@ -297,7 +304,7 @@ def _take(step, loads, place, before, after, room):
 
 
 @inner_sums
-def _work(before, after):
+def _work(before: _End, after: _End) -> float:
     """Of contact in a step: mean of the forces times change of the gaps."""
     total = 0.0
     for i in range(before.gap.size):
@@ -306,7 +313,7 @@ def _work(before, after):
 
 
 @inner_sums
-def _energy(stiffness, end):
+def _energy(stiffness: np.ndarray, end: _End) -> float:
     """Of the modes."""
     total = 0.0
     for j in range(stiffness.size):
@@ -315,7 +322,9 @@ def _energy(stiffness, end):
 
 
 @compiled_loops
-def _march(step, loads, state, history, room):
+def _march(
+    step: StepConstants, loads: StepLoads, state: StepState, history: StepHistory, room: Room
+) -> tuple[int, int, int, int]:
     states, velocities, forces, works, parts = history
     halving, levels = step.halving, loads.levels
     steps, m = states.shape
@@ -325,7 +334,7 @@ def _march(step, loads, state, history, room):
     before, after = room.before, room.after
     for done in range(steps):
         works[done] = 0.0
-        first = np.int64(levels[done])
+        first: int = np.int64(levels[done])  # type: ignore[assignment]  # to numba no int8
         level, place, whole = first, 0, 1 << (last - first)
         while place < whole:
             size = 1 << (last - level)

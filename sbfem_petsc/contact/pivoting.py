@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .compiled import compiled_loops, inner_loops, inner_sums
-from .law import FREE, PRESSED, PULLED, ROUND_OFF
+from .law import FREE, PRESSED, PULLED, ROUND_OFF, Table
 
 # Full exchanges of the active set that may pass without fewer wrong signs before single exchanges by index
 # take over; Judice and Pires (1994) show that this ends for every positive definite W.
@@ -49,7 +49,9 @@ def empty_factor(rows: int) -> Factor:
 
 
 @inner_sums
-def products(rows, vector, count, reach, result):
+def products(
+    rows: np.ndarray, vector: np.ndarray, count: int, reach: tuple[int, int], result: np.ndarray
+) -> None:
     """The first `count` rows times a vector, as far as `reach` = (first, width): that of the rows of a lower
     triangle grows from the first to the width of the last by whole registers.
     """
@@ -62,7 +64,14 @@ def products(rows, vector, count, reach, result):
 
 
 @inner_loops
-def add_rows(rows, chosen, factors, count, reach, result):
+def add_rows(
+    rows: np.ndarray,
+    chosen: np.ndarray,
+    factors: np.ndarray,
+    count: int,
+    reach: tuple[int, int],
+    result: np.ndarray,
+) -> None:
     """Add `count` chosen rows, as far as `products` reads them, each times its factor: four at a time, so
     that the result is read and written less often.
     """
@@ -81,7 +90,7 @@ def add_rows(rows, chosen, factors, count, reach, result):
 
 
 @inner_loops
-def _arrange(state, members, joins):
+def _arrange(state: np.ndarray, members: np.ndarray, joins: np.ndarray) -> int:
     """Put the rows that are held in the order of the factor; returns how many are where they were, before
     the first one that left.
     """
@@ -106,7 +115,7 @@ def _arrange(state, members, joins):
 
 
 @inner_loops
-def caught(laws, row, gap):
+def caught(laws: Table, row: int, gap: float) -> int:
     """State that a free row with some gap goes on to."""
     if gap < laws.least[FREE, row]:
         return PRESSED
@@ -114,7 +123,7 @@ def caught(laws, row, gap):
 
 
 @inner_loops
-def _factorise(flexibility, state, factor):
+def _factorise(flexibility: np.ndarray, state: np.ndarray, factor: Factor) -> bool:
     """Factorise the rows that are held, as far as they are not; whether W is definite there."""
     inverse, members, solved, free, every = factor
     n = every.size
@@ -140,7 +149,13 @@ def _factorise(flexibility, state, factor):
 
 
 @inner_sums
-def _solve(flexibility, gap, held, factor, force):
+def _solve(
+    flexibility: np.ndarray,
+    gap: np.ndarray,
+    held: tuple[Table, np.ndarray],
+    factor: Factor,
+    force: np.ndarray,
+) -> None:
     """Forces that close gaps of the members, and in `free` the gaps of free rows."""
     (laws, state), (inverse, members, solved, free, every) = held, factor
     n = every.size
@@ -173,7 +188,7 @@ def _solve(flexibility, gap, held, factor, force):
 
 
 @inner_loops
-def _by_rounding(flexibility, gap, laws, factor, row):
+def _by_rounding(flexibility: np.ndarray, gap: np.ndarray, laws: Table, factor: Factor, row: int) -> bool:
     """Whether it is by rounding alone that a free row is beyond its bounds."""
     size = abs(gap[row])
     for k in range(factor.members[gap.size]):
@@ -183,7 +198,14 @@ def _by_rounding(flexibility, gap, laws, factor, row):
 
 
 @inner_loops
-def _exchange(flexibility, gap, held, factor, force, single):
+def _exchange(
+    flexibility: np.ndarray,
+    gap: np.ndarray,
+    held: tuple[Table, np.ndarray],
+    factor: Factor,
+    force: np.ndarray,
+    single: bool,
+) -> int:
     """Exchange all rows beyond their bounds, or the last of them alone; their number. Of single exchanges
     rows are left out that neither touch nor are apart, which would come and go for ever.
     """
@@ -211,7 +233,14 @@ def _exchange(flexibility, gap, held, factor, force, single):
 
 
 @compiled_loops
-def contact_forces(flexibility, gap, laws, state, factor, force):
+def contact_forces(
+    flexibility: np.ndarray,
+    gap: np.ndarray,
+    laws: Table,
+    state: np.ndarray,
+    factor: Factor,
+    force: np.ndarray,
+) -> int:
     """Solve a contact problem, whose gaps are W force + gap, by block principal pivoting from the states of
     the step before.
 

@@ -107,7 +107,14 @@ def settle(
 
 
 @compiled_loops
-def _settle(step, loads, state, known, patience, room):
+def _settle(
+    step: StepConstants,
+    loads: StepLoads,
+    state: StepState,
+    known: Known,
+    patience: Patience,
+    room: _Repetition,
+) -> tuple[int, int, int]:
     q, v, force, rows = state
     recent, gap, thin, factor = room.recent, room.steps.before.gap, room.steps.thin, room.steps.factor
     steps, pairs, m = loads.free_gap.shape[0] - 1, gap.size, q.size

@@ -60,7 +60,7 @@ class Ledger:
             ]
         )
 
-    def start(self, q, v, amplitude, force) -> np.ndarray:
+    def start(self, q: np.ndarray, v: np.ndarray, amplitude: np.ndarray, force: np.ndarray) -> np.ndarray:
         """(5, 1) energies and work at t = 0."""
         self.work = np.zeros(3)
         self.last = self._instants(q[None], v[None], amplitude[None], force[None])
@@ -97,7 +97,9 @@ class Ledger:
         self.last = self._instants(states[-1:], velocities[-1:], amplitudes[-1:], forces[-1:])
         return np.concatenate([stored.T, work])
 
-    def jump(self, q, v, amplitude, before, force) -> np.ndarray:
+    def jump(
+        self, q: np.ndarray, v: np.ndarray, amplitude: np.ndarray, before: np.ndarray, force: np.ndarray
+    ) -> np.ndarray:
         """(5,): the same where loads have jumped to `amplitude`, and contact from `before` to `force`: what
         moves with them has no inertia.
         """
@@ -108,7 +110,15 @@ class Ledger:
         self.last = self._instants(q[None], v[None], amplitude[None], force[None])
         return np.concatenate([self.last[2][0], self.work])
 
-    def _instants(self, q, v, amplitudes, forces, loaded=np.s_[:], touched=np.s_[:]):
+    def _instants(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        amplitudes: np.ndarray,
+        forces: np.ndarray,
+        loaded: np.ndarray | slice = np.s_[:],
+        touched: np.ndarray | slice = np.s_[:],
+    ) -> tuple[np.ndarray, ...]:
         """Loads, the displacements they work on, stored energies (n, 2), dissipated power (n,), velocities at
         the loads; of all loads and rows of contact, or of some of them that alone are given.
         """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
@@ -56,7 +56,7 @@ class Excitation(Record):
     )
 
     @classmethod
-    def of(cls, signals, frequency: float, periods: int | None, bound: int) -> Excitation:
+    def of(cls, signals: Sequence[Signal], frequency: float, periods: int | None, bound: int) -> Excitation:
         """Excitation of load signals, in which a `Constant` stands for itself.
 
         Parameters
@@ -413,7 +413,7 @@ def _whole(value: float) -> bool:
     return abs(value - round(value)) <= SAME * max(value, 1.0)
 
 
-def _neighbours(tone: float, frequency: float, periods) -> str:
+def _neighbours(tone: float, frequency: float, periods: Iterable[int]) -> str:
     """Frequencies next to a tone that make a whole number of cycles in one of the numbers of periods of
     `frequency`.
     """
@@ -429,7 +429,7 @@ def _neighbours(tone: float, frequency: float, periods) -> str:
     )
 
 
-def _no_common_period(tones, frequency: float, bound: int) -> str:
+def _no_common_period(tones: Iterable[float], frequency: float, bound: int) -> str:
     bad = next(t for t in tones if not any(_whole(n * t / frequency) for n in range(1, bound + 1)))
     return (
         f"periodic: the tone of {bad:g} Hz has no common period with {frequency:g} Hz within {bound} "

@@ -27,7 +27,9 @@ class Family:
             return self.period.at(frequency, value)
         return self.period.at(frequency, self.factor, **{self.parameter: value})
 
-    def derivative(self, driven: DrivenPeriod, motion: PeriodMotion, state: np.ndarray, value: float):
+    def derivative(
+        self, driven: DrivenPeriod, motion: PeriodMotion, state: np.ndarray, value: float
+    ) -> np.ndarray:
         """dx(T) along x(0), the frequency and the second parameter, (2 m, 2 m + 2)."""
         identity = np.eye(len(state))
         if self.parameter == "load":

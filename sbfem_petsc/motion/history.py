@@ -13,6 +13,7 @@ from ..checks import Bounds, real, shown
 from ..errors import SolveError, UnknownName, caller_level, on_all_ranks
 from ..ranks.parallel import agreed
 from ..record.record import Record, derived, described, quantity
+from ..reduction.reduced_model import ReducedModel
 from ..system.fields.places import checked_line
 from ..system.fields.sampling import Field
 from ..system.model import Model
@@ -40,7 +41,7 @@ class Motion(Record):
         return self.states.points
 
     @property
-    def reduced(self):
+    def reduced(self) -> ReducedModel | None:
         """The reduced model that moves, None for an unreduced one."""
         return self.states.reduced if isinstance(self.states, ModalStates) else None
 

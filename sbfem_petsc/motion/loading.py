@@ -94,7 +94,7 @@ class Loading:
 
 
 def loading(
-    owner: str, system: Model | ReducedModel, load, number: Callable[[float], Signal] = as_signal
+    owner: str, system: Model | ReducedModel, load: Any, number: Callable[[float], Signal] = as_signal
 ) -> Loading:
     """The loads of an analysis on a model, checked. Not collective.
 
@@ -167,7 +167,7 @@ def _loading(
     return Loading(system.loads, tuple(acting))
 
 
-def amplitudes_only(what: str, load) -> None:
+def amplitudes_only(what: str, load: Any) -> None:
     """Refuse signals other than constants where the frequency is swept."""
     _refuse_ambiguous(what, load)
     for name, value in _named(load):

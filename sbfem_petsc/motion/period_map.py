@@ -253,7 +253,7 @@ class DrivenPeriod:
         q, v = self.amplitudes[moving], (self.speeds * self.amplitudes)[moving]
         return float(np.linalg.norm(self._state(q.sum(axis=0).real, v.sum(axis=0).real)))
 
-    def _state(self, q, v) -> np.ndarray:
+    def _state(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         return np.concatenate([self.period.weights * q, v])
 
     def in_steps(self, steps: int) -> DrivenPeriod:
@@ -421,7 +421,7 @@ class DrivenPeriod:
         )
         return result
 
-    def _load_rates(self):
+    def _load_rates(self) -> tuple[np.ndarray, np.ndarray]:
         """Rates of the free gaps and of the linear state with the factor on the oscillating loads."""
         p, r = self.period, self.period.reduced
         part = p.excitation.oscillating

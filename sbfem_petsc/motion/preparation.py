@@ -66,7 +66,7 @@ class PeriodSettings:
 def prepare(
     owner: str,
     system: Model | ReducedModel,
-    load,
+    load: Any,
     frequency: float,
     *,
     settings: PeriodSettings,

@@ -56,7 +56,13 @@ class ReducedIntegrator:
         Parts of steps so far that could not be halved again though contact does work.
     """
 
-    def __init__(self, reduced: ReducedModel, signals: Sequence[Signal], steps: Steps, initial):
+    def __init__(
+        self,
+        reduced: ReducedModel,
+        signals: Sequence[Signal],
+        steps: Steps,
+        initial: str | Sequence[np.ndarray],
+    ):
         r = self.reduced = reduced
         self.comm, self.chunk, self.steps = r.comm, CHUNK, steps
         self.drive = Drive(r.comm, signals, steps.step)
@@ -249,7 +255,9 @@ def _constants(r: ReducedModel, steps: Steps, length: float, count: int) -> Step
     return step_constants(coefficients, factors, residual, laws, r.omega, HALVING)
 
 
-def _start(r: ReducedModel, amplitude: np.ndarray, contact: bool, initial):
+def _start(
+    r: ReducedModel, amplitude: np.ndarray, contact: bool, initial: str | Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """q, v, contact forces and states of the rows at t = 0."""
     q, v = np.zeros(len(r.omega)), np.zeros(len(r.omega))
     found = None

@@ -13,7 +13,7 @@ from .excitation import Excitation, by_formula, parts_of
 MULTIPLES, SAME = 16, 1e-9
 
 
-def tone(value) -> Signal:
+def tone(value: object) -> Signal:
     """A load's value as a signal; TypeError for a number, which belongs to neither tone."""
     if isinstance(value, numbers.Real) and value == 0:
         return Constant(0.0)

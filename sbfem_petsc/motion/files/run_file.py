@@ -90,7 +90,7 @@ class RunFile:
             return None
         if "model" not in self._former.head:
             raise ValueError(f"{self.what} {self.path!r} is that of another kind of run; name another file")
-        stored = from_image(self._former.head["model"])
+        stored: ReducedModel = from_image(self._former.head["model"])
         other = difference(stored, reduced)
         if other:
             raise ValueError(

@@ -20,7 +20,7 @@ energy in without bound, the sooner the smaller the step.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -76,7 +76,7 @@ class UnreducedIntegrator:
         signals: Sequence[Signal],
         *,
         steps: Steps,
-        initial,
+        initial: str | Sequence[Callable | None],
         modes: int,
     ):
         model.require_support("the transient analysis")
@@ -235,7 +235,7 @@ class UnreducedIntegrator:
             fields=self.fields.complete(len(rows["time"])),
         )
 
-    def _set_initial(self, units: Sequence[Load], initial) -> np.ndarray:
+    def _set_initial(self, units: Sequence[Load], initial: str | Sequence[Callable | None]) -> np.ndarray:
         """Set the state at t = 0; the contact forces there."""
         model, march = self.model, self.march
         force = np.zeros(march.pairs)

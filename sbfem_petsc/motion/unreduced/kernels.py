@@ -10,14 +10,14 @@ from ...contact.compiled import compiled
 
 
 @compiled
-def form(right, mass_v, stiffness_u, rate):
+def form(right: np.ndarray, mass_v: np.ndarray, stiffness_u: np.ndarray, rate: float) -> None:
     """Right side of a step but for the loads."""
     for i in range(right.size):
         right[i] = 2.0 * (rate * mass_v[i] - stiffness_u[i])
 
 
 @compiled
-def add_columns(target, columns, values):
+def add_columns(target: np.ndarray, columns: np.ndarray, values: np.ndarray) -> None:
     """target += columns @ values over the values that are not zero, four columns at a time: what counts is
     the traffic from memory.
     """
@@ -63,7 +63,7 @@ class StepFactors(NamedTuple):
 
 
 @compiled
-def advance(moving, increment, factors):
+def advance(moving: Moving, increment: Increment, factors: StepFactors) -> tuple[float, float]:
     """States after a step; products of d with M d and K d."""
     u, v, mass_v, stiffness_u = moving
     d, stiffness_d, right = increment

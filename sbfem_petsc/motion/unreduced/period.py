@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -274,7 +274,7 @@ def odd_steps(steps: int | None, periods: int) -> int:
 
 
 def prepare_unreduced(
-    owner: str, model: Model, load, frequency: float, *, settings: PeriodSettings
+    owner: str, model: Model, load: Any, frequency: float, *, settings: PeriodSettings
 ) -> UnreducedPeriod:
     """The period map of checked input. Collective.
 

@@ -25,7 +25,7 @@ import numpy as np
 from scipy import sparse
 
 from ...loads import Load
-from ...petsc import MPI, free, stage
+from ...petsc import MPI, PETSc, free, stage
 from ...system.model import Model
 from ...system.solve.modal_result import Modal
 from ...system.solve.pencil import CondensedSolve, Pencil
@@ -101,7 +101,7 @@ class UnreducedSteps:
             raise
 
     # ------------------------------------------------------------------ set-up
-    def _set_up(self, units, found: Modal | None, contact: bool) -> None:
+    def _set_up(self, units: Sequence[Load], found: Modal | None, contact: bool) -> None:
         """Everything but the large vectors and the factorisation."""
         self._probes(units, contact)
         self._modes(found)
@@ -122,7 +122,7 @@ class UnreducedSteps:
         self.stored = 0.0
         self.settle(fold=False)
 
-    def _probes(self, units, contact: bool) -> None:
+    def _probes(self, units: Sequence[Load], contact: bool) -> None:
         """Rows over this rank's unknowns: gaps, unit loads, x and y of the named points."""
         gap = self.model.gap_operator
         count = len(gap) if contact else 0
@@ -173,7 +173,7 @@ class UnreducedSteps:
         self.model.comm.Allreduce(MPI.IN_PLACE, array)
         return array
 
-    def _times(self, matrix, array: np.ndarray) -> np.ndarray:
+    def _times(self, matrix: PETSc.Mat, array: np.ndarray) -> np.ndarray:
         self.d.array = array
         matrix.mult(self.d, self.product)
         return self.product.array_r.copy()
