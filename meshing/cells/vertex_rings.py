@@ -7,7 +7,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from meshing.cells.complex import CellComplex, Curve, part_of_curve
 
@@ -240,5 +239,7 @@ class Rings:
 
 def _parameter(curve: Curve, centre: np.ndarray, scale: float) -> float:
     """Where a curve that starts at `centre` has a fraction of its end's distance from it."""
+    from scipy.optimize import brentq  # rarely needed, and slow to load
+
     wanted = scale * math.dist(curve(np.ones(1))[0], centre)
     return float(brentq(lambda at: math.dist(curve(np.array([at]))[0], centre) - wanted, 0.0, 1.0))

@@ -4,10 +4,11 @@ tip.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg, optimize
+from scipy import linalg
 
 from .dense import separation
 from .face_tractions import FaceTractions
@@ -302,7 +303,12 @@ def _williams_exponent(gamma: float, sign: float) -> float:
     """
 
     def faces(exponent: float) -> float:
-        return np.sin(2.0 * exponent * gamma) + sign * exponent * np.sin(2.0 * gamma)
+        return math.sin(2.0 * exponent * gamma) + sign * exponent * math.sin(2.0 * gamma)
 
     low, high = 0.4, 0.95
-    return float(optimize.brentq(faces, low, high, xtol=1e-15)) if faces(low) > 0.0 > faces(high) else np.nan
+    if not faces(low) > 0.0 > faces(high):
+        return math.nan
+    for _ in range(55):  # halved down to round-off, long before SciPy's solvers are loaded
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if faces(middle) > 0.0 else (low, middle)
+    return 0.5 * (low + high)

@@ -5,17 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.fft import rfft
-from scipy.interpolate import CubicSpline
 
 from meshing.whole_file import require_regular
 
 from ..checks import choice, positive, real, real_array
 from ..checks import path as checked_path
 from .signal import ROUND_OFF, STEPS_A_PERIOD, Signal
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 # Share of the oscillation's energy below `Samples.highest_frequency`.
 ENERGY_SHARE = 0.9999
@@ -131,6 +133,8 @@ class Samples(Signal):
 
     @cached_property
     def _spline(self) -> CubicSpline:
+        from scipy.interpolate import CubicSpline  # slow to load, for all analyses that know signals
+
         return CubicSpline(self.time, self.value)
 
     @cached_property
