@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..checks import instance, shown
-from ..continuation.attraction import Attraction, Patience
+from ..contact.repeating import Patience
+from ..continuation.attraction import Attraction
 from ..continuation.basins import Basins, StartAxis, count_of, initial_states, state_of
 from ..continuation.orbit import Orbit
 from ..errors import SolveError, on_all_ranks

@@ -18,7 +18,8 @@ from ..continuation.branch import Branch
 from ..continuation.follow import CLOSED
 from ..continuation.line_file import LineFile
 from ..continuation.problems.grazing import OpenRowFamily, find_grazing, grazing_row
-from ..continuation.problems.locus import AT_END, KINDS, PACE, Locus, LocusStart, follow_locus
+from ..continuation.problems.locus import AT_END, KINDS, PACE, Locus, follow_locus
+from ..continuation.problems.locus_problem import LocusStart
 from ..errors import SolveError, caller_level
 from ..motion.family import Family
 from ..motion.period_map import Period

@@ -131,7 +131,9 @@ class Attraction:
             reached[i] = self._identified(ends[i], int(repeats[i]))
         return reached, periods
 
-    def _history(self, start: np.ndarray, known: np.ndarray, radii: np.ndarray):
+    def _history(
+        self, start: np.ndarray, known: np.ndarray, radii: np.ndarray
+    ) -> tuple[int, int, int, np.ndarray]:
         """Outcome, periods, repeats and last state of the history from one state."""
         d, p, m = self.driven, self.period, self.period.modes
         difference = start - d.linear_state

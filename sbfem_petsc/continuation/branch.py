@@ -282,7 +282,7 @@ def find_peak(value: np.ndarray, amplitude: np.ndarray) -> Peak:
                 )
     level = height / math.sqrt(2.0)
 
-    def crossing(indices) -> float:
+    def crossing(indices: range) -> float:
         for a, b in zip(indices[:-1], indices[1:]):
             if amplitude[a] >= level > amplitude[b]:
                 return float(

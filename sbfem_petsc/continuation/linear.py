@@ -226,7 +226,7 @@ class Product:
     def __init__(self, border: KrylovBorder | None = None):
         self.border = border
 
-    def mult(self, matrix, x, y) -> None:
+    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """y of x."""
         border = self.border
         assert border is not None
@@ -239,10 +239,10 @@ class Nearby:
     def __init__(self, border: KrylovBorder | None = None):
         self.border = border
 
-    def setUp(self, pc) -> None:
+    def setUp(self, pc: PETSc.PC) -> None:
         """Nothing."""
 
-    def apply(self, pc, x, y) -> None:
+    def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """y of x."""
         border = self.border
         assert border is not None

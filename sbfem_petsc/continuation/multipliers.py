@@ -196,5 +196,5 @@ class _Monodromy:
     def __init__(self, driven: DrivenPeriod, motion: PeriodMotion):
         self.driven, self.motion = driven, motion
 
-    def mult(self, matrix, x, y) -> None:
+    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         y.array[:] = self.driven.carried(self.motion, x.array_r[:, None], located=True)[:, 0]

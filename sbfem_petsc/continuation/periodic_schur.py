@@ -19,7 +19,7 @@ SWEEPS, PLAIN = 300, 5
 
 
 @compiled
-def reduce_factors(factors):
+def reduce_factors(factors: np.ndarray) -> None:
     """Bring real factors (n, s, s), by orthogonal transformations in place, to upper triangular form, the
     last one to upper Hessenberg form.
     """
@@ -90,7 +90,7 @@ def reduce_factors(factors):
 
 
 @compiled
-def triangulate(factors):
+def triangulate(factors: np.ndarray) -> bool:
     """Bring complex factors in the form of `reduce_factors`, in place, to upper triangular form on their
     diagonals and what is needed of them: the entries above are those of windows in which the iteration has
     worked. Returns whether it has ended.
@@ -157,7 +157,7 @@ def triangulate(factors):
 
 
 @compiled
-def _shift(factors, low, top):
+def _shift(factors: np.ndarray, low: int, top: int) -> complex:
     """Eigenvalue of the product's last two rows and columns that is next to its last entry, over the product
     of the triangular factors' first diagonal entries in the window; 0 where it is out of range.
     """

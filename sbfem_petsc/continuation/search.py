@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -154,13 +154,17 @@ class _Share:
 class _Attempts:
     """The ways to a steady state, and what is to be notes of each that failed."""
 
-    def __init__(self, driven: DrivenPeriod, guess, jacobian: str, multiples: bool, search: Search):
+    def __init__(
+        self, driven: DrivenPeriod, guess: np.ndarray, jacobian: str, multiples: bool, search: Search
+    ):
         self.period, self.frequency, self.guess = driven.period, driven.frequency, guess
         self.jacobian, self.multiples, self.search = jacobian, multiples, search
         self.notes: list[str] = []
         self.share = _Share()
 
-    def _newton(self, period: Period, state: np.ndarray, frequency: float, factor: float = 1.0):
+    def _newton(
+        self, period: Period, state: np.ndarray, frequency: float, factor: float = 1.0
+    ) -> FixedPoint | None:
         """The fixed point near a state, or None."""
         try:
             return shoot(period.at(frequency, factor), state, self.jacobian, self.search.attempt)
@@ -188,7 +192,9 @@ class _Attempts:
             )
         return shot
 
-    def _history(self, period: Period, frequency: float, state: np.ndarray, most: float = math.inf):
+    def _history(
+        self, period: Period, frequency: float, state: np.ndarray, most: float = math.inf
+    ) -> tuple[FixedPoint | None, int, float, int]:
         """Fixed point behind a history, or None; periods done, relative change over the last one, and number
         of periods after which the history repeats itself where that is more than one (else 0).
         """
@@ -224,7 +230,7 @@ class _Attempts:
                     break
         return None, done, change, repeat
 
-    def _rounds(self, most: float):
+    def _rounds(self, most: float) -> Iterator[int]:
         last = 0
         for last in self.search.settling:
             if last >= most:

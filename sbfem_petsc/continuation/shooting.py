@@ -214,10 +214,10 @@ class Shooting:
             self._key, self._kept = key, self.driven.run(array)
         return self._kept
 
-    def _function(self, snes, x, f) -> None:
+    def _function(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
         f.array[:] = self._motion(x.array_r).residual
 
-    def _jacobian(self, snes, x, matrix, preconditioner) -> None:
+    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, matrix: PETSc.Mat, preconditioner: PETSc.Mat) -> None:
         motion, state = self._motion(x.array_r), x.array_r.copy()
         if self.jacobian == "matrix-free":
             matrix.getPythonContext().motion = motion
@@ -301,13 +301,13 @@ class _Broyden:
     def __init__(self, shooting: Shooting):
         self.shooting = shooting
 
-    def setUp(self, pc) -> None:
+    def setUp(self, pc: PETSc.PC) -> None:
         shooting = self.shooting
         if not shooting.known:  # a matrix of PETSc's own, such as that of -shooting_snes_fd
             shooting.inverse = Updated(Factors(pc.getOperators()[1].getDenseArray()))
         shooting.known = False
 
-    def apply(self, pc, x, y) -> None:
+    def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
         y.array[:] = self.shooting.inverse.solve(x.array_r)
 
 
@@ -319,7 +319,7 @@ class _Products:
     def __init__(self, shooting: Shooting):
         self.shooting = shooting
 
-    def mult(self, matrix, x, y) -> None:
+    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         vector = x.array_r[:, None]
         y.array[:] = (self.shooting.driven.carried(self.motion, vector) - vector)[:, 0]
 
@@ -330,8 +330,8 @@ class _Uncoupled:
     def __init__(self, shooting: Shooting):
         self.shooting = shooting
 
-    def setUp(self, pc) -> None:
+    def setUp(self, pc: PETSc.PC) -> None:
         pass
 
-    def apply(self, pc, x, y) -> None:
+    def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
         y.array[:] = self.shooting.driven.linear_resolvent(x.array_r)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...errors import PetscFailure, SolveError, on_all_ranks
-from ...motion.period_map import FixedPoint, Period, PeriodMotion
+from ...motion.period_map import DrivenPeriod, FixedPoint, Period, PeriodMotion
 from ...motion.states import ModalStates
 from ..linear import Cyclic
 from ..newton import correct
@@ -83,7 +83,7 @@ class Segments:
         ends = self.states + np.array([motion.residual for motion in motions])
         return ends - np.roll(self.states, -1, axis=0), motions
 
-    def _parts(self, value: float):
+    def _parts(self, value: float) -> list[DrivenPeriod]:
         driven, short = self.problem.driven(value), self.problem.short
         return [driven.part(short, k * short.steps) for k in range(self.problem.count)]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...motion.period_map import DrivenPeriod, FixedPoint, PeriodMotion
+from ...motion.period_map import DrivenPeriod, FixedPoint, Period, PeriodMotion
 
 # Change of the state over fewer periods, relative to its size, below which a motion is one of fewer periods.
 SAME = 1e-7
@@ -28,7 +28,7 @@ def distances(driven: DrivenPeriod, motion: PeriodMotion) -> dict[int, float]:
     return result
 
 
-def _difference(period, motion: PeriodMotion, k: int) -> np.ndarray:
+def _difference(period: Period, motion: PeriodMotion, k: int) -> np.ndarray:
     return np.concatenate([period.weights * motion.states[k], motion.velocities[k]])
 
 

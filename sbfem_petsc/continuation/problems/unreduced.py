@@ -243,7 +243,7 @@ class UnreducedSteady:
         finally:
             free(comm, snes, ksp, pc, x, f, matrix)
 
-    def _told(self, snes, iteration: int, residual: float) -> None:
+    def _told(self, snes: PETSc.SNES, iteration: int, residual: float) -> None:
         """The share is that of the digits the residual is to lose."""
         self.residuals.append(float(residual))
         if self._report is not None:
@@ -256,10 +256,10 @@ class UnreducedSteady:
             self._kept = self.orbits.at(np.append(array, self.value))
         return self._kept
 
-    def _function(self, snes, x, f) -> None:
+    def _function(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
         f.array = self._at(x.array_r).residual
 
-    def _jacobian(self, snes, x, matrix, preconditioner) -> None:
+    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, matrix: PETSc.Mat, preconditioner: PETSc.Mat) -> None:
         linear = self._at(x.array_r).linear()
         border = linear.bordered(self.orbits.value(np.zeros(linear.rows + 1))[1])
         for item in (matrix, snes.getKSP().getPC()):
