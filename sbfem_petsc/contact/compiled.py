@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import os
@@ -60,7 +61,8 @@ class KernelFiles(IndexDataCacheFile):
         return f"{self.name}.{hashlib.sha256(depends.encode()).hexdigest()[:32]}.nbc"
 
     def save(self, key: object, data: object) -> None:
-        self._save_data(self.file_name(key), data)
+        with contextlib.suppress(OSError):  # a full disk: the next process compiles it again
+            self._save_data(self.file_name(key), data)
 
     def load(self, key: object) -> Any:
         for folder in self.folders:

@@ -73,7 +73,8 @@ def test_directories_that_cannot_be_written(tmp_path, cache):
 
 def test_files_of_kernels(tmp_path):
     """Two processes that keep two kinds at once, each before it sees the other's, read each its own; what is
-    cut or of other sources counts for nothing; a folder that is only read comes after one's own.
+    cut or of other sources counts for nothing; a folder that is only read comes after one's own; one that
+    cannot be written is no error.
     """
     one, other = KernelFiles(contact_forces), KernelFiles(contact_forces)
     for files in (one, other):
@@ -91,6 +92,9 @@ def test_files_of_kernels(tmp_path):
     assert reader.load("a") == "mine" and one.load("a") == "code of a"
     (tmp_path / one.file_name("b")).write_bytes(b"")
     assert one.load("b") is None
+    reader._cache_path = str(tmp_path / "missing")
+    reader.save("c", "nowhere")
+    assert reader.load("c") is None
     other._source_stamp = "changed"
     assert other.load("a") is None
 
