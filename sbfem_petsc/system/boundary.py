@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..loads import as_loads
+from ..loads import Load, as_loads
 from ..petsc import PETSc, free, require_thread
 from ..selement.basis import tabulated
 from .solve.assembly import ElementBlocks
+
+if TYPE_CHECKING:
+    from .structure import Structure
 
 
 def edge_metric(coordinates: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
@@ -83,7 +87,7 @@ class NodalForces:
         Over the displacement unknowns; the forces are added to it. None: for checks of places only.
     """
 
-    def __init__(self, model, vector: PETSc.Vec | None):
+    def __init__(self, model: Structure, vector: PETSc.Vec | None):
         self._model, self._vector = model, vector
         self.points, self.edge_sets = model.points, model.edge_set_names
         # forces of the traction modes of the tips that this rank holds, and on its nodes
@@ -136,7 +140,7 @@ class NodalForces:
         self._vector.setValues(unknowns[keep].astype(PETSc.IntType), values[keep], addv=True)
 
 
-def load_columns(model, loads) -> LoadColumns:
+def load_columns(model: Structure, loads: Sequence[Load]) -> LoadColumns:
     """What several constant, checked loads do. Collective."""
     require_thread()
     columns, collected, nodal = [], [], []
@@ -181,7 +185,7 @@ def load_columns(model, loads) -> LoadColumns:
     return LoadColumns(forces, gaps, intensities, flexibility, on_nodes, tip_forces, accelerations)
 
 
-def _held_work(model) -> np.ndarray:
+def _held_work(model: Structure) -> np.ndarray:
     """(2, 2), this rank's part: work of the inertia of unit accelerations on the displacements that it makes
     inside S-elements whose boundaries are held, J.
     """
@@ -195,7 +199,7 @@ def _held_work(model) -> np.ndarray:
     return result
 
 
-def spring_blocks(model) -> list[ElementBlocks]:
+def spring_blocks(model: Structure) -> list[ElementBlocks]:
     """Blocks of the elastic supports."""
     blocks = []
     part, order = model.part, model.order
@@ -229,7 +233,7 @@ def spring_blocks(model) -> list[ElementBlocks]:
     return blocks
 
 
-def free_bodies(model) -> list[int]:
+def free_bodies(model: Structure) -> list[int]:
     """Bodies of the structure that the supports leave a rigid-body motion. Collective."""
     held, directions = [np.empty((0, 2))], [np.empty((0, 2), dtype=bool)]
     bodies = [np.empty(0, dtype=int)]

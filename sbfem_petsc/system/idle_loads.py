@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import warnings
 from collections.abc import Iterable
 
@@ -28,7 +29,7 @@ def warn_of_idle_loads(owner: str, model: Model, units: Iterable[Load]) -> None:
     if not any(any(support.fixed) for support in model.supports):
         return
     for unit in units:
-        idle, supports = model.keep(("idle", unit), lambda unit=unit: _idle(model, unit))
+        idle, supports = model.keep(("idle", unit), functools.partial(_idle, model, unit))
         if idle:
             warnings.warn(
                 f"{owner}: {unit!r} has no effect, for its direction is held fixed there by "

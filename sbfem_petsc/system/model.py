@@ -5,10 +5,12 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from typing import Any
 
 import numpy as np
+
+from meshing.boundary_mesh import BoundaryMesh
 
 from ..checks import Bounds, instance, integer, numbers_of, positive, real, shown
 from ..contact.law import ContactLaw, Unilateral, check_law
@@ -92,14 +94,14 @@ class Model(Structure):
     @agreed("mesh")
     def __init__(
         self,
-        mesh,
-        material,
+        mesh: BoundaryMesh | None,
+        material: Material | OrthotropicMaterial | Mapping[str, Material | OrthotropicMaterial],
         clamped: Any = _DECLARED,
         continued_fraction: int = 1,
         *,
         damping: float = 0.0,
         thickness: float = 1.0,
-        supports=(),
+        supports: Any = (),
         comm: MPI.Comm | None = None,
         rayleigh: tuple[float, float] = (0.0, 0.0),
         tip_modes: int = 4,
@@ -174,7 +176,7 @@ class Model(Structure):
             self._modes = lowest_modes(self, max(count, 1))  # none are taken from one
         return self._modes.selected(np.arange(count))
 
-    def keep(self, key: Hashable, make) -> Any:
+    def keep(self, key: Hashable, make: Callable[[], Any]) -> Any:
         """The result of `make()`, made once for a key and kept until `destroy`."""
         if key not in self._kept:
             self._kept[key] = make()
@@ -272,7 +274,7 @@ def rayleigh_factors(ratio: float, low: float, high: float) -> tuple[float, floa
     return 2.0 * ratio * low * high / (low + high), 2.0 * ratio / (low + high)
 
 
-def _materials(material, names: tuple[str, ...]) -> list[Material | OrthotropicMaterial]:
+def _materials(material: object, names: tuple[str, ...]) -> list[Material | OrthotropicMaterial]:
     """One material per name of the mesh."""
     kinds = (Material, OrthotropicMaterial)
     if isinstance(material, kinds):
@@ -289,7 +291,7 @@ def _materials(material, names: tuple[str, ...]) -> list[Material | OrthotropicM
     return [material[n] for n in names]
 
 
-def _contact_laws(laws, cracks: tuple[str, ...]) -> dict[str, ContactLaw]:
+def _contact_laws(laws: object, cracks: tuple[str, ...]) -> dict[str, ContactLaw]:
     """The contact law of each crack."""
     if laws is None or isinstance(laws, ContactLaw):
         law = Unilateral() if laws is None else laws
@@ -309,7 +311,7 @@ def _contact_laws(laws, cracks: tuple[str, ...]) -> dict[str, ContactLaw]:
     return {name: laws.get(name, Unilateral()) for name in cracks}
 
 
-def _rayleigh(value) -> tuple[float, float]:
+def _rayleigh(value: object) -> tuple[float, float]:
     a, b = numbers_of(
         "Model",
         "rayleigh",

@@ -9,7 +9,7 @@ import itertools
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -267,7 +267,7 @@ class Structure:
                 self.checked_loads(load)
         return load_columns(self, loads)
 
-    def checked_loads(self, load, constant: bool = True) -> Loads:
+    def checked_loads(self, load: Any, constant: bool = True) -> Loads:
         """The loads, each with an existing place and finite components, or signals unless `constant`."""
         loads = as_loads(load)
         places = NodalForces(self, None)

@@ -12,12 +12,17 @@ rows: each row that joins or leaves borders the factorised matrix once more, a s
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from scipy import sparse
 
 from ...petsc import PETSc, block_solve, check_ksp, dense_columns, direct_solver, free, make_ksp
 from ...ranks.capacity import give_back
 from ..solve.assembly import from_rows
+
+if TYPE_CHECKING:
+    from ..model import Model
 
 # From about so many rows on a few factorisations cost less than a solve for each row: a third of its time
 # with 985 rows of 30,000 unknowns, on one rank.
@@ -42,12 +47,13 @@ class Bordered:
 
     maximum, rounding = _MAXIMUM, 0.0
 
-    def __init__(self, model):
-        self._model, self._factorised = model, None
+    def __init__(self, model: Model):
+        self._model = model
+        self._factorised: _Factorised | None = None
         self.flexible = model.gap_operator.flexible()
 
     @staticmethod
-    def worthwhile(model, rows: int) -> bool:
+    def worthwhile(model: Model, rows: int) -> bool:
         """Whether factorisations are expected to cost less than the flexibility of all rows, and the direct
         solver factorises indefinite matrices.
         """
@@ -89,7 +95,7 @@ class _Factorised:
     active : (c,) bool array
     """
 
-    def __init__(self, model, active: np.ndarray):
+    def __init__(self, model: Model, active: np.ndarray):
         self._model, self._active = model, active
         self._index = np.flatnonzero(active)
         self._scale = max(material.modulus for material in model.materials) * model.thickness
@@ -210,7 +216,7 @@ class _Factorised:
         give_back(self._model.boundary_unknowns)
 
 
-def _bordered(model, index: np.ndarray, scale: float) -> PETSc.Mat:
+def _bordered(model: Model, index: np.ndarray, scale: float) -> PETSc.Mat:
     """The bordered matrix; the last rank owns the rows of the forces."""
     comm, operator = model.comm, model.gap_operator
     count, last = len(index), comm.size - 1

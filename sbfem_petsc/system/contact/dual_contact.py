@@ -8,9 +8,14 @@ the stiffness alone does to the rows, saves a seventh of the iterations.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ...petsc import PETSc, check_ksp, configure, free, scripted
+
+if TYPE_CHECKING:
+    from ..model import Model
 
 # With an iterative solver of the stiffness a solve for each of more rows than this takes longer.
 MANY = 200
@@ -39,7 +44,7 @@ class Dual:
 
     maximum, rounding = _MAXIMUM, _ROUNDING
 
-    def __init__(self, model):
+    def __init__(self, model: Model):
         self._model, self._rows, self._tolerance = model, model.gap_operator.rows, _LOOSE
         self.flexible = model.gap_operator.flexible()
         comm, count = model.comm, len(model.gap_operator)
@@ -64,7 +69,7 @@ class Dual:
             raise
 
     @staticmethod
-    def worthwhile(model, rows: int) -> bool:
+    def worthwhile(model: Model, rows: int) -> bool:
         """Whether forces are iterated for: asked for by the option -contact_dual, or where every row would
         take an iterative solve of its own.
         """

@@ -6,15 +6,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import sparse
 
 from ...contact.friction import Friction
-from ...contact.law import ContactLaw, RowLaws, Unilateral
+from ...contact.law import ContactLaw, Coulomb, RowLaws, Unilateral
 from ...petsc import MPI
 from ..layout.rows import Rows
 from ..solve.assembly import Triples
+
+if TYPE_CHECKING:
+    from ..structure import Structure
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +62,7 @@ class GapOperator:
         return self.rows.lengths() + np.abs(self.flexibility.diagonal()) > 0.0
 
 
-def gap_operator(model) -> GapOperator:
+def gap_operator(model: Structure) -> GapOperator:
     """The contact rows of a model. Collective."""
     pairs, gaps = len(model.pairs), int(model.tip_rows[-1])
     laws, entries = list(_laws(model)), []
@@ -84,7 +88,9 @@ def gap_operator(model) -> GapOperator:
             entries.append(_entries(behind, np.tile(unknowns, (modes, 1)), sliding.T @ faces.rows))
             across = (faces.flexibility @ sliding)[:modes]
             own = sliding.T @ faces.flexibility @ sliding
-            own += laws[faces.first].tangential_compliance * faces.layer(model.thickness)
+            law = laws[faces.first]
+            assert isinstance(law, Coulomb)  # for it rubs
+            own += law.tangential_compliance * faces.layer(model.thickness)
             blocks += [
                 _entries(numbers, np.tile(behind, (modes, 1)), across),
                 _entries(behind, np.tile(numbers, (modes, 1)), across.T),
@@ -117,19 +123,19 @@ def gap_operator(model) -> GapOperator:
     )
 
 
-def _pair_rows(model) -> np.ndarray:
+def _pair_rows(model: Structure) -> np.ndarray:
     """(pairs, 4): what the displacements of each pair's nodes add to its gap; zero where they are held fixed,
     and where rounding of the normal alone is left of them.
     """
     return _signed(model, model.pairs.normal)
 
 
-def _slip_rows(model) -> np.ndarray:
+def _slip_rows(model: Structure) -> np.ndarray:
     """(pairs, 4): the same of its slip, along the normal turned clockwise."""
     return _signed(model, model.pairs.normal[:, ::-1] * [1.0, -1.0])
 
 
-def _slack(model) -> np.ndarray:
+def _slack(model: Structure) -> np.ndarray:
     """(pairs,): flexibility along the faces, m/N, of pairs whose rows depend on each other: at a node of
     several pairs, where cracks meet, gaps and slips all around it are more than there are motions; where a
     support holds one, gap and slip may be one motion.
@@ -141,7 +147,7 @@ def _slack(model) -> np.ndarray:
     return np.where(shared | held, _SLACK / stiffness, 0.0)
 
 
-def _signed(model, directions: np.ndarray) -> np.ndarray:
+def _signed(model: Structure, directions: np.ndarray) -> np.ndarray:
     signed = np.stack([directions, -directions], axis=1).reshape(-1, 4)
     return np.where((model.pair_unknowns.reshape(-1, 4) >= 0) & (np.abs(signed) > _ROUND_OFF), signed, 0.0)
 
@@ -158,7 +164,7 @@ def _entries(numbers: np.ndarray, unknowns: np.ndarray, values: np.ndarray) -> T
     return np.repeat(numbers, unknowns.shape[1]), unknowns.ravel(), values.ravel()
 
 
-def tangential_rows(model) -> np.ndarray:
+def tangential_rows(model: Structure) -> np.ndarray:
     """(tips,): tangential row of the first mode of each tip element, -1 where its faces do not rub; behind
     the other contact rows stands one for each pair, then those of the tips. Collective.
     """
@@ -170,7 +176,7 @@ def tangential_rows(model) -> np.ndarray:
     return np.where(counts > 0, first[-1] + len(model.pairs) + np.cumsum(counts) - counts, -1)
 
 
-def _friction(model, laws: list[ContactLaw]) -> Friction | None:
+def _friction(model: Structure, laws: list[ContactLaw]) -> Friction | None:
     """Of the pairs and of the tip elements that rub; None where nothing does."""
     if not any(law.rubs for law in model.contact_laws.values()):
         return None
@@ -181,7 +187,7 @@ def _friction(model, laws: list[ContactLaw]) -> Friction | None:
     return Friction(rows, *np.array(found).reshape(-1, 2).T)
 
 
-def _laws(model) -> Iterator[ContactLaw]:
+def _laws(model: Structure) -> Iterator[ContactLaw]:
     """The law of each contact row: its crack's."""
     for crack, moves in zip(model.pairs.crack, _pair_rows(model).any(axis=1)):
         # a pair whose two nodes are held fixed has no flexibility, and nothing for a law to do

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import functools
 import warnings
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import sparse
@@ -19,6 +21,9 @@ from meshing.warnings import RoundOffWarning
 from ...errors import SolveError, caller_level, on_all_ranks
 from ...petsc import MPI, PETSc
 from ...selement.rigid_motions import rigid_body_basis
+
+if TYPE_CHECKING:
+    from ..structure import Structure
 
 # Round-off of the assembled stiffness, relative to the load, beyond which solves are refined; corrections
 # that end it at once, and once they fall no more; and how many are made at most (62 at L/h = 1e5).
@@ -40,7 +45,7 @@ class ElementStiffness:
     Holds the element stiffnesses once more, 12 bytes an entry.
     """
 
-    def __init__(self, model):
+    def __init__(self, model: Structure):
         self.model = model
         groups = model.groups
         places = [(2 * group.nodes[:, :, None] + [0, 1]).reshape(-1) for group in groups]
@@ -94,7 +99,7 @@ def _block_diagonal(blocks: list[np.ndarray]) -> PETSc.Mat:
     return PETSc.Mat().createAIJWithArrays((height, first), csr, comm=PETSc.COMM_SELF)
 
 
-def _springs(model, size: int) -> sparse.csr_matrix:
+def _springs(model: Structure, size: int) -> sparse.csr_matrix:
     """Elastic supports over the displacements of this rank's nodes."""
     total, blocks = sparse.csr_matrix((size, size)), model.spring_blocks()
     if not blocks:
@@ -125,7 +130,7 @@ class Refinement:
         Relative size of the last correction; 0 without refinement.
     """
 
-    def __init__(self, model, matrix: PETSc.Mat):
+    def __init__(self, model: Structure, matrix: PETSc.Mat):
         self.model = model
         self.scale = np.finfo(float).eps * matrix.norm(PETSc.NormType.NORM_INFINITY)
         self.correction = 0.0
@@ -172,7 +177,9 @@ class Refinement:
             raise on_all_ranks(SolveError(text))
         warnings.warn(text, RoundOffWarning, stacklevel=caller_level())
 
-    def refine(self, right: np.ndarray, solution: np.ndarray, solve) -> np.ndarray:
+    def refine(
+        self, right: np.ndarray, solution: np.ndarray, solve: Callable[[np.ndarray], np.ndarray]
+    ) -> np.ndarray:
         """Corrected solutions (owned,) or (owned, c) of `solve(right)`, by conjugate gradients with the solve
         as preconditioner: two or three steps, more where round-off leaves little of the solve. Collective.
         """

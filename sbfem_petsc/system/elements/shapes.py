@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from ...material import AnyMaterial
 from ...petsc import MPI, stage
 from ...ranks.balance import balanced
 from ...selement.coefficients import SElementError
@@ -102,7 +103,9 @@ class _Request:
 
 
 @stage("S-elements")
-def solve_groups(comm: MPI.Comm, part: Part, order: int, materials) -> tuple[list[Group], Solutions]:
+def solve_groups(
+    comm: MPI.Comm, part: Part, order: int, materials: Sequence[AnyMaterial]
+) -> tuple[list[Group], Solutions]:
     """Group the rank's S-elements by shape and compute the stiffness of each shape once on one of the ranks.
 
     Returns
@@ -136,7 +139,7 @@ def solve_groups(comm: MPI.Comm, part: Part, order: int, materials) -> tuple[lis
     return groups, solutions
 
 
-def _similar(part: Part, order: int, materials) -> list[list]:
+def _similar(part: Part, order: int, materials: Sequence[AnyMaterial]) -> list[list]:
     """The rank's S-elements by shape: of each a request, then (row, placement) of those that have it."""
     members: dict[bytes, list[list]] = {}
     kinds: dict[tuple, list[int]] = {}
@@ -186,7 +189,9 @@ class Solutions:
         Number of different shapes over all ranks.
     """
 
-    def __init__(self, comm: MPI.Comm, requests: list[_Request], order: int, materials):
+    def __init__(
+        self, comm: MPI.Comm, requests: list[_Request], order: int, materials: Sequence[AnyMaterial]
+    ):
         self.comm, self.order, self.materials = comm, order, materials
         self._owners = _solvers(comm, [request.key for request in requests])
         outgoing: list[list[_Request]] = [[] for _ in range(comm.size)]

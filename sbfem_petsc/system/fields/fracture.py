@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ...checks import shown
@@ -9,6 +11,9 @@ from ...errors import UnknownName, listed
 from ...material import SectorMaterials
 from ...petsc import MPI
 from ...selement.fracture import energy_release_rate, interface_energy_release_rate, t_stress_row
+
+if TYPE_CHECKING:
+    from ..structure import Structure
 
 # Places along the faces inside a tip element at which the pressure is given, from the tip (0) to its
 # boundary. Where the faces close a wedge, the pressure at the tip itself is infinite.
@@ -18,7 +23,7 @@ NEXT_TO_TIP = 1e-3
 NEARLY_A_CRACK = 1e-2
 
 
-def energy_release_rates(model, intensities: dict[str, tuple[float, float]]) -> dict[str, float]:
+def energy_release_rates(model: Structure, intensities: dict[str, tuple[float, float]]) -> dict[str, float]:
     """G of each tip, J/m^2; nan where it is none: at notches, and at tips that end at an interface.
     Collective.
     """
@@ -41,7 +46,7 @@ def energy_release_rates(model, intensities: dict[str, tuple[float, float]]) -> 
 
 
 def unresolved_contact(
-    model, intensities: dict[str, tuple[float, float]], force: np.ndarray
+    model: Structure, intensities: dict[str, tuple[float, float]], force: np.ndarray
 ) -> dict[str, float]:
     """Resultant of the contact next to each tip at a wedge between the faces that pairs and pressure modes do
     not carry under forces (c,) of the contact rows, N. Collective.
@@ -89,7 +94,7 @@ def _at_interface(intensity: tuple[float, float], material: SectorMaterials) -> 
     )
 
 
-def notes(model, force: np.ndarray, tip_forces: dict[int, np.ndarray]) -> tuple[str, ...]:
+def notes(model: Structure, force: np.ndarray, tip_forces: dict[int, np.ndarray]) -> tuple[str, ...]:
     """What K, G and T of the tips do not tell by themselves, in sentences. Collective.
 
     Parameters
@@ -112,7 +117,7 @@ def notes(model, force: np.ndarray, tip_forces: dict[int, np.ndarray]) -> tuple[
 
 
 def t_stresses(
-    model, field: np.ndarray, force: np.ndarray, tip_forces: dict[int, np.ndarray]
+    model: Structure, field: np.ndarray, force: np.ndarray, tip_forces: dict[int, np.ndarray]
 ) -> dict[str, float]:
     """T of each tip, Pa. Collective.
 
@@ -155,7 +160,7 @@ def t_stresses(
     return {tip.name: float(value) for tip, value in zip(model.tip_elements, values)}
 
 
-def contact_nodal_forces(model, force: np.ndarray) -> np.ndarray:
+def contact_nodal_forces(model: Structure, force: np.ndarray) -> np.ndarray:
     """(m, 2): contact forces on this rank's nodes, also on those held fixed; sums over the ranks are the
     whole.
     """
@@ -179,7 +184,9 @@ def contact_nodal_forces(model, force: np.ndarray) -> np.ndarray:
     return result
 
 
-def contact_pressure(model, force: np.ndarray, crack: str | None = None) -> tuple[np.ndarray, np.ndarray]:
+def contact_pressure(
+    model: Structure, force: np.ndarray, crack: str | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Positions along a crack (m from its first tip, as `arc` of its pairs) and contact pressure there (Pa),
     in order. Collective.
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import sparse
@@ -23,7 +23,11 @@ from ...selement.interior_motion import inertial_operators
 from ...selement.points import TOLERANCE, Located, locate, point_operators
 from ...selement.sectors import Sectors
 from ..boundary import LoadColumns
+from ..elements.shapes import Group
 from ..layout.rows import Rows, flat_entries
+
+if TYPE_CHECKING:
+    from ..structure import Structure
 
 # How near to a frequency of an S-element whose boundary is held, relatively, a mode counts as its own.
 _ALONE = 1e-9
@@ -52,7 +56,7 @@ class PlaceRows:
     faces: dict[int, np.ndarray]
     inertia: Inertial | None = None
 
-    def direct(self, model, columns: LoadColumns) -> np.ndarray:
+    def direct(self, model: Structure, columns: LoadColumns) -> np.ndarray:
         """(rows, k): what loads on the faces inside tip elements and the inertia of moving supports add at
         given displacements. Collective.
         """
@@ -64,7 +68,7 @@ class PlaceRows:
             total -= self.inertia.body_force @ columns.acceleration
         return model.comm.allreduce(total)
 
-    def modes(self, model, shapes: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    def modes(self, model: Structure, shapes: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """(rows, k): of modes (owned, k) with circular frequencies omega. Collective."""
         values = self.rows(shapes)
         if self.inertia is None:
@@ -145,7 +149,7 @@ def checked_line(start: Any, end: Any, count: int) -> tuple[np.ndarray, list[tup
     return line, [(float(x), float(y)) for x, y in line]
 
 
-def places(model, points: list[tuple[float, float]], inertia: bool = False) -> Places:
+def places(model: Structure, points: list[tuple[float, float]], inertia: bool = False) -> Places:
     """Forms at points (m), with what inertia adds inside S-elements if it is asked for. Collective.
 
     On an edge between S-elements the stress is that of the one with the lower number.
@@ -215,7 +219,7 @@ def places(model, points: list[tuple[float, float]], inertia: bool = False) -> P
     return Places(*kinds)
 
 
-def _warn_of_faces(model, points: list[tuple[float, float]], held: list) -> None:
+def _warn_of_faces(model: Structure, points: list[tuple[float, float]], held: list) -> None:
     """Warn of points where faces of a crack coincide, of which this rank holds some. Collective."""
     mine = {k: crack for k, home in held if (crack := _coinciding_faces(model, *home)) is not None}
     found = {k: crack for part in model.comm.allgather(mine) for k, crack in part.items()}
@@ -232,7 +236,9 @@ def _warn_of_faces(model, points: list[tuple[float, float]], held: list) -> None
     )
 
 
-def _coinciding_faces(model, element: int, group, member: int, located: Located) -> int | None:
+def _coinciding_faces(
+    model: Structure, element: int, group: Group, member: int, located: Located
+) -> int | None:
     """Number of the crack of which an S-element's place is on two faces, that are at the same place."""
     edges = edge_nodes(len(group.shape), group.order, group.closed)
     number, eta = int(located.edge[0]), float(located.eta[0])
@@ -250,7 +256,7 @@ def _coinciding_faces(model, element: int, group, member: int, located: Located)
     return None
 
 
-def _inertial(model, held: list, count: int) -> list[Inertial]:
+def _inertial(model: Structure, held: list, count: int) -> list[Inertial]:
     """Of displacement and stress at places of which this rank holds some. Collective."""
     comm, moving = model.comm, model.moving_groups
     order = {id(group): number for number, group in enumerate(model.groups)}
@@ -266,7 +272,7 @@ def _inertial(model, held: list, count: int) -> list[Inertial]:
     body = (np.zeros((2 * count, 2)), np.zeros((3 * count, 2)))
     for places, size in zip(inside.values(), sizes):
         _, (_, group, member, _) = places[0]
-        group = moving[order[id(group)]].select([member])
+        group = moving[order[id(group)]].select(np.array([member]))
         solution, own = group.solution, np.arange(first, first + size)
         modulus, mass = model.scales(group)
         scale = float(mass[0]) / modulus
@@ -295,7 +301,7 @@ def _inertial(model, held: list, count: int) -> list[Inertial]:
     return found
 
 
-def _home(model, point: np.ndarray) -> tuple[int, Any, int, Located] | None:
+def _home(model: Structure, point: np.ndarray) -> tuple[int, Any, int, Located] | None:
     """The S-element of this rank with the lowest number that holds a point: its number, group, member,
     place.
     """

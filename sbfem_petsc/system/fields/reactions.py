@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ...petsc import MPI
 from ...selement.basis import tabulated
+from ...supports import Support
 from ..boundary import edge_metric
 
+if TYPE_CHECKING:
+    from ..structure import Structure
 
-def reactions(model, field: np.ndarray, external: np.ndarray) -> dict[str, np.ndarray]:
+
+def reactions(model: Structure, field: np.ndarray, external: np.ndarray) -> dict[str, np.ndarray]:
     """Force of each support on the structure, (2,), N. Collective.
 
     Parameters
@@ -49,7 +55,7 @@ def reactions(model, field: np.ndarray, external: np.ndarray) -> dict[str, np.nd
     return result
 
 
-def _nodes_of(model, where: str) -> np.ndarray:
+def _nodes_of(model: Structure, where: str) -> np.ndarray:
     """This rank's nodes of an edge set or a point."""
     part = model.part
     if where in model.edge_set_names:
@@ -60,7 +66,7 @@ def _nodes_of(model, where: str) -> np.ndarray:
     return np.flatnonzero(part.nodes == model.points[where][2])
 
 
-def _spring_forces(model, support, field: np.ndarray) -> np.ndarray:
+def _spring_forces(model: Structure, support: Support, field: np.ndarray) -> np.ndarray:
     """(m, 2): this rank's part of the forces on its nodes that elastic supports take up, N."""
     part, springs = model.part, np.array(support.springs)
     forces = np.zeros_like(field)

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from ...checks import real_array
-from ...material import Material, SectorMaterials
+from ...material import AnyMaterial, Material, SectorMaterials
 from ...selement.coefficients import edge_nodes
 from ...selement.face_tractions import FaceTractions
 from ...selement.interior import InteriorSampler
@@ -38,7 +39,7 @@ class Field:
     nodal: np.ndarray
     tip_forces: Mapping[int, np.ndarray] = field(default_factory=dict)
 
-    def __array__(self, dtype=None) -> np.ndarray:
+    def __array__(self, dtype: DTypeLike | None = None) -> np.ndarray:
         """The nodal displacements, for NumPy."""
         return np.asarray(self.nodal, dtype=dtype)
 
@@ -206,7 +207,7 @@ def _loaded_faces(model: Structure, group: Group, state: Field) -> tuple[FaceTra
     return None if tractions is None or forces is None else (tractions, forces)
 
 
-def von_mises(stress: np.ndarray, material) -> np.ndarray:
+def von_mises(stress: np.ndarray, material: AnyMaterial) -> np.ndarray:
     """Von Mises stress (...,) from (xx, yy, xy) (..., 3), with the stress normal to the plane in plane
     strain.
     """
@@ -215,7 +216,7 @@ def von_mises(stress: np.ndarray, material) -> np.ndarray:
     return np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2)
 
 
-def normal_stress_row(material) -> np.ndarray:
+def normal_stress_row(material: AnyMaterial) -> np.ndarray:
     """(3,): sigma_zz as a linear form of (xx, yy, xy); zero in plane stress. (edges, 1, 3) of sectors."""
     if isinstance(material, SectorMaterials):
         return np.stack([normal_stress_row(part)[None] for part in material.parts])

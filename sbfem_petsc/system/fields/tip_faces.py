@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from meshing.boundary_mesh import Tip
 
+from ...material import AnyMaterial
 from ...petsc import MPI
 from ...ranks.parallel import collective
 from ...selement.coefficients import SElementError
@@ -22,6 +24,9 @@ from ...selement.face_tractions import (
 from ...selement.sectors import Sectors
 from ..contact.gap_operator import tangential_rows
 from ..elements.shapes import Group
+
+if TYPE_CHECKING:
+    from ..structure import Structure
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +161,7 @@ class TipFaces:
 _AT_THE_TIP = 0.1
 
 
-def tip_gaps(model) -> np.ndarray:
+def tip_gaps(model: Structure) -> np.ndarray:
     """(tips, 2): initial gaps at each tip and on the boundary of its S-element, m. Collective."""
     gaps = np.zeros((len(model.tip_elements), 2))
     for number, group, member in model.tip_places:
@@ -169,7 +174,7 @@ def tip_gaps(model) -> np.ndarray:
     return gaps
 
 
-def tip_rows(model) -> np.ndarray:
+def tip_rows(model: Structure) -> np.ndarray:
     """(tips + 1,): first contact row of each tip element, and the number of all rows: behind the pairs, one
     for each polynomial, and one for the logarithm where faces that come apart close a wedge. Collective.
     """
@@ -180,7 +185,7 @@ def tip_rows(model) -> np.ndarray:
     return len(model.pairs) + np.concatenate([[0], np.cumsum(counts)])
 
 
-def tip_faces(model) -> list[TipFaces]:
+def tip_faces(model: Structure) -> list[TipFaces]:
     """Those of the tip elements that this rank holds. Collective."""
     found: list[TipFaces] = []
     first, gaps, rubbing = model.tip_rows, model.tip_gaps, tangential_rows(model)
@@ -221,7 +226,7 @@ def _drawn_gap(shape: np.ndarray, size: float) -> float:
     return size * opening if opening > 1e-12 else 0.0  # faces of a closed crack coincide to round-off
 
 
-def _given_gaps(model, tip: Tip) -> tuple[float, float] | None:
+def _given_gaps(model: Structure, tip: Tip) -> tuple[float, float] | None:
     """Gaps at a tip and on the boundary of its element, m, on the straight line through those of the pair
     there and of the next one.
     """
@@ -241,7 +246,7 @@ def _given_gaps(model, tip: Tip) -> tuple[float, float] | None:
     return (at_tip if at_tip > _AT_THE_TIP * first else 0.0), first
 
 
-def _tractions(group: Group, material, modes: int) -> FaceTractions:
+def _tractions(group: Group, material: AnyMaterial, modes: int) -> FaceTractions:
     directions = np.concatenate(
         [opening_direction(group.shape)[None], single_face_directions(0), single_face_directions(1)]
     )

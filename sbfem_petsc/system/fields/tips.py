@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from ...selement.sectors import Sectors
 from ..elements.shapes import Group
 from ..layout.rows import Rows, flat_entries
 from .tip_facts import TipFacts
+
+if TYPE_CHECKING:
+    from ..structure import Structure
 
 # Length at which stress intensity factors of a crack along an interface are taken, m: K_I + i K_II is then
 # Rice's complex K in SI units.
@@ -65,7 +68,7 @@ class TipIntensities(TipFacts):
         return {name: (float(one), float(two)) for name, (one, two) in zip(self.names, values)}
 
 
-def tip_places(model) -> list[TipPlace]:
+def tip_places(model: Structure) -> list[TipPlace]:
     """The tip elements that this rank holds."""
     row_of = {int(element): row for row, element in enumerate(model.part.elements)}
     open_ones = {
@@ -78,7 +81,7 @@ def tip_places(model) -> list[TipPlace]:
     return [TipPlace(number, *open_ones[row]) for number, row in rows if row >= 0]
 
 
-def tip_intensities(model) -> TipIntensities:
+def tip_intensities(model: Structure) -> TipIntensities:
     """The forms of a model. Collective."""
     tips = model.tip_elements
     exponents, errors, interfaces = np.zeros((len(tips), 2)), np.zeros(len(tips)), np.zeros(len(tips))

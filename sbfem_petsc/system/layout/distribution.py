@@ -64,7 +64,7 @@ class Distribution:
     part: partition.Part
 
 
-def declared_clamp(comm: MPI.Comm, mesh) -> str | None:
+def declared_clamp(comm: MPI.Comm, mesh: BoundaryMesh | None) -> str | None:
     """Edge set that a mesh declares as its clamped one (a beam its left end), on all ranks. Collective."""
     return next((name for name in comm.allgather(getattr(mesh, "clamped", None)) if name is not None), None)
 

@@ -8,6 +8,8 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
+from meshing.boundary_mesh import BoundaryMesh
+
 
 @dataclass(frozen=True, eq=False)
 class Numbering:
@@ -89,7 +91,7 @@ def bisect(centroids: np.ndarray, weights: np.ndarray, ranks: int) -> np.ndarray
     return assignment
 
 
-def number_unknowns(mesh, fixed: np.ndarray, ranks: int) -> Numbering:
+def number_unknowns(mesh: BoundaryMesh, fixed: np.ndarray, ranks: int) -> Numbering:
     """Distribute the S-elements of a boundary mesh and number the free displacement unknowns.
 
     Parameters
@@ -120,7 +122,7 @@ def number_unknowns(mesh, fixed: np.ndarray, ranks: int) -> Numbering:
     return Numbering(assignment, unknowns, np.concatenate([[0], np.cumsum(counts)]))
 
 
-def bodies(mesh) -> np.ndarray:
+def bodies(mesh: BoundaryMesh) -> np.ndarray:
     """(nodes,): number of the body that each node belongs to; a crack through a structure cuts it into
     bodies, which contact alone joins. -1 of nodes without an S-element.
     """
@@ -137,12 +139,12 @@ def bodies(mesh) -> np.ndarray:
     return result
 
 
-def compositions(mesh) -> tuple[tuple[int, ...], ...]:
+def compositions(mesh: BoundaryMesh) -> tuple[tuple[int, ...], ...]:
     """The different sequences of materials around S-elements in several of them."""
     return tuple(sorted({tuple(part.tolist()) for part in mesh.sector_materials.values()}))
 
 
-def _outlines(mesh, element_of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _outlines(mesh: BoundaryMesh, element_of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Nodes of all S-elements, one after the other as `BoundaryMesh.element_nodes` gives them, and where in
     them each S-element begins: of many S-elements at once a tenth of the time.
 
@@ -173,7 +175,7 @@ class Parts:
     numbering : Numbering
     """
 
-    def __init__(self, mesh, numbering: Numbering):
+    def __init__(self, mesh: BoundaryMesh, numbering: Numbering):
         self._mesh, self._numbering, self._bodies = mesh, numbering, bodies(mesh)
         self._order = np.argsort(numbering.assignment, kind="stable")
         element_of = np.repeat(np.arange(mesh.elements), np.diff(mesh.element_start))

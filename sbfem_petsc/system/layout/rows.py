@@ -76,7 +76,7 @@ class Rows:
     def __len__(self) -> int:
         return self.matrix.shape[0]
 
-    def __getitem__(self, chosen) -> Rows:
+    def __getitem__(self, chosen: slice | np.ndarray) -> Rows:
         return Rows(self.comm, self.matrix[chosen])
 
     @functools.cached_property

@@ -32,7 +32,7 @@ class KrylovStep:
         if plain and self.solve.shift <= 0.0:
             self.vectors = eps.getBV()
 
-    def apply(self, pc, right: PETSc.Vec, left: PETSc.Vec) -> None:
+    def apply(self, pc: PETSc.PC, right: PETSc.Vec, left: PETSc.Vec) -> None:
         """left = (K - shift M)^-1 right."""
         if self.vectors is not None:
             once = self.steps % (ONCE + TWICE) < ONCE

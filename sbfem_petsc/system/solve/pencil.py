@@ -14,6 +14,7 @@ from ...petsc import PETSc, dense_columns, direct_solver, free, make_ksp, negati
 from ...ranks.capacity import give_back
 from ...ranks.parallel import alone
 from ...selement.dense import cholesky, lower_solve, symmetric_eigen
+from ...selement.solution import SElement
 from ..elements.shapes import Group
 from ..layout.rows import Rows
 from ..structure import Structure
@@ -249,7 +250,7 @@ def _pieces(model: Structure, group: Group, highest: float, tolerance: float) ->
     return [_Piece(model, group, rows, highest, tolerance) for rows in np.split(order, breaks)]
 
 
-def _project(solution, w2: float, tolerance: float, terms: int) -> tuple[np.ndarray, np.ndarray]:
+def _project(solution: SElement, w2: float, tolerance: float, terms: int) -> tuple[np.ndarray, np.ndarray]:
     """Coupling (n, r) and inertia (r,) of the auxiliary unknowns that matter up to omega^2 rho h^2 / E =
     `w2`.
 
@@ -306,7 +307,7 @@ class CondensedSolve:
         if shift != 0.0:
             self.auxiliary = pencil.coupling.createVecRight()
 
-    def apply(self, pc, right: PETSc.Vec, left: PETSc.Vec) -> None:
+    def apply(self, pc: PETSc.PC, right: PETSc.Vec, left: PETSc.Vec) -> None:
         """left = (K - shift M)^-1 right."""
         owned = self.pencil.owned
         source = right.array_r

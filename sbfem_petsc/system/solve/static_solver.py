@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,10 @@ from ...petsc import PETSc, free, make_ksp, solver_name, stage
 from ..layout.rows import Rows
 from .linear_solver import LinearSolver
 
+if TYPE_CHECKING:
+    from ..model import Model
+    from ..structure import Structure
+
 # Right-hand sides that are solved for at a time: as many as fit into so many bytes a rank, within limits;
 # fewer would not use what MUMPS gains by blocks.
 _BLOCK_BYTES, _LEAST, _MOST = 2**27, 64, 256
@@ -23,7 +28,7 @@ _BLOCK_BYTES, _LEAST, _MOST = 2**27, 64, 256
 _SMALL, _LARGE, _SUITED = 300_000, 5_000_000, 50
 
 
-def block_width(model) -> int:
+def block_width(model: Structure) -> int:
     """Right-hand sides that are solved for at a time."""
     if model.comm.size > 1:
         return _LEAST  # PETSc gathers the block for MUMPS on one rank, with lists of all its entries
@@ -43,7 +48,7 @@ class StaticSolver:
     slender structures (`element_stiffness`).
     """
 
-    def __init__(self, model):
+    def __init__(self, model: Structure):
         self.matrix, self.refinement = model.stiffness, model.refinement
         self._comm = self.matrix.comm.tompi4py()
         self.ksp = make_ksp(self.matrix, "static_", by_ranks=model.stiffness_by_ranks)
@@ -141,7 +146,7 @@ class Compliance:
 
 
 @stage("Contact")
-def compliance(model) -> Compliance:
+def compliance(model: Model) -> Compliance:
     """Solve for every contact row, a block of them at a time."""
     gap = model.gap_operator
     outputs = (gap.rows, model.point_rows, model.tips.rows)
