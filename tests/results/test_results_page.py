@@ -19,22 +19,10 @@ from sbfem_petsc.record.record import Record
 from tests.fuzz import examples
 
 PAGE = pathlib.Path(__file__).parents[2] / "docs" / "results.md"
-MADE = {
-    "Backbone": examples.backbone,
-    "Basins": examples.two_axes,
-    "Branch": examples.with_bifurcation,
-    "History": examples.motion,
-    "LoadHistory": examples.loads_in_time,
-    "Locus": examples.locus,
-    "Modal": examples.modal,
-    "Orbit": examples.orbit,
-    "QuasiPeriodic": examples.quasi_periodic,
-    "QuasiPeriodicBranch": examples.quasi_periodic_branch,
-    "ReducedModel": examples.oscillator,
-    "Static": examples.static,
-    "SweptResponse": examples.swept_response,
-}
-KINDS = [name for name in MADE if issubclass(getattr(sb, name), Record)]
+# With more in them than those that all functions are tried with.
+FULL = {"Basins": examples.two_axes, "Branch": examples.with_bifurcation, "History": examples.motion}
+KINDS = [name for name in examples.OBJECTS if issubclass(getattr(sb, name, object), Record)]
+MADE = examples.OBJECTS | FULL
 
 
 def page() -> dict[str, dict[str, tuple[str, str, list[str]]]]:
