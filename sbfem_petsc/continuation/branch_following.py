@@ -200,8 +200,8 @@ def led_away(line: Line, within: Range) -> Range:
     before = distances(fixed.driven, fixed.motion)
     if not before or minimal_periods(fixed) < orbits.period.excitation.periods:
         return within
-    heading = Follower(Line([first]), within, Settings()).heading()
-    ahead = first.u + AHEAD * orbits.units(first.u)[0] * heading
+    tangent = Follower(Line([first]), within, Settings()).tangent()
+    ahead = first.u + AHEAD * orbits.units(first.u)[0] * tangent
     driven = orbits.driven(float(ahead[-1]))
     after = distances(driven, driven.run(ahead[:-1]))
     nearest = min(before, key=lambda fewer: before[fewer])

@@ -17,7 +17,7 @@ from .problem import Linear, Metric, Point, Problem, Range
 HELD = 0.7
 # The turn of the branch between two steps beyond which a step is taken again at half its length; radian.
 TOO_SHARP = 1.0
-# Further than this from its heading a step has come to another part of the branch, radian.
+# Further than this from its tangent a step has come to another part of the branch, radian.
 ASIDE = 1.0
 # Newton iterations a step should take, and more than which is a sign that it has met another branch.
 COMFORT, TOO_MANY = 4, 7
@@ -217,13 +217,13 @@ class Follower:
         """Take one step; None, with the line's reason, where there is none."""
         line, last = self.line, self.points[-1]
         try:
-            heading = self.heading()
+            tangent = self.tangent()
         except PetscFailure:
             raise
         except FAILURES:
             line.reason, line.advice = self.problem.isolated.format(last.value), ""
             return None
-        point = self._found(heading)
+        point = self._found(tangent)
         if point is None:
             line.reason = self.fallen or self.why
             return None
@@ -235,7 +235,7 @@ class Follower:
             (self.problem, self.points[-1]), line.sign = other, None
         return point
 
-    def heading(self) -> np.ndarray:
+    def tangent(self) -> np.ndarray:
         """Tangent at the last point, in units; at the first one the value goes where it is to go.
 
         Its sign is such that the determinant of the linearised equations and the tangent keeps its sign along
@@ -272,13 +272,13 @@ class Follower:
             return tangent, None
         return (tangent if self.line.sign in (None, border.sign) else -tangent), border.sign
 
-    def _found(self, heading: np.ndarray) -> Point | None:
+    def _found(self, tangent: np.ndarray) -> Point | None:
         """The next point by steps, or beyond what stops or turns the branch by a leap."""
         problem, ahead, last, point = self.problem, self.within.direction, self.points[-1], None
         furthest = max(ahead * point.value for point in self.points)
         # behind the furthest value the branch is in a tongue that could not be passed over
         if problem.narrow and ahead * last.value >= furthest:
-            point = self._searched(problem, heading, problem.narrow)
+            point = self._searched(problem, tangent, problem.narrow)
             turned = point is not None and ahead * (point.value - last.value) < 0.0
             if (point is None or turned) and self.tried != len(self.points):
                 self.tried = len(self.points)
@@ -288,66 +288,66 @@ class Follower:
                     return beyond
         for equations in (problem.restricted(last), problem):
             if point is None and equations is not None:
-                point = self._searched(equations, equations.projected(heading), 0.0)
+                point = self._searched(equations, equations.projected(tangent), 0.0)
         return point
 
-    def _searched(self, problem: Problem, heading: np.ndarray, least: float) -> Point | None:
+    def _searched(self, problem: Problem, tangent: np.ndarray, least: float) -> Point | None:
         """The next point by the longest of steps whose lengths are halved that finds one."""
         slope = problem.value(self.points[-1].u)[1] * self.metric.units
-        pace, last = abs(problem.sum(float(slope @ heading))), self.points[-1]
+        pace, last = abs(problem.sum(float(slope @ tangent))), self.points[-1]
         self.why = f"no further point within a step of {self.settings.smallest:g} at {last.value:.8g}"
         length = min(self.line.length, self.settings.largest_step / max(pace, 1e-300))
         while length >= max(self.settings.smallest, least):
-            point = self._step(problem, heading, length)
+            point = self._step(problem, tangent, length)
             if point is None and length < CORNER and problem.corners:
                 if self.fallen:  # turning about there would be going back
                     return None
-                point = self._around(problem, heading, length)
+                point = self._around(problem, tangent, length)
             if point is not None:
                 self.fallen = ""
                 return point
             length *= 0.5
         return None
 
-    def _around(self, problem: Problem, heading: np.ndarray, length: float) -> Point | None:
+    def _around(self, problem: Problem, tangent: np.ndarray, length: float) -> Point | None:
         """A point beyond a corner of the branch, where a pair begins or ceases to touch: in the direction of
         the derivative on the corner's far side.
         """
         try:
-            there = problem.at(self.points[-1].u + length * heading * self.metric.units)
-            beyond, _ = self._tangent(there.linear(), heading)
+            there = problem.at(self.points[-1].u + length * tangent * self.metric.units)
+            beyond, _ = self._tangent(there.linear(), tangent)
         except PetscFailure:
             raise
         except FAILURES:
             return None
         for reach in REACHES:
-            point = self._step(problem, beyond, min(reach * length, CORNER), behind=-heading)
+            point = self._step(problem, beyond, min(reach * length, CORNER), behind=-tangent)
             if point is not None:
                 return point
         return None
 
     def _step(
-        self, problem: Problem, heading: np.ndarray, length: float, behind: np.ndarray | None = None
+        self, problem: Problem, tangent: np.ndarray, length: float, behind: np.ndarray | None = None
     ) -> Point | None:
-        """The branch's point in the plane across a heading, or at the value that it leads to, if Newton's
+        """The branch's point in the plane across a tangent, or at the value that it leads to, if Newton's
         method finds it at ease and it lies ahead; sets the length of the step after it.
         """
         last = self.points[-1]
         try:
-            point = self._corrected(problem, heading, length, behind is None)
+            point = self._corrected(problem, tangent, length, behind is None)
             if point is None:
                 return None
             chord = self.metric.chord(last, point)
             refused = problem.refuse(last, point)
             self.fallen = refused or self.fallen
-            if refused or self._aside(point, chord, heading, behind):
+            if refused or self._aside(point, chord, tangent, behind):
                 return None
             onward, _ = self._tangent(point.linear, chord)
         except PetscFailure:
             raise
         except FAILURES:
             return None
-        straight = min(self.metric.dot(onward, chord), self.metric.dot(chord, heading))
+        straight = min(self.metric.dot(onward, chord), self.metric.dot(chord, tangent))
         turn = math.acos(min(max(straight, -1.0), 1.0))
         if length > CORNER and turn > TOO_SHARP:
             return None
@@ -373,11 +373,11 @@ class Follower:
         straight = self.metric.dot(self.metric.chord(behind, self.points[-1]), chord)
         return math.acos(min(max(straight, -1.0), 1.0))
 
-    def _corrected(self, problem: Problem, heading: np.ndarray, length: float, bent: bool) -> Point | None:
+    def _corrected(self, problem: Problem, tangent: np.ndarray, length: float, bent: bool) -> Point | None:
         """The point that a step of some length leads to, or that on an end of the range beyond it."""
         last, within, metric = self.points[-1], self.within, self.metric
         slope = problem.value(last.u)[1] * metric.units
-        pace = problem.sum(float(slope @ heading))
+        pace = problem.sum(float(slope @ tangent))
         target = last.value + length * pace
         landed = not within.holds(target)
         if landed:
@@ -386,15 +386,15 @@ class Follower:
                 self.why = f"end of the range at {last.value:.8g}"
                 return None
             length = (target - last.value) / pace
-        flat = last.u + length * heading * metric.units
-        bend = self._bend(heading, length) if bent else 0.0 * heading
+        flat = last.u + length * tangent * metric.units
+        bend = self._bend(tangent, length) if bent else 0.0 * tangent
         begin = problem.projected(flat + bend * metric.units)
         if not landed:
             target = self._allowed(problem.value(begin)[0])
         begin = problem.placed(begin, target)
         most = TOO_MANY if length > CORNER else math.inf
         held = landed or abs(pace) > HELD * metric.pace(last.u)
-        condition = metric.level(last.u, target) if held else metric.plane(heading, flat)
+        condition = metric.level(last.u, target) if held else metric.plane(tangent, flat)
         ahead = self._ahead(problem, length)
         point = correct(problem, begin, condition, ahead, most)
         if held:
@@ -414,18 +414,18 @@ class Follower:
         last, furthest = self.points[-1].value, self.settings.largest_step
         return self.within.nearest(min(max(value, last - furthest), last + furthest))
 
-    def _bend(self, heading: np.ndarray, length: float) -> np.ndarray:
+    def _bend(self, tangent: np.ndarray, length: float) -> np.ndarray:
         """How far the branch is off its tangent after a step, by the parabola through the point before;
-        across the heading, in units.
+        across the tangent, in units.
         """
         behind = self._behind()
         if behind is None or (length < CORNER and not self.problem.alike(behind, self.points[-1])):
-            return np.zeros(len(heading))  # there is none, or a corner lies between
+            return np.zeros(len(tangent))  # there is none, or a corner lies between
         back = self.metric.way(self.points[-1], behind)
-        reach = -self.metric.dot(back, heading)
+        reach = -self.metric.dot(back, tangent)
         if not reach > 0.0 or length > 3.0 * reach:
-            return np.zeros(len(heading))
-        return (length / reach) ** 2 * (back + reach * heading)
+            return np.zeros(len(tangent))
+        return (length / reach) ** 2 * (back + reach * tangent)
 
     def _ahead(self, problem: Problem, length: float) -> Linear | None:
         """Linearised equations that are expected after a step, by those of the last two points; None where
@@ -439,9 +439,9 @@ class Follower:
         share = min(1.0, length / max(self.metric.length(self.metric.way(behind, last)), 1e-300))
         return last.linear.mixed((last.linear, behind.linear), (1.0 + share, -share))
 
-    def _aside(self, point: Point, chord: np.ndarray, heading: np.ndarray, behind: np.ndarray | None) -> bool:
-        """Whether a point lies aside of its heading, or on the part that has been gone through."""
-        if self.metric.dot(chord, heading) < math.cos(ASIDE):
+    def _aside(self, point: Point, chord: np.ndarray, tangent: np.ndarray, behind: np.ndarray | None) -> bool:
+        """Whether a point lies aside of its tangent, or on the part that has been gone through."""
+        if self.metric.dot(chord, tangent) < math.cos(ASIDE):
             return True
         if behind is None:
             return False

@@ -335,18 +335,18 @@ class Metric:
         """Its direction."""
         return self.unit(self.way(one, other))
 
-    def row(self, heading: np.ndarray) -> np.ndarray:
-        """The row whose product with a change of the unknowns is its arc length along a heading."""
-        return heading * self.weights**2 / self.units
+    def row(self, tangent: np.ndarray) -> np.ndarray:
+        """The row whose product with a change of the unknowns is its arc length along a tangent."""
+        return tangent * self.weights**2 / self.units
 
     def pace(self, u: np.ndarray) -> float:
         """Change of the value, at most, over a unit of arc length."""
         slope = self.problem.value(u)[1] * self.units
         return self.problem.sum(float(slope @ slope)) ** 0.5
 
-    def plane(self, heading: np.ndarray, u: np.ndarray) -> Condition:
-        """That unknowns lie in the plane across a heading through some."""
-        row = self.row(heading)
+    def plane(self, tangent: np.ndarray, u: np.ndarray) -> Condition:
+        """That unknowns lie in the plane across a tangent through some."""
+        row = self.row(tangent)
         place = self.problem.sum(float(row @ u))
         return lambda x: (self.problem.sum(float(row @ x)) - place, row)
 

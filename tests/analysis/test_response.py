@@ -241,7 +241,7 @@ def test_a_corner_where_a_branch_turned_about(monkeypatch):
 )
 def test_corners_that_are_come_to_from_above(damping, compliance, force, steps, highest):
     """Downwards to where the stop is met and the branch turns back: a step across the corner that lands on
-    the part behind, aside of its heading, is taken again; these two of eighty curves had run back to their
+    the part behind, aside of its tangent, is taken again; these two of eighty curves had run back to their
     beginning. The same folds as upwards, to what lies between two points of the curves.
     """
     system, options = two_masses(damping, compliance), {"steps": steps, "stability": False}
@@ -350,11 +350,11 @@ def test_ends_at_the_end_of_its_range():
     line = Line([Point.known(orbits, np.append(first.state, lower))])
     found, led = Follower(line, parameter.range, Settings()), 0
     while parameter.range.holds(line.points[-1].value) or len(line.points) == 1:
-        before, heading = replace(line, points=list(line.points)), found.heading()
-        target = line.points[-1].value + line.length * found.metric.units[-1] * heading[-1]
+        before, tangent = replace(line, points=list(line.points)), found.tangent()
+        target = line.points[-1].value + line.length * found.metric.units[-1] * tangent[-1]
         value = found.next().value
         end = 0.5 * (target + value)
-        if target < end < value and abs(heading[-1]) <= follow.HELD:
+        if target < end < value and abs(tangent[-1]) <= follow.HELD:
             *_, point = Follower(before, Range(end - (upper - lower), end, 1), Settings())
             led += 1
             assert point.value == end

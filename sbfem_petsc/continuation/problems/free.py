@@ -295,8 +295,8 @@ def _goes_along(point: Point) -> bool:
     metric = Metric(point.problem, point.u)
     along = metric.unit(np.append(point.u[:-2], [0.0, 0.0]) / metric.units)
     border = point.linear.bordered(metric.row(along))
-    heading = metric.unit(border.solve(np.eye(1, len(along), len(along) - 1)[0]) / metric.units)
-    return metric.dot(heading, along) >= MOSTLY
+    tangent = metric.unit(border.solve(np.eye(1, len(along), len(along) - 1)[0]) / metric.units)
+    return metric.dot(tangent, along) >= MOSTLY
 
 
 class FreeState(OrbitState):

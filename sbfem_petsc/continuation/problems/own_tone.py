@@ -236,7 +236,7 @@ def beginning(point: Point, begins: np.ndarray | None) -> Point:
 def curve_near(
     own: OwnTone,
     u: np.ndarray,
-    heading: np.ndarray | None = None,
+    tangent: np.ndarray | None = None,
     finer: Sequence[OwnTone] = (),
     begins: np.ndarray | None = None,
     most: float = math.inf,
@@ -249,7 +249,7 @@ def curve_near(
     own : OwnTone
     u : (N 2 m + 2,) array
         Samples, rotation and value.
-    heading : (N 2 m + 2,) array, optional
+    tangent : (N 2 m + 2,) array, optional
         In units: the curve lies in the plane through the guess across it. Default: at the guess's value.
     finer
         See `Curves`.
@@ -277,9 +277,9 @@ def curve_near(
         if begins is not None:
             problem.begins = turned(begins) / metric.units
         try:
-            if heading is None:
+            if tangent is None:
                 return correct(problem, begin, metric.level(begin, float(u[-1])), most=most)
-            return correct(problem, begin, metric.plane(turned(heading), begin), most=most)
+            return correct(problem, begin, metric.plane(turned(tangent), begin), most=most)
         except PetscFailure:
             raise
         except SolveError as error:
