@@ -85,6 +85,7 @@ _HOME = {
     "QuasiPeriodic": "continuation.problems.tones",
     "quasi_periodic_response": "analysis.quasi_periodic_response",
     "QuasiPeriodicBranch": "continuation.problems.curve_branch",
+    "FiniteElementModel": "bodies.finite_element_model",
     "ReducedModel": "reduction.reduced_model",
     "reduce": "reduction.build",
     "reduce_matrices": "reduction.matrices",

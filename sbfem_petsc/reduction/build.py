@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Mapping
 
 import numpy as np
+from scipy import sparse
 
 from meshing.warnings import BandWarning
 
-from ..checks import optional_integer, positive, shown
+from ..bodies.finite_element_model import FiniteElementModel
+from ..bodies.rows import Contact, Row
+from ..checks import Bounds, instance, optional_integer, positive, real, shown
 from ..errors import caller_level
 from ..loads import Load, SupportMotion, separate
 from ..petsc import MPI
@@ -19,6 +23,7 @@ from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
 from ..system.solve.modal_result import Modal
 from ..system.solve.static_solver import block_width
+from .matrices import reduce_matrices
 from .outputs import LinearOutput
 from .reduced_model import ReducedModel
 
@@ -27,7 +32,17 @@ BAND, LEAST_MODES = 8.0, 80
 
 
 @agreed()
-def reduce(model: Model, load, *, modes: int | None = None, band: float | None = None) -> ReducedModel:
+def reduce(
+    model: Model | FiniteElementModel,
+    load=None,
+    *,
+    modes: int | None = None,
+    band: float | None = None,
+    contact: Contact | None = None,
+    loads: Mapping[str, Row] | None = None,
+    points: Mapping[str, Row] | None = None,
+    damping: float | None = None,
+) -> ReducedModel:
     """Reduce a model to its lowest modes and the residual flexibility of its contact, loads and named points.
 
     The result stands in the place of the model in every dynamic analysis with loads at the same places.
@@ -35,14 +50,21 @@ def reduce(model: Model, load, *, modes: int | None = None, band: float | None =
 
     Parameters
     ----------
-    model : Model
+    model : Model or FiniteElementModel
         Held against every rigid-body motion.
     load : PointForce, EdgeLoad, SupportMotion, a sum or a sequence of them
         Only the places and components that are not zero matter, not the amplitudes.
     modes : int, optional
         Number of modes.
     band : float, optional
-        All modes up to this frequency, Hz. Default of both: 80 modes. Give one of them at most.
+        All modes up to this frequency, Hz. Default of both: 80 modes. Give one of them at most. Of a Model.
+    contact : Contact, optional
+        Of a body, as of `FiniteElementModel.contact`.
+    loads, points : dict of str to Row
+        Of a body: unit loads in the order of a later load's numbers, and what is seen, each in the place of a
+        point's y displacement.
+    damping : float, optional
+        Modal damping ratio of a body, default 0; a Model has its own.
 
     Returns
     -------
@@ -53,8 +75,20 @@ def reduce(model: Model, load, *, modes: int | None = None, band: float | None =
     ValueError, TypeError, KeyError
         For input that makes no sense; on all ranks.
     """
+    if isinstance(model, FiniteElementModel):
+        if load is not None or band is not None:
+            raise ValueError("reduce: a body takes loads and modes, not load and band")
+        return _reduced_body(model, contact, (loads, points), modes, damping)
     if not isinstance(model, Model):
-        raise TypeError(f"reduce: model = {shown(model)} is not a Model; for matrices use reduce_matrices")
+        raise TypeError(
+            f"reduce: model = {shown(model)} is not a Model or FiniteElementModel; for matrices use "
+            "reduce_matrices"
+        )
+    with collective(model.comm):
+        if any(given is not None for given in (contact, loads, points, damping)):
+            raise ValueError(
+                "reduce: contact, loads, points and damping are of a FiniteElementModel; a Model has its own"
+            )
     most = model.boundary_unknowns // 2
     with collective(model.comm):
         model.checked_loads(load, constant=False)
@@ -67,6 +101,52 @@ def reduce(model: Model, load, *, modes: int | None = None, band: float | None =
     if modes is None:
         modes = modes_up_to(model, band, 1) if band is not None else default_modes(model, 0.0)
     return reduced(model, tuple(separate(load)[0]), modes)
+
+
+def _reduced_body(
+    body: FiniteElementModel,
+    contact: Contact | None,
+    named: tuple[Mapping[str, Row] | None, Mapping[str, Row] | None],
+    modes: int | None,
+    damping: float | None,
+) -> ReducedModel:
+    """A body of another code, by its matrices."""
+    n = len(body.unknowns)
+    rows, gap = sparse.csr_matrix((0, n)), np.zeros(0)
+    if contact is not None:
+        _of_body("contact", instance("reduce", "contact", contact, Contact, "a Contact, of body.contact"), n)
+        rows, gap = contact.rows, contact.gap
+    for name, given in zip(("loads", "points"), named, strict=True):
+        if not isinstance(given, Mapping) or not given:
+            raise TypeError(
+                f"reduce: {name} = {shown(given)} must be a dict of names to rows, {{'tip': body.at(...)}}"
+            )
+        for key, row in given.items():
+            if not isinstance(key, str):
+                raise TypeError(f"reduce: {name} has the name {shown(key)}; names are strings")
+            item = f"{name}[{key!r}]"
+            _of_body(item, instance("reduce", item, row, Row, "a Row, of body.at"), n)
+    loads, points = named
+    assert loads is not None and points is not None
+    return reduce_matrices(
+        body.mass,
+        body.stiffness,
+        rows,
+        gap,
+        loads=sparse.vstack([row.weights for row in loads.values()]).T,
+        sensors={name: row.weights for name, row in points.items()},
+        modes=modes,
+        damping=0.0
+        if damping is None
+        else real("reduce", "damping", damping, within=Bounds(least=0.0, below=1.0)),
+    )
+
+
+def _of_body(name: str, given: Row | Contact, count: int) -> None:
+    if given.size != count:
+        raise ValueError(
+            f"reduce: {name} is of a body of {given.size} unknowns, {count} were expected; use one body"
+        )
 
 
 def default_modes(model: Model, highest: float) -> int:

@@ -21,6 +21,7 @@ from ..petsc import (
     direct_solver,
     free,
     negative_eigenvalues,
+    require_thread,
     solving,
 )
 
@@ -49,6 +50,7 @@ def sparse_modes(
     SolveError
         If SLEPc does not find the modes, or has left some out.
     """
+    require_thread()
     _require_mass(mass, count)
     k, m = _matrix(stiffness), _matrix(mass)
     eps = SLEPc.EPS().create(MPI.COMM_SELF)

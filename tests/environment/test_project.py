@@ -253,6 +253,8 @@ OPTIONS = {
     "sbfem_petsc/plot/orbits.py: plot_orbit",
     "sbfem_petsc/plot/sweeps.py: plot_swept",
     "sbfem_petsc/plot/tones.py: plot_lines",
+    "sbfem_petsc/bodies/finite_element_model.py: __init__",
+    "sbfem_petsc/reduction/build.py: reduce",
     "sbfem_petsc/reduction/matrices.py: reduce_matrices",
     "sbfem_petsc/results/animation.py: write_animation",
     "sbfem_petsc/study/sweep.py: sweep",

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy.sparse
 from mpi4py import MPI
 
 import meshing
@@ -38,6 +39,23 @@ def model() -> sb.Model:
 def oscillator() -> sb.ReducedModel:
     """Two masses and a stop."""
     return sb.reduce_matrices(**matrices())
+
+
+def body_arguments() -> dict[str, Any]:
+    """Three masses along x on springs, of which the first is held."""
+    return {
+        "mass": scipy.sparse.eye(2, format="csr"),
+        "stiffness": scipy.sparse.csr_matrix([[2e4, -1e4], [-1e4, 1e4]]),
+        "unknowns": [[2, 0], [3, 0]],
+        "nodes": {1: (0.0, 0.0, 0.0), 2: (0.1, 0.0, 0.0), 3: (0.2, 0.0, 0.0)},
+        "sets": {"A": [3]},
+        "fixed": [(1, 0)],
+        "units": "SI",
+    }
+
+
+def body_of_springs() -> sb.FiniteElementModel:
+    return sb.FiniteElementModel(**body_arguments())
 
 
 def matrices() -> Arguments:
@@ -407,7 +425,16 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
     "reduce": [
         lambda: {"model": model(), "load": PUSH, "modes": 6},
         lambda: {"model": model(), "load": PUSH, "band": 5000.0},
+        lambda: {
+            "model": body_of_springs(),
+            "contact": body_of_springs().contact([3], normal="x"),
+            "loads": {"F": body_of_springs().at(3, "x")},
+            "points": {"tip": body_of_springs().at(3, "x")},
+            "modes": 1,
+            "damping": 0.01,
+        },
     ],
+    "FiniteElementModel": [body_arguments],
     "reduce_matrices": [lambda: {**matrices(), "modes": 2, "contact_laws": None}],
     "write_animation": [
         lambda: {
@@ -795,6 +822,7 @@ OBJECTS: dict[str, Callable[[], Any]] = {
     "Basins": basins,
     "QuasiPeriodic": quasi_periodic,
     "QuasiPeriodicBranch": quasi_periodic_branch,
+    "FiniteElementModel": body_of_springs,
     "ReducedModel": oscillator,
     "Model": model,
     "BoundaryMesh": mesh,
@@ -811,6 +839,12 @@ ARGUMENTS: Arguments = {
     "point": "A",
     "place": (0.05, 0.005),
     "crack": "crack1",
+    "FiniteElementModel.at.place": 3,
+    "FiniteElementModel.at.direction": "x",
+    "FiniteElementModel.contact.left": "A",
+    "FiniteElementModel.contact.right": None,
+    "FiniteElementModel.contact.normal": "x",
+    "FiniteElementModel.contact.gap": 1e-3,
     "Samples.from_csv.path": "given/wave.csv",
     "BoundaryMesh.load.path": "given/mesh.h5",
     "BoundaryMesh.with_gap.gap": 1e-6,

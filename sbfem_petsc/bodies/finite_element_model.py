@@ -1,0 +1,336 @@
+"""Bodies of other codes: sparse M and K with the nodes that their unknowns belong to."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.spatial import cKDTree
+
+from ..checks import choice, instance, integer, names_of, real, real_array, shown
+from ..errors import UnknownName, listed
+from .rows import Contact, Row
+
+# m, N/m and kg in one unit of length, stiffness and mass.
+UNITS = {"SI": (1.0, 1.0, 1.0), "mm-N-t": (1e-3, 1e3, 1e3), "mm-kg-mN": (1e-3, 1.0, 1.0)}
+OWNER, AXES = "FiniteElementModel", "xyz"
+# Relative asymmetry that rounding of written files explains; distance of partners, and of a place from its
+# node, in spacings of nodes.
+SYMMETRY, APART = 1e-6, 1e-3
+
+
+class FiniteElementModel:
+    """A body given by another code's matrices of its free unknowns, SI inside.
+
+    Parameters
+    ----------
+    mass, stiffness : (n, n) sparse matrices of SciPy
+        Symmetric, or one triangle of such.
+    unknowns : (n, 2) array of int
+        Label of the node and direction of each unknown: 0 to 2 displacements, 3 to 5 rotations.
+    nodes : dict of int to (x, y, z)
+        Places by label.
+    sets : dict of str to sequence of int
+        Labels of nodes.
+    fixed : iterable of (int, int)
+        Nodes and directions that are held and left out of the matrices.
+    units : {"SI", "mm-N-t", "mm-kg-mN"}
+        Those of the matrices and nodes.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If sizes do not fit, if a matrix is unsymmetric or negative on its diagonal, if an unknown has no
+        stiffness, or belongs to no node.
+    """
+
+    def __init__(
+        self,
+        mass: sparse.spmatrix,
+        stiffness: sparse.spmatrix,
+        unknowns: Any,
+        nodes: Mapping[int, Any],
+        *,
+        sets: Mapping[str, Iterable[int]] | None = None,
+        fixed: Iterable[tuple[int, int]] = (),
+        units: str = "SI",
+    ) -> None:
+        length, stiff, heavy = UNITS[choice(OWNER, "units", units, tuple(UNITS))]
+        self.mass = _matrix("mass", mass, heavy)
+        self.stiffness = _matrix("stiffness", stiffness, stiff)
+        n = self.stiffness.shape[0]
+        if self.mass.shape != self.stiffness.shape:
+            raise ValueError(
+                f"FiniteElementModel: mass has shape {self.mass.shape}, {self.stiffness.shape} was expected"
+            )
+        self.unknowns = _labels("unknowns", unknowns, n)
+        if not isinstance(nodes, Mapping) or not nodes:
+            raise TypeError(f"FiniteElementModel: nodes = {shown(nodes)} must be a dict of labels to places")
+        self.labels = np.array(_whole(OWNER, "nodes", list(nodes)))
+        places = real_array(OWNER, "nodes", list(nodes.values()), 2)
+        if places.shape[1] != 3:
+            raise ValueError(f"FiniteElementModel: nodes have {places.shape[1]} coordinates, 3 were expected")
+        self.places = length * places
+        self._node = {int(label): k for k, label in enumerate(self.labels)}
+        self._unknown = {(int(a), int(d)): k for k, (a, d) in enumerate(self.unknowns)}
+        if len(self._unknown) < n:
+            raise ValueError("FiniteElementModel: unknowns has a node and direction twice; each has one row")
+        lost = next((a for a, _ in self._unknown if a not in self._node), None)
+        if lost is not None:
+            raise ValueError(
+                f"FiniteElementModel: unknowns has node {lost}, which nodes has not; is it an internal one, "
+                "as of a Lagrange multiplier?"
+            )
+        sets = instance(OWNER, "sets", {} if sets is None else sets, Mapping, "a dict of names to labels")
+        names_of(OWNER, "sets", list(sets))
+        self.sets = {name: _whole(OWNER, f"sets[{name!r}]", labels) for name, labels in sets.items()}
+        for name, labels in self.sets.items():
+            if (lost := next((a for a in labels if a not in self._node), None)) is not None:
+                raise ValueError(f"FiniteElementModel: set {name!r} has node {lost}, which nodes has not")
+        instance(OWNER, "fixed", fixed, (list, tuple, set, frozenset, np.ndarray), "pairs (node, direction)")
+        if isinstance(fixed, np.ndarray):
+            fixed = list(real_array(OWNER, "fixed", fixed, 2))
+        pairs = list(fixed)
+        held = _labels("fixed", pairs, len(pairs)).tolist() if pairs else []
+        self.fixed = frozenset((int(a), int(d)) for a, d in held)
+        idle = np.flatnonzero(self.stiffness.diagonal() <= 0.0)
+        if len(idle):
+            node, direction = self.unknowns[idle[0]]
+            raise ValueError(
+                f"FiniteElementModel: stiffness of node {node}, direction {direction} is "
+                f"{self.stiffness.diagonal()[idle[0]]:g}; leave unknowns out that nothing holds"
+            )
+        if (self.mass.diagonal() < 0.0).any():
+            raise ValueError(
+                f"FiniteElementModel: mass is negative, {self.mass.diagonal().min():g} kg on its diagonal"
+            )
+
+    def at(self, place: Any, direction: Any) -> Row:
+        """The displacement at a place: of a node's label, the mean of a set, the node at (x, y, z) in m.
+
+        Parameters
+        ----------
+        place : int, str or (x, y, z)
+        direction : {"x", "y", "z"} or (3,) vector
+            A vector is made a unit one.
+
+        Raises
+        ------
+        KeyError
+            If there is no such node or set.
+        ValueError
+            If no node lies there, or one is neither an unknown nor held.
+        """
+        labels, vector = self._labels_at(place), _vector("at", "direction", direction)
+        rows = self._rows(labels, vector)
+        if not rows.nnz:
+            raise ValueError(f"at: {shown(place)} is held along {shown(direction)}; choose one that moves")
+        return Row(sparse.csr_matrix(rows.mean(axis=0)))
+
+    def contact(
+        self,
+        left: Any,
+        right: Any = None,
+        *,
+        normal: Any = None,
+        gap: float | np.ndarray | Callable | None = None,
+    ) -> Contact:
+        """Contact between two faces whose nodes match, or of one face with a rigid wall.
+
+        Parameters
+        ----------
+        left, right : str or sequence of int
+            Sets, or labels of nodes. Without `right` the left face meets a wall.
+        normal : {"x", "y", "z"} or (3,) vector
+            From left to right. Default: that of the plane through the left face, towards the right one where
+            the faces are apart.
+        gap : float, (left,) array or function of (x, y, z), optional
+            m; a function is given arrays of the left nodes. Default: the distance of the nodes, 0 at a wall.
+
+        Raises
+        ------
+        KeyError
+            If there is no such node or set.
+        ValueError
+            If nodes have no partner, if the normal is not known, if faces overlap, or if nothing moves.
+        """
+        one = self._face("left", left)
+        x = self.places[[self._node[a] for a in one]]
+        other = None if right is None else self._face("right", right)
+        if normal is not None:
+            vector = _vector("contact", "normal", normal)
+        elif other is not None:
+            vector = self._normal(x, self.places[[self._node[a] for a in other]])
+        else:
+            raise ValueError("contact: a wall needs a normal, from the body to the wall")
+        rows, distance = -self._rows(one, vector), np.zeros(len(one))
+        if other is not None:
+            partner = self._partners(one, other, vector)
+            rows = rows + self._rows(partner, vector)
+            distance = (self.places[[self._node[a] for a in partner]] - x) @ vector
+            distance[np.abs(distance) < APART * 1e-6 * np.ptp(x, axis=0).max()] = 0.0
+        if gap is not None:
+            values = _gap_at(gap, x) if callable(gap) else gap
+            if isinstance(values, (list, tuple)) or np.ndim(values):
+                distance = real_array("contact", "gap", values, 1)
+            else:
+                distance = np.full(len(one), real("contact", "gap", values, "m"))
+            if len(distance) != len(one):
+                raise ValueError(f"contact: gap has {len(distance)} values, {len(one)} were expected")
+        if (distance < 0.0).any():
+            raise ValueError(
+                f"contact: the faces overlap by {-distance.min():g} m; is the normal from left to right?"
+            )
+        moves = np.diff(rows.indptr) > 0
+        if not moves.any():
+            raise ValueError("contact: all nodes of the faces are held; no displacement moves a gap")
+        return Contact(rows[moves], distance[moves])
+
+    def summary(self) -> str:
+        """Unknowns, nodes, mass, size and sets, a line each."""
+        size = np.ptp(self.places, axis=0)
+        lines = [
+            f"{len(self.unknowns)} free unknowns of {len(self.labels)} nodes",
+            f"size {size[0]:.6g} x {size[1]:.6g} x {size[2]:.6g} m",
+            f"{len(self.fixed)} unknowns held",
+        ]
+        return "\n".join(lines + [f"set {name}: {len(labels)} nodes" for name, labels in self.sets.items()])
+
+    def __repr__(self) -> str:
+        return f"FiniteElementModel({len(self.unknowns)} unknowns, {len(self.labels)} nodes)"
+
+    def _labels_at(self, place: Any) -> list[int]:
+        if isinstance(place, str):
+            return self._face("place", place, "at")
+        if not isinstance(place, (list, tuple, np.ndarray)) or not np.shape(np.asarray(place, object)):
+            return self._face("place", [integer("at", "place", place)], "at")
+        point = real_array("at", "place", place, 1)
+        if len(point) != 3:
+            raise ValueError(f"at: place has {len(point)} coordinates, 3 were expected")
+        far, nearest = cKDTree(self.places).query(point)
+        if far > APART * np.ptp(self.places, axis=0).max():
+            raise ValueError(
+                f"at: the nearest node of {shown(place)} is {self.labels[nearest]}, {far:g} m away; "
+                "coordinates are in m"
+            )
+        same = np.flatnonzero(np.linalg.norm(self.places - point, axis=1) <= far * (1.0 + 1e-9))
+        if len(same) > 1:
+            raise ValueError(f"at: {len(same)} nodes lie at {shown(place)}; give the label of one")
+        return [int(self.labels[nearest])]
+
+    def _face(self, name: str, given: Any, owner: str = "contact") -> list[int]:
+        if isinstance(given, str):
+            if given not in self.sets:
+                raise UnknownName(f"{owner}: set {given!r} does not exist; the body has {listed(self.sets)}")
+            labels = list(self.sets[given])
+        else:
+            labels = list(_whole(owner, name, given))
+        if not labels:
+            raise ValueError(f"{owner}: {name} = {shown(given)} has no nodes")
+        if (lost := next((a for a in labels if a not in self._node), None)) is not None:
+            raise UnknownName(f"{owner}: {name} has node {lost}, which does not exist in the body")
+        return labels
+
+    def _rows(self, labels: list[int], vector: np.ndarray) -> sparse.csr_matrix:
+        """(nodes, n): displacements along a vector."""
+        entries = []
+        for k, label in enumerate(labels):
+            for d in np.flatnonzero(vector):
+                unknown = self._unknown.get((label, int(d)))
+                if unknown is not None:
+                    entries.append((vector[d], k, unknown))
+                elif (label, int(d)) not in self.fixed:
+                    raise ValueError(
+                        f"{OWNER}: node {label} has no unknown along {AXES[d]} and is not fixed; "
+                        "give it in fixed, or free it of its constraint"
+                    )
+        values, row, column = np.array(entries).reshape(-1, 3).T
+        shape = (len(labels), len(self.unknowns))
+        return sparse.csr_matrix((values, (row.astype(int), column.astype(int))), shape)
+
+    def _partners(self, left: list[int], right: list[int], normal: np.ndarray) -> list[int]:
+        """The right node that faces each left one along the normal."""
+        flat = np.eye(3) - np.outer(normal, normal)
+        x, y = (self.places[[self._node[a] for a in face]] @ flat for face in (left, right))
+        far, nearest = cKDTree(y).query(x)
+        size = np.ptp(x, axis=0).max() if len(x) == 1 else np.median(cKDTree(x).query(x, 2)[0][:, 1])
+        away = far > APART * size + 1e-12
+        if away.any():
+            raise ValueError(
+                f"contact: {away.sum()} of {len(left)} left nodes have no partner "
+                f"(node {left[away.argmax()]} is {far[away.argmax()]:g} m off); the faces' meshes must match"
+            )
+        if len(set(nearest)) < len(left):
+            raise ValueError("contact: two left nodes share a right one; the faces' meshes must match")
+        return [right[k] for k in nearest]
+
+    @staticmethod
+    def _normal(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        vector = np.linalg.svd(x - x.mean(axis=0))[2][2]
+        towards = (y.mean(axis=0) - x.mean(axis=0)) @ vector
+        if len(x) < 3 or abs(towards) < 1e-9 * np.ptp(x, axis=0).max():
+            raise ValueError(
+                "contact: coincident faces do not tell their side; give the normal, left to right"
+            )
+        return vector * np.sign(towards)
+
+
+def _matrix(name: str, value: Any, factor: float) -> sparse.csr_matrix:
+    """Finite, symmetric, in SI; one triangle is completed."""
+    if not sparse.issparse(value) or value.dtype.kind not in "iuf":
+        raise TypeError(f"FiniteElementModel: {name} = {shown(value)} must be a real sparse matrix of SciPy")
+    matrix = factor * sparse.csr_matrix(value, dtype=float)
+    if matrix.shape[0] != matrix.shape[1] or not matrix.nnz:
+        raise ValueError(f"FiniteElementModel: {name} of shape {matrix.shape} is not square, or is empty")
+    real_array(OWNER, f"{name}.data", matrix.data, 1)
+    lower, upper = sparse.tril(matrix, -1).tocsr(), sparse.triu(matrix, 1).tocsr()
+    if bool(lower.count_nonzero()) != bool(upper.count_nonzero()):
+        return (matrix + lower.T + upper.T).tocsr()
+    off = abs(matrix - matrix.T).max()
+    if off > SYMMETRY * abs(matrix).max():
+        raise ValueError(f"FiniteElementModel: {name} is not symmetric, entries differ by up to {off:g}")
+    return ((matrix + matrix.T) / 2.0).tocsr()
+
+
+def _labels(name: str, given: Any, count: int) -> np.ndarray:
+    """(count, 2): nodes and directions."""
+    pairs = real_array(OWNER, name, given, 2)
+    if pairs.shape != (count, 2):
+        raise ValueError(f"FiniteElementModel: {name} has shape {pairs.shape}, {(count, 2)} was expected")
+    whole = np.array(_whole(OWNER, name, pairs.ravel())).reshape(count, 2)
+    if (whole[:, 1] < 0).any() or (whole[:, 1] > 5).any():
+        raise ValueError(
+            f"FiniteElementModel: {name} must be pairs of a node's label and a direction, 0 to 5"
+        )
+    return whole
+
+
+def _whole(owner: str, name: str, given: Any) -> tuple[int, ...]:
+    """Labels."""
+    values = real_array(owner, name, given, 1)
+    if (values != np.round(values)).any() or (np.abs(values) > 2.0**53).any():
+        raise ValueError(f"{owner}: {name} = {shown(given)} must be labels of nodes, whole numbers")
+    return tuple(map(int, values))
+
+
+def _vector(owner: str, name: str, given: Any) -> np.ndarray:
+    if isinstance(given, str):
+        if given not in tuple(AXES):
+            raise ValueError(f"{owner}: {name} = {given!r} is none of 'x', 'y', 'z' and no vector")
+        return np.eye(3)[AXES.index(given)]
+    vector = real_array(owner, name, given, 1)
+    if len(vector) != 3 or not vector.any():
+        raise ValueError(f"{owner}: {name} = {shown(given)} must be three numbers that are not all zero")
+    return vector / np.linalg.norm(vector)
+
+
+def _gap_at(gap: Callable, places: np.ndarray) -> Any:
+    """What a user's function says of (n, 3) places."""
+    try:
+        inspect.signature(gap).bind(*places.T)
+    except (TypeError, ValueError):
+        raise TypeError(f"contact: gap = {shown(gap)} must be a function of x, y and z") from None
+    return gap(*places.T)

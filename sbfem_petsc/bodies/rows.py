@@ -1,0 +1,78 @@
+"""Rows of displacements and contact of a body given by its matrices."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from ..checks import shown
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """A weighted sum of unknowns: load, sensor, or both. Rows of one body add and subtract, and take factors.
+
+    Attributes
+    ----------
+    weights : (1, n) sparse matrix
+    """
+
+    weights: sparse.csr_matrix
+
+    def __add__(self, other: Row) -> Row:
+        return Row(sparse.csr_matrix(self.weights + _same("row", self, other).weights))
+
+    def __sub__(self, other: Row) -> Row:
+        return self + -1.0 * _same("row", self, other)
+
+    def __mul__(self, factor: float) -> Row:
+        return Row(sparse.csr_matrix(float(factor) * self.weights))
+
+    __rmul__ = __mul__
+
+    @property
+    def size(self) -> int:
+        """Unknowns of its body."""
+        return self.weights.shape[1]
+
+    def __repr__(self) -> str:
+        return f"Row({self.weights.nnz} of {self.size} unknowns)"
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """Contact rows, whose gaps are `rows` u + `gap`; those of one body add.
+
+    Attributes
+    ----------
+    rows : (pairs, n) sparse matrix
+    gap : (pairs,) array
+        m.
+    """
+
+    rows: sparse.csr_matrix
+    gap: np.ndarray
+
+    def __add__(self, other: Contact) -> Contact:
+        other = _same("contact", self, other)
+        return Contact(sparse.vstack([self.rows, other.rows]).tocsr(), np.concatenate([self.gap, other.gap]))
+
+    @property
+    def size(self) -> int:
+        """Unknowns of its body."""
+        return self.rows.shape[1]
+
+    def __repr__(self) -> str:
+        return f"Contact({len(self.gap)} pairs of {self.size} unknowns)"
+
+
+def _same(what: str, one: Any, other: Any) -> Any:
+    """The other, of the same kind and size."""
+    if type(other) is not type(one):
+        raise TypeError(f"{what}: {shown(other)} cannot be added; give a {what} of the same body")
+    if other.size != one.size:
+        raise ValueError(f"{what}: bodies of {one.size} and {other.size} unknowns do not add; use one body")
+    return other

@@ -1,0 +1,174 @@
+"""Bodies of other codes against scikit-fem's matrices and dense computations of the test's own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse
+
+import sbfem_petsc as sb
+
+
+@pytest.fixture(scope="module")
+def parts():
+    """Two blocks of steel, in mm, N and t, whose faces at x = 40 mm touch and join below z = 5 mm; the left
+    end is held.
+    """
+    skfem = pytest.importorskip("skfem")
+    from skfem.helpers import dot
+    from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+    mesh = skfem.MeshHex.init_tensor(np.linspace(0, 80, 9), np.linspace(0, 10, 2), np.linspace(0, 10, 3))
+    p, t = mesh.p, mesh.t.copy()
+    crack = np.flatnonzero((np.abs(p[0] - 40) < 1e-9) & (p[2] > 5 + 1e-9))
+    twin = dict(zip(crack, range(p.shape[1], p.shape[1] + len(crack)), strict=True))
+    for e in np.flatnonzero(p[0, t].mean(axis=0) > 40):
+        t[:, e] = [twin.get(k, k) for k in t[:, e]]
+    mesh = skfem.MeshHex(np.hstack([p, p[:, crack]]), t)
+    basis = skfem.Basis(mesh, skfem.ElementVector(skfem.ElementHex1()))
+    stiffness = linear_elasticity(*lame_parameters(210e3, 0.3)).assemble(basis)
+    mass = skfem.BilinearForm(lambda u, v, _: 7.85e-9 * dot(u, v)).assemble(basis)
+    place = np.zeros((basis.N, 2), int)
+    for d in range(3):
+        place[basis.nodal_dofs[d]] = np.stack(
+            [np.arange(mesh.p.shape[1]) + 1, np.full(mesh.p.shape[1], d)], 1
+        )
+    held = mesh.p[0] < 1e-9
+    free = np.flatnonzero(~held[place[:, 0] - 1])
+    return {
+        "mass": mass.tocsr()[free][:, free],
+        "stiffness": stiffness.tocsr()[free][:, free],
+        "unknowns": place[free],
+        "nodes": {k + 1: tuple(x) for k, x in enumerate(mesh.p.T)},
+        "sets": {"LEFT": crack + 1, "RIGHT": [k + 1 for k in twin.values()]},
+        "fixed": [(int(k) + 1, d) for k in np.flatnonzero(held) for d in range(3)],
+        "units": "mm-N-t",
+    }
+
+
+@pytest.fixture(scope="module")
+def body(parts):
+    return sb.FiniteElementModel(**parts)
+
+
+def test_rows_and_contact_beside_dense(parts, body):
+    """Frequencies in Hz, the flexibility of gaps, loads and sensors in m/N, and a steady state are those of
+    dense SI matrices with rows written by hand.
+    """
+    k, m = 1e3 * parts["stiffness"].toarray(), 1e3 * parts["mass"].toarray()
+    place = {tuple(pair): i for i, pair in enumerate(parts["unknowns"])}
+    n = len(place)
+    rows = np.zeros((2, n))
+    x = parts["nodes"]
+    for row, left in zip(rows, parts["sets"]["LEFT"], strict=True):
+        right = next(r for r in parts["sets"]["RIGHT"] if x[r] == x[left])
+        row[place[right, 0]], row[place[left, 0]] = 1.0, -1.0
+    end = next(label for label, at in x.items() if at == (80.0, 10.0, 10.0))
+    tip, oblique = np.zeros(n), np.zeros(n)
+    tip[place[end, 2]] = 1.0
+    oblique[place[end, 1]], oblique[place[end, 2]] = 0.6, 0.8
+
+    crack = body.contact("LEFT", "RIGHT", normal=(1, 0, 0), gap=2e-6)
+    at = body.at((0.08, 0.01, 0.01), "z")
+    points = {
+        "tip": at,
+        "oblique": body.at(end, (0, 3, 4)),
+        "opening": body.at("RIGHT", "x") - body.at("LEFT", "x"),
+    }
+    given = {"modes": 20, "damping": 0.01}
+    found = sb.reduce(body, contact=crack, loads={"F": at}, points=points, **given)
+    seen = {"tip": tip, "oblique": oblique, "opening": rows.mean(axis=0)}
+    dense = sb.reduce_matrices(m, k, rows, [2e-6, 2e-6], loads=tip[:, None], sensors=seen, **given)
+
+    own = np.sqrt(scipy.linalg.eigh(k, m, eigvals_only=True)[:20]) / (2 * np.pi)
+    assert found.frequencies == pytest.approx(own, rel=1e-9)
+    whole = found.gap.contact + (found.gap.modes / found.omega**2) @ found.gap.modes.T
+    assert whole == pytest.approx(rows @ np.linalg.solve(k, rows.T), rel=1e-8)
+    share = found.points.loads[:, 1, 0] + found.points.modes[:, 1] @ (found.load_modes[:, 0] / found.omega**2)
+    assert share == pytest.approx(np.array([*seen.values()]) @ np.linalg.solve(k, tip), rel=1e-7)
+
+    one, other = (sb.periodic(rom, 400.0, 0.4 * own[0]) for rom in (found, dense))
+    assert one.contact_force.max() > 1.0
+    for name in seen:
+        first, second = one.harmonics(name)[:4], other.harmonics(name)[:4]
+        assert np.abs(first - second).max() < 1e-6 * np.abs(second).max()
+
+
+def test_gaps_walls_and_sums(body):
+    """A function, an array and a number give the same gaps; walls take the normal towards them; sums are
+    both.
+    """
+    faces = body.contact("LEFT", "RIGHT", normal="x")
+    assert faces.gap.tolist() == [0.0, 0.0]
+    wedge = body.contact("LEFT", "RIGHT", normal="x", gap=lambda x, y, z: 1e-3 * (z - 0.005))
+    assert wedge.gap == pytest.approx([5e-6, 5e-6], rel=1e-12)
+    assert body.contact("LEFT", "RIGHT", normal="x", gap=wedge.gap).gap.tolist() == wedge.gap.tolist()
+    end = body.at((0.08, 0.01, 0.01), "z")
+    label = body.unknowns[end.weights.indices[0]][0]
+    wall = body.contact([label], normal="z", gap=1e-4)
+    assert not (wall.rows + end.weights).toarray().any()
+    both = faces + wall
+    assert both.rows.shape == (3, len(body.unknowns)) and both.gap.tolist() == [0.0, 0.0, 1e-4]
+
+
+def test_undamped_by_default(body):
+    at = body.at("RIGHT", "z")
+    for given in ({}, {"damping": 0.0}):
+        rom = sb.reduce(body, loads={"F": at}, points={"mouth": at}, modes=3, **given)
+        assert rom.pairs == 0 and rom.damping.tolist() == [0.0, 0.0, 0.0]
+
+
+def test_one_triangle(parts, body):
+    """Symmetric storage is told apart."""
+    lower = sb.FiniteElementModel(**{**parts, "stiffness": scipy.sparse.tril(parts["stiffness"])})
+    assert np.abs((lower.stiffness - body.stiffness).toarray()).max() < 1e-12 * abs(body.stiffness).max()
+
+
+def test_summary(body):
+    """56 nodes of which 6 are held."""
+    lines = body.summary().splitlines()
+    assert lines[:3] == [
+        "150 free unknowns of 56 nodes",
+        "size 0.08 x 0.01 x 0.01 m",
+        "18 unknowns held",
+    ]
+    assert lines[3:] == ["set LEFT: 2 nodes", "set RIGHT: 2 nodes"]
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"units": "inch"}, "units = 'inch'"),
+        ({"mass": scipy.sparse.eye(3)}, "mass has shape"),
+        ({"mass": np.eye(3)}, "must be a real sparse matrix"),
+        ({"unknowns": [[1, 0]]}, "unknowns has shape"),
+        ({"nodes": {1: (0.0, 0.0, 0.0)}}, "which nodes has not"),
+        ({"sets": {"A": [99999]}}, "set 'A' has node 99999"),
+    ],
+)
+def test_wrong_models(parts, change, sentence):
+    with pytest.raises((ValueError, TypeError), match=sentence):
+        sb.FiniteElementModel(**{**parts, **change})
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda b: b.at("TOP", "x"), "set 'TOP' does not exist"),
+        (lambda b: b.at((80, 10, 10), "z"), "coordinates are in m"),
+        (lambda b: b.at(10**6, "z"), "place has node 1000000, which does not exist"),
+        (lambda b: b.at("LEFT", "w"), "is none of 'x', 'y', 'z'"),
+        (lambda b: b.at((0, 0, 0), "z"), "is held along"),
+        (lambda b: b.at((0.04, 0.0, 0.01), "z"), "2 nodes lie at"),
+        (lambda b: b.contact("LEFT", "RIGHT"), "do not tell their side"),
+        (lambda b: b.contact("LEFT", [5, 6], normal="x"), "have no partner"),
+        (lambda b: b.contact("LEFT"), "a wall needs a normal"),
+        (lambda b: b.contact("LEFT", normal="x", gap=[1e-6]), "gap has 1 values"),
+        (lambda b: b.contact("LEFT", normal="x", gap=-1e-6), "overlap"),
+        (lambda b: sb.reduce(b, loads={"F": b.at("LEFT", "x")}), "points = None must be a dict"),
+    ],
+)
+def test_wrong_calls(body, call, sentence):
+    with pytest.raises((ValueError, TypeError, KeyError), match=sentence):
+        call(body)
