@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..damping import ratios_by_frequency
 from ..petsc import PETSc, SLEPc
 from .record import Record, described, quantity
 
@@ -18,7 +19,12 @@ class Body(Record):
     labels: ClassVar = {"crack": "cracks"}
 
     thickness: float = quantity("m", "thickness of the structure")
-    damping: float = quantity("1", "modal damping ratio of dynamic analyses")
+    damping: np.ndarray = quantity(
+        "1", "modal damping ratios of dynamic analyses: of all modes, of each mode or by frequency", "ratio"
+    )
+    damping_frequency: np.ndarray = quantity(
+        "Hz", "frequencies of the ratios; nan unless they are by frequency", "ratio", finite=False
+    )
     rayleigh: np.ndarray = quantity(
         "SI", "factors a (1/s) and b (s) of the damping a M + b K beside it", "factor"
     )
@@ -65,12 +71,14 @@ class Body(Record):
         if mesh is None:
             return None
         pairs, cracks = model.pairs, model.cracks
+        frequencies, ratios = ratios_by_frequency(model.damping).T
         options = PETSc.Options().getAll()
         versions = {"petsc": PETSc.Sys, "slepc": SLEPc.Sys}
         return cls(
             **mesh,
             thickness=model.thickness,
-            damping=model.damping,
+            damping=ratios,
+            damping_frequency=frequencies,
             rayleigh=np.array(model.rayleigh, dtype=float),
             continued_fraction=model.continued_fraction,
             order=model.order,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy import sparse
@@ -13,7 +13,8 @@ from meshing.warnings import BandWarning
 
 from ..bodies.finite_element_model import FiniteElementModel
 from ..bodies.rows import Contact, Row
-from ..checks import Bounds, instance, optional_integer, positive, real, shown
+from ..checks import instance, optional_integer, positive, shown
+from ..damping import DampingTable, ModalDamping, checked_damping, checked_rayleigh
 from ..errors import caller_level
 from ..loads import Load, SupportMotion, separate
 from ..petsc import MPI
@@ -41,7 +42,8 @@ def reduce(
     contact: Contact | None = None,
     loads: Mapping[str, Row] | None = None,
     points: Mapping[str, Row] | None = None,
-    damping: float | None = None,
+    damping: float | Sequence[float] | np.ndarray | DampingTable | None = None,
+    rayleigh: tuple[float, float] | None = None,
 ) -> ReducedModel:
     """Reduce a model to its lowest modes and the residual flexibility of its contact, loads and named points.
 
@@ -63,8 +65,10 @@ def reduce(
     loads, points : dict of str to Row
         Of a body: unit loads in the order of a later load's numbers, and what is seen, each in the place of a
         point's y displacement.
-    damping : float, optional
-        Modal damping ratio of a body, default 0; a Model has its own.
+    damping : float, sequence of float or DampingTable, optional
+        Modal damping of a body, as of `reduce_matrices`, default 0; a Model has its own.
+    rayleigh : (float, float), optional
+        a (1/s) and b (s) of a damping matrix a M + b K of a body beside it, default none.
 
     Returns
     -------
@@ -78,16 +82,21 @@ def reduce(
     if isinstance(model, FiniteElementModel):
         if load is not None or band is not None:
             raise ValueError("reduce: a body takes loads and modes, not load and band")
-        return _reduced_body(model, contact, (loads, points), modes, damping)
+        damped = (
+            checked_damping("reduce", 0.0 if damping is None else damping),
+            checked_rayleigh("reduce", (0.0, 0.0) if rayleigh is None else rayleigh),
+        )
+        return _reduced_body(model, contact, (loads, points), modes, damped)
     if not isinstance(model, Model):
         raise TypeError(
             f"reduce: model = {shown(model)} is not a Model or FiniteElementModel; for matrices use "
             "reduce_matrices"
         )
     with collective(model.comm):
-        if any(given is not None for given in (contact, loads, points, damping)):
+        if any(given is not None for given in (contact, loads, points, damping, rayleigh)):
             raise ValueError(
-                "reduce: contact, loads, points and damping are of a FiniteElementModel; a Model has its own"
+                "reduce: contact, loads, points, damping and rayleigh are of a FiniteElementModel; a Model "
+                "has its own"
             )
     most = model.boundary_unknowns // 2
     with collective(model.comm):
@@ -108,7 +117,7 @@ def _reduced_body(
     contact: Contact | None,
     named: tuple[Mapping[str, Row] | None, Mapping[str, Row] | None],
     modes: int | None,
-    damping: float | None,
+    damped: tuple[ModalDamping, tuple[float, float]],
 ) -> ReducedModel:
     """A body of another code, by its matrices."""
     n = len(body.unknowns)
@@ -136,9 +145,8 @@ def _reduced_body(
         loads=sparse.vstack([row.weights for row in loads.values()]).T,
         sensors={name: row.weights for name, row in points.items()},
         modes=modes,
-        damping=0.0
-        if damping is None
-        else real("reduce", "damping", damping, within=Bounds(least=0.0, below=1.0)),
+        damping=damped[0],
+        rayleigh=damped[1],
     )
 
 

@@ -8,8 +8,16 @@ from typing import Any
 import numpy as np
 from scipy import linalg, sparse
 
-from ..checks import Bounds, integer, real, real_array, shown
+from ..checks import integer, real_array, shown
 from ..contact.law import ContactLaw, row_laws
+from ..damping import (
+    DampingTable,
+    ModalDamping,
+    checked_damping,
+    checked_rayleigh,
+    modal_ratios,
+    rayleigh_ratios,
+)
 from .outputs import LinearOutput
 from .reduced_model import ReducedModel
 from .sparse import sparse_modes
@@ -27,7 +35,8 @@ def reduce_matrices(
     loads: np.ndarray | sparse.spmatrix,
     sensors: Mapping[str, int | np.ndarray | sparse.spmatrix],
     modes: int | None = None,
-    damping: float | np.ndarray = 0.0,
+    damping: float | Sequence[float] | np.ndarray | DampingTable = 0.0,
+    rayleigh: tuple[float, float] = (0.0, 0.0),
     compliance: np.ndarray | None = None,
     contact_laws: ContactLaw | Sequence[ContactLaw] | None = None,
 ) -> ReducedModel:
@@ -53,8 +62,11 @@ def reduce_matrices(
     modes : int, optional
         Lowest modes kept; the others act by their flexibility. Default: all, of sparse matrices 80, or half
         as many as unknowns.
-    damping : float or (n, n) array
-        Modal damping ratio, or a damping matrix that the modes make diagonal, such as a M + b K.
+    damping : float, sequence of float, DampingTable or (n, n) array
+        Modal damping ratio: of all modes, of each of the lowest modes that vibrate, the last one holding for
+        all further modes, or by frequency; or a damping matrix that the modes make diagonal.
+    rayleigh : (float, float)
+        a (1/s) and b (s) of a damping matrix a M + b K beside it; see `rayleigh_factors`.
     compliance : (pairs,) array, optional
         Of elastic stops and joints, m/N of each row.
     contact_laws : ContactLaw or sequence of ContactLaw, optional
@@ -98,10 +110,17 @@ def reduce_matrices(
     default, most = (max(min(80, n // 2, heavy), 1), max(n - 1, 1)) if large else (n, n)
     modes = default if modes is None else integer("reduce_matrices", "modes", modes, least=1, most=most)
     seen = _sensor_rows(sensors, n)
+    given, factors = _damping(damping, n), checked_rayleigh("reduce_matrices", rayleigh)
 
     columns = np.concatenate([contact_rows.T, loads], axis=1)
     values, kept, flexibility = (sparse_modes if large else _dense_modes)(mass, stiffness, columns, modes)
     omega = np.sqrt(values)
+    if factors[0] > 0.0 and not omega.all():
+        raise ValueError(
+            f"reduce_matrices: rayleigh = {rayleigh} damps a rigid-body motion, which has no damping ratio; "
+            "hold the system by a weak spring, or give a = 0"
+        )
+    ratios = _ratios(given, kept, omega) + rayleigh_ratios(factors, omega)
     by_contact, by_loads = flexibility[:, :pairs], flexibility[:, pairs:]
     gaps = LinearOutput(
         (), contact_rows @ kept, contact_rows @ by_loads, contact_rows @ by_contact + np.diag(stops)
@@ -120,7 +139,7 @@ def reduce_matrices(
 
     return ReducedModel(
         omega / (2.0 * np.pi),
-        _ratios(damping, kept, omega),
+        ratios,
         gaps,
         laws.rest(gap),
         pairs,
@@ -214,18 +233,33 @@ def _sensor_rows(sensors: Any, count: int) -> sparse.csr_matrix:
     return rows.tocsr()
 
 
-def _ratios(damping, modes: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """Modal damping ratios from one number or a damping matrix."""
-    if not isinstance(damping, (list, tuple, np.ndarray)) or getattr(damping, "ndim", 1) == 0:
-        ratio = real("reduce_matrices", "damping", damping, within=Bounds(least=0.0, below=1.0))
-        return np.full(len(omega), ratio)
-    matrix = _array("damping", damping, 2)
-    if matrix.shape != (len(modes), len(modes)):
+def _damping(value: Any, count: int) -> ModalDamping | np.ndarray:
+    """Modal damping or a damping matrix as a user gives it for so many unknowns."""
+    sequence = isinstance(value, (list, tuple, np.ndarray))
+    rows = value.ndim > 1 if isinstance(value, np.ndarray) else sequence and any(map(np.ndim, value))
+    if not rows:
+        damping = checked_damping("reduce_matrices", value)
+        if isinstance(damping, tuple) and len(damping) > count:
+            raise ValueError(
+                f"reduce_matrices: damping has {len(damping)} ratios for {count} unknowns; give one a mode "
+                "at most"
+            )
+        return damping
+    matrix = _array("damping", value, 2)
+    if matrix.shape != (count, count):
         raise ValueError(
-            f"reduce_matrices: damping has shape {matrix.shape}, {(len(modes), len(modes))} was expected"
+            f"reduce_matrices: damping has shape {matrix.shape}, {(count, count)} was expected of a matrix; "
+            "ratios by frequency are a DampingTable"
         )
     _check_symmetric("damping", matrix)
-    modal = modes.T @ matrix @ modes
+    return matrix
+
+
+def _ratios(damping: ModalDamping | np.ndarray, modes: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Modal damping ratios of checked damping."""
+    if not isinstance(damping, np.ndarray):
+        return modal_ratios(damping, omega)
+    modal = modes.T @ damping @ modes
     own = np.diag(modal)
     coupling = np.abs(modal - np.diag(own)).max(initial=0.0)
     if coupling > 1e-9 * np.abs(own).max():

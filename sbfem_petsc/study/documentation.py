@@ -30,6 +30,7 @@ from .case.geometry import (
     GEOMETRIES,
     BeamGeometry,
     CrackLine,
+    DampingByFrequency,
     GmshGeometry,
     Hole,
     Isotropic,
@@ -71,7 +72,7 @@ _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
         "gmsh model).",
         (Isotropic, Orthotropic),
     ),
-    ("[model]", "", (ModelTable, Support, *LAWS, RayleighBand)),
+    ("[model]", "", (ModelTable, Support, *LAWS, DampingByFrequency, RayleighBand)),
     (
         "[loads.NAME]",
         'A component is a number or a table with a signal, `fy = { kind = "harmonic", amplitude = '
@@ -249,6 +250,7 @@ def _title(table: type[BaseModel]) -> str:
         "Hole": "`[[geometry.holes]]` (beam, plate)",
         "CrackLine": "`[[geometry.cracks]]` (plate)",
         "Support": "`[[model.supports]]`",
+        "DampingByFrequency": "`damping = { ... }`",
         "RayleighBand": "`rayleigh = { ... }`",
         "Range": "A range of values",
         "Noise": "`noise = { ... }`",

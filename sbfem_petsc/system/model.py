@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import functools
 import itertools
-import math
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from meshing.boundary_mesh import BoundaryMesh
 
-from ..checks import Bounds, instance, integer, numbers_of, positive, real, shown
+from ..checks import instance, integer, positive, shown
 from ..contact.law import ContactLaw, Unilateral, check_law
+from ..damping import (
+    DampingTable,
+    checked_damping,
+    checked_rayleigh,
+    in_words,
+    modal_ratios,
+    rayleigh_ratios,
+)
 from ..errors import UnknownName, listed, on_all_ranks
 from ..material import Material, OrthotropicMaterial
 from ..petsc import MPI, collect
@@ -50,9 +57,10 @@ class Model(Structure):
     continued_fraction : int
         Terms of the continued fraction for the inertia of each S-element (Mcf of the paper); 0: mass matrix
         alone.
-    damping : float
-        Modal damping ratio of every dynamic analysis. An unreduced model meets it in its computed modes, and
-        has none beyond them.
+    damping : float, sequence of float or DampingTable
+        Modal damping ratio of every dynamic analysis: of all modes, of each of the lowest modes in ascending
+        order, the last one holding for all further modes, or by frequency. An unreduced model meets it in its
+        computed modes, and has none beyond them.
     rayleigh : (float, float)
         a (1/s) and b (s) of a damping matrix a M + b K, which adds a / (2 omega) + b omega / 2 to the ratio
         of a mode; see `rayleigh_factors`.
@@ -99,7 +107,7 @@ class Model(Structure):
         clamped: Any = _DECLARED,
         continued_fraction: int = 1,
         *,
-        damping: float = 0.0,
+        damping: float | Sequence[float] | np.ndarray | DampingTable = 0.0,
         thickness: float = 1.0,
         supports: Any = (),
         comm: MPI.Comm | None = None,
@@ -110,8 +118,8 @@ class Model(Structure):
         comm = checked_communicator("Model", comm)
         with collective(comm):
             terms = integer("Model", "continued_fraction", continued_fraction, least=0, most=20)
-            self.damping = real("Model", "damping", damping, within=Bounds(least=0.0, below=1.0))
-            self.rayleigh = _rayleigh(rayleigh)
+            self.damping = checked_damping("Model", damping)
+            self.rayleigh = checked_rayleigh("Model", rayleigh)
             thickness = positive("Model", "thickness", thickness, "m")
             tip_modes = integer("Model", "tip_modes", tip_modes, least=0, most=12)
             further = as_supports(None if clamped is _DECLARED else clamped, supports)
@@ -240,38 +248,19 @@ class Model(Structure):
         super().destroy()
 
     def damping_ratios(self, omega: np.ndarray) -> np.ndarray:
-        """Damping ratios of modes with angular frequencies `omega` (rad/s): the modal ratio and Rayleigh's a
-        / (2 omega) + b omega / 2.
+        """Damping ratios of the lowest modes by their angular frequencies `omega` (rad/s): the modal ratios
+        and Rayleigh's a / (2 omega) + b omega / 2.
         """
-        a, b = self.rayleigh
-        reciprocal = np.divide(a, omega, out=np.zeros(len(omega)), where=omega > 0.0)
-        return self.damping + 0.5 * (reciprocal + b * omega)
+        return modal_ratios(self.damping, omega) + rayleigh_ratios(self.rayleigh, omega)
 
     def __repr__(self) -> str:
-        rayleigh = (
-            f", Rayleigh damping {self.rayleigh[0]:g} 1/s M + {self.rayleigh[1]:g} s K"
-            if any(self.rayleigh)
-            else ""
-        )
         return (
             f"Model({self.elements} S-elements of {self.shapes} shapes, order {self.order}, "
             f"{self.boundary_unknowns} boundary unknowns, "
             f"{self.unknowns} unknowns with continued_fraction={self.continued_fraction}, {len(self.pairs)} "
-            f"contact pairs, damping ratio {self.damping:g}{rayleigh}, "
+            f"contact pairs, {in_words(self.damping, self.rayleigh)}, "
             f"{self.comm.size} rank{'s' if self.comm.size > 1 else ''})"
         )
-
-
-def rayleigh_factors(ratio: float, low: float, high: float) -> tuple[float, float]:
-    """a (1/s) and b (s) of a M + b K that give a damping ratio at two frequencies (Hz); it is smaller between
-    them and larger outside.
-    """
-    low, high = (
-        2.0 * math.pi * positive("rayleigh_factors", "low", low, "Hz"),
-        2.0 * math.pi * positive("rayleigh_factors", "high", high, "Hz"),
-    )
-    ratio = real("rayleigh_factors", "ratio", ratio, within=Bounds(least=0.0, below=1.0))
-    return 2.0 * ratio * low * high / (low + high), 2.0 * ratio / (low + high)
 
 
 def _materials(material: object, names: tuple[str, ...]) -> list[Material | OrthotropicMaterial]:
@@ -309,15 +298,3 @@ def _contact_laws(laws: object, cracks: tuple[str, ...]) -> dict[str, ContactLaw
             )
         check_law("Model", f"contact_laws[{name!r}]", law)
     return {name: laws.get(name, Unilateral()) for name in cracks}
-
-
-def _rayleigh(value: object) -> tuple[float, float]:
-    a, b = numbers_of(
-        "Model",
-        "rayleigh",
-        value,
-        2,
-        "two numbers, a in 1/s and b in s of a M + b K",
-        within=Bounds(least=0.0),
-    )
-    return a, b

@@ -11,7 +11,7 @@ from sbfem_petsc.continuation.search import Search
 from tests.parallel import answer, on_ranks
 from tests.reference import paper_beam
 
-RATIOS = sb.rayleigh_factors(0.005, 1500.0, 9000.0)
+RATIOS = sb.rayleigh_factors(1500.0, 0.005, 9000.0, 0.005)
 LOAD = sb.PointForce("A", fy=300.0)
 
 
@@ -92,7 +92,7 @@ import json
 import sbfem_petsc as sb
 from tests.reference import paper_beam
 aluminium = sb.Material(young=70e9, poisson=0.33, density=2700)
-rayleigh = sb.rayleigh_factors(0.005, 1500.0, 9000.0)
+rayleigh = sb.rayleigh_factors(1500.0, 0.005, 9000.0, 0.005)
 model = sb.Model(paper_beam().mesh(order=3), aluminium, rayleigh=rayleigh)
 orbit = sb.periodic(model, sb.PointForce("A", fy=300.0), 3000.0, steps=65, reduction=None)
 if model.comm.rank == 0:
@@ -130,7 +130,7 @@ def test_bad_input(model):
 def narrow():
     """A beam whose crack closes on the way up its first resonance, so that the curve leans over."""
     shape = Beam(0.1, 0.02, (VNotch(0.04, 0.008, 0.5),))
-    ratios = sb.rayleigh_factors(0.003, 1000.0, 9000.0)
+    ratios = sb.rayleigh_factors(1000.0, 0.003, 9000.0, 0.003)
     material = sb.Material(young=70e9, poisson=0.33, density=2700)
     return sb.Model(shape.mesh(order=2, face_edges=2), material, rayleigh=ratios)
 

@@ -10,7 +10,6 @@ from meshing import Beam, VNotch
 from sbfem_petsc.motion.integration import Steps
 from sbfem_petsc.motion.unreduced import steps as unreduced_steps
 from sbfem_petsc.motion.unreduced.steps import UnreducedSteps
-from sbfem_petsc.system.model import rayleigh_factors
 from sbfem_petsc.system.solve.pencil import Pencil
 from tests.parallel import answer, on_ranks
 from tests.reference import paper_beam
@@ -168,7 +167,7 @@ def test_modal_damping_is_that_of_the_reduced_model(model):
         sb.Model(
             mesh,
             ALUMINIUM,
-            rayleigh=rayleigh_factors(0.002, sb.modal(model, 1).frequencies[0], 3000.0),
+            rayleigh=sb.rayleigh_factors(sb.modal(model, 1).frequencies[0], 0.002, 3000.0, 0.002),
             tip_modes=0,
         ),
     )
@@ -234,7 +233,7 @@ def test_decrement(modal):
     """
     mesh = Beam(0.1, 0.005).mesh(order=3, corners=())
     frequency = sb.modal(sb.Model(mesh, ALUMINIUM), 1).frequencies[0]
-    a, b = rayleigh_factors(0.02, frequency, 5 * frequency)
+    a, b = sb.rayleigh_factors(frequency, 0.02, 5 * frequency, 0.02)
     for f in (frequency, 5 * frequency):
         assert a / (4 * np.pi * f) + b * np.pi * f == pytest.approx(0.02, rel=1e-9)
     model = sb.Model(mesh, ALUMINIUM, damping=0.02) if modal else sb.Model(mesh, ALUMINIUM, rayleigh=(a, b))

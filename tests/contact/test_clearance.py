@@ -234,7 +234,7 @@ def test_against_two_rows(modes):
 def test_unreduced_history():
     """The unreduced model beside the reduced one, to the modes that are left out and both schemes' errors."""
     law = {"crack2": sb.Clearance(LAYER, width=2.5e-6)}
-    model = two_notches(contact_laws=law, rayleigh=sb.rayleigh_factors(0.05, 500.0, 20e3))
+    model = two_notches(contact_laws=law, rayleigh=sb.rayleigh_factors(500.0, 0.05, 20e3, 0.05))
     load = sb.PointForce("A", fy=sb.Harmonic(3e3, 400.0))
     whole = sb.transient(model, load, 0.004, step=4e-6, reduction=None)
     part = sb.transient(model, load, 0.004, step=4e-6, modes=60)

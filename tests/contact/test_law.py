@@ -411,7 +411,7 @@ def test_tied_unreduced_transient():
 @pytest.mark.long
 def test_tied_unreduced_orbit():
     """Shooting on the unreduced model against the reduced one, whose 30 modes leave out 1e-3."""
-    model = two_notches(contact_laws=sb.Tied(LAYER), rayleigh=sb.rayleigh_factors(0.05, 500.0, 20e3))
+    model = two_notches(contact_laws=sb.Tied(LAYER), rayleigh=sb.rayleigh_factors(500.0, 0.05, 20e3, 0.05))
     load = sb.PointForce("A", fy=100.0)
     whole = sb.periodic(model, load, 900.0, reduction=None, steps=101)
     reduced = sb.periodic(model, load, 900.0, modes=30, steps=512)

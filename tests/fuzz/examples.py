@@ -207,7 +207,8 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "contact_laws": None,
         }
     ],
-    "rayleigh_factors": [lambda: {"ratio": 0.01, "low": 10.0, "high": 100.0}],
+    "DampingTable": [lambda: {"points": [(10.0, 0.01), (100.0, 0.02)]}],
+    "rayleigh_factors": [lambda: {"low": 10.0, "low_ratio": 0.01, "high": 100.0, "high_ratio": 0.02}],
     "modal": [
         lambda: {"model": model(), "count": 3, "auxiliary_tolerance": 1e-5, "verify": True},
         lambda: {"model": model(), "band": (10.0, 5000.0)},
@@ -432,10 +433,11 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "points": {"tip": body_of_springs().at(3, "x")},
             "modes": 1,
             "damping": 0.01,
+            "rayleigh": (0.0, 0.0),
         },
     ],
     "FiniteElementModel": [body_arguments],
-    "reduce_matrices": [lambda: {**matrices(), "modes": 2, "contact_laws": None}],
+    "reduce_matrices": [lambda: {**matrices(), "modes": 2, "rayleigh": (0.0, 0.0), "contact_laws": None}],
     "write_animation": [
         lambda: {
             "folder": "animation",
@@ -830,6 +832,7 @@ OBJECTS: dict[str, Callable[[], Any]] = {
     "Plate": lambda: Plate(
         [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)], cracks=[CrackLine([(0.5, 0.0), (0.5, 0.2)])]
     ),
+    "DampingTable": lambda: sb.DampingTable([(10.0, 0.01), (100.0, 0.02)]),
     "Harmonic": lambda: sb.Harmonic(1.0, 10.0),
     "Samples": lambda: sb.Samples([0.0, 1.0], [0.0, 1.0]),
 }

@@ -44,6 +44,7 @@ LEGITIMATE = {
     "sb.periodic(model,F,300.,modes=6, steps=64, longest=10**30)": _UNUSED,
     'sb.load_response(model,sb.PointForce("A",fy=sb.Harmonic(1,300.)),300.,0.5,stop=1.,modes=6,steps=64,'
     "points=4)": "a tone at the frequency of the curve",
+    "matrices(damping=np.array([0.05,0.05]))": "ratios of each mode",
     "matrices(gap=[-0.01])": "a stop that presses at rest",
     "sb.periodic(model,F,300.,modes=6,steps=64,stability=None)": "the default: of a reduced model",
     "sb.frequency_response(model,F,300.,320.,modes=6,steps=64,points=4,stability=None)": "the same",

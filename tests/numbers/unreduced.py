@@ -23,7 +23,7 @@ GROUP = Group(
 @functools.cache
 def body():
     shape = Beam(0.1, 0.02, (VNotch(0.04, 0.008, 0.02),))
-    ratios = sb.rayleigh_factors(0.01, 1000.0, 9000.0)
+    ratios = sb.rayleigh_factors(1000.0, 0.01, 9000.0, 0.01)
     return sb.Model(shape.mesh(order=2, face_edges=4), bodies.ALUMINIUM, rayleigh=ratios)
 
 

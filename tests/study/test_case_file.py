@@ -110,7 +110,8 @@ def test_objects():
     )
     text = text.replace("density = 2700", "poisson_12 = 0.3\nshear_12 = 5e9\ndensity = 1600\nangle = 30.0")
     text = text.replace(
-        "damping = 0.01", "rayleigh = { ratio = 0.01, low = 100.0, high = 1000.0 }\nthickness = 0.02"
+        "damping = 0.01",
+        "rayleigh = { low = 100.0, low_ratio = 0.01, high = 1000.0, high_ratio = 0.02 }\nthickness = 0.02",
     )
     text += """
 [loads]
@@ -129,7 +130,7 @@ fy = { kind = "constant", value = 4.0 }
     )
     assert model.materials == [material]
     assert model.supports == (sb.Support("left"), sb.Support("A", x=False, y=1e6))
-    assert model.rayleigh == sb.rayleigh_factors(0.01, 100.0, 1000.0)
+    assert model.rayleigh == sb.rayleigh_factors(100.0, 0.01, 1000.0, 0.02)
     assert model.thickness == 0.02
     wind, weight, chirp = objects.load(case, ["wind", "weight", "sweep"], 2.0)
     assert wind == sb.EdgeLoad("top", pressure=sb.Step(10.0, time=1.0))
@@ -138,6 +139,20 @@ fy = { kind = "constant", value = 4.0 }
     (tone,) = objects.load(case, ["push"], 0.5, frequency=50.0)
     assert tone == sb.PointForce("A", fy=sb.Harmonic(100.0, 50.0))
     model.destroy()
+
+
+@pytest.mark.parametrize(
+    ("written", "damping"),
+    [
+        ("[0.01, 0.03]", (0.01, 0.03)),
+        ("{ points = [[50.0, 0.01], [400, 0.02]] }", sb.DampingTable([(50.0, 0.01), (400.0, 0.02)])),
+    ],
+)
+def test_measured_damping(written, damping):
+    """Ratios of each mode and by frequency."""
+    case = case_from_text(CASE.replace("damping = 0.01", f"damping = {written}"))
+    with objects.model(case, MPI.COMM_SELF) as model:
+        assert model.damping == damping
 
 
 def test_documentation_in_sync():

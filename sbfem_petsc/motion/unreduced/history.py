@@ -9,8 +9,8 @@ mass, however short the step: over the burst of a lightly damped cantilever 7e-3
 1.2e-3 of what is supplied with 400, 800, 1600, 3200 and 6400 steps a period of the first mode. Halving steps,
 as those of reduced models are, would not take this away.
 
-The model's damping ratio is that of the computed modes, C = sum of 2 zeta omega (M phi)(M phi)^T; everything
-above them is undamped but for Rayleigh's a M + b K.
+The model's damping ratios are those of the computed modes, C = sum of 2 zeta omega (M phi)(M phi)^T;
+everything above them is undamped but for Rayleigh's a M + b K.
 
 Scheme "paper" is that of eqs. (28)-(34) of Sepehry et al.: pairs that penetrate are tied in one pass, tension
 allowed, and the multiplier is carried in the acceleration. It is there to be compared with: contact feeds
@@ -25,6 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...damping import DampingTable
 from ...errors import SolveError, on_all_ranks
 from ...loads import Load
 from ...petsc import stage
@@ -66,7 +67,7 @@ class UnreducedIntegrator:
     initial : {"rest", "equilibrium"} or (displacement, velocity)
         Functions of x and y (m, arrays) that give (u_x, u_y), or None for zero.
     modes : int
-        Number of modes that are computed where the model has a damping ratio.
+        Number of modes that are computed where the model has damping ratios.
     """
 
     def __init__(
@@ -113,7 +114,9 @@ class UnreducedIntegrator:
             "initial": self.begun,
             "initial_norms": np.sqrt(march.summed(np.array([march.u @ march.u, march.v @ march.v]))),
             "chunk": self.chunk,
-            "damping": model.damping,
+            "damping": np.array(
+                model.damping.points if isinstance(model.damping, DampingTable) else model.damping
+            ),
             "damped_modes": len(march.omega),
             "rayleigh": np.array(model.rayleigh),
             "pairs": model.gap_operator.pairs,

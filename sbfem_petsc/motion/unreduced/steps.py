@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
+from ...damping import modal_ratios
 from ...loads import Load
 from ...petsc import MPI, PETSc, free, stage
 from ...system.model import Model
@@ -64,7 +65,7 @@ class UnreducedSteps:
     steps : Steps
         Their scheme is "implicit" or "paper".
     found : Modal or None
-        The modes in which the model's damping ratio is met.
+        The modes in which the model's damping ratios are met.
 
     Attributes
     ----------
@@ -163,7 +164,7 @@ class UnreducedSteps:
         self.probe_modes = self.summed(self.probes @ self.phi)
         self.gap_modes = self.probe_modes[: self.pairs]
         self.tip_modes = self.model.tips.rows(self.phi[: pencil.owned])
-        self.friction = 2.0 * self.model.damping * self.omega
+        self.friction = 2.0 * modal_ratios(self.model.damping, self.omega) * self.omega
         self.left = self.inertia + self.stretch * self.omega**2
         self.left_damped = self.left + self.rate * self.friction
 

@@ -12,7 +12,7 @@ from meshing import beam, plate
 from meshing.gmsh import reader
 from meshing.shapes import features
 
-from ... import material, supports
+from ... import damping, material, supports
 from ...options import Pair, item
 from .laws import Law
 from .tables import AnyNames, Name, Problem, Table, by_kind
@@ -198,17 +198,43 @@ class Support(Table):
     y: bool | float = item(True, text="true: held, false: free, a number: stiffness", unit="N/m^3 or N/m")
 
 
-class RayleighBand(Table):
-    """Rayleigh damping by its ratio at two frequencies."""
+Ratio = Annotated[float, Field(ge=0, lt=1)]
 
-    ratio: float = item(text="damping ratio at both frequencies", ge=0, lt=1)
+
+class RayleighBand(Table):
+    """Rayleigh damping by its ratios at two frequencies."""
+
+    made: ClassVar = damping.rayleigh_factors
+
     low: float = item(text="lower frequency", unit="Hz", gt=0)
+    low_ratio: float = item(text="damping ratio there", ge=0, lt=1)
     high: float = item(text="upper frequency", unit="Hz", gt=0)
+    high_ratio: float = item(text="damping ratio there", ge=0, lt=1)
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
-        """Frequencies in the wrong order."""
+        """Frequencies in the wrong order, ratios that no two factors give."""
         if self.low >= self.high:
             yield "low", f"= {self.low:g} must be below high = {self.high:g}, in Hz"
+            return
+        try:
+            damping.rayleigh_factors(self.low, self.low_ratio, self.high, self.high_ratio)
+        except ValueError as error:
+            yield "high_ratio", f"is refused: {error}"
+
+
+class DampingByFrequency(Table):
+    """Modal damping ratios by frequency, constant beyond the first and the last one."""
+
+    made: ClassVar = damping.DampingTable
+
+    points: list[Pair] = item(text="[frequency in Hz, ratio], frequencies ascending", min_length=1)
+
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """Frequencies in the wrong order, ratios out of range."""
+        try:
+            damping.DampingTable(tuple((frequency, ratio) for frequency, ratio in self.points))
+        except ValueError as error:
+            yield "points", f"is refused: {error}"
 
 
 class ModelTable(Table):
@@ -222,9 +248,13 @@ class ModelTable(Table):
     contact_laws: dict[str, Law] = item(
         {}, text="what faces do to each other, [model.contact_laws.CRACK]; others are unilateral"
     )
-    damping: float = item(0.0, text="modal damping ratio of every dynamic analysis", ge=0, lt=1)
+    damping: Ratio | Annotated[list[Ratio], Field(min_length=1)] | DampingByFrequency = item(
+        0.0,
+        text="modal damping ratio of every dynamic analysis, from 0 to below 1; an array: of the lowest "
+        "modes, the last one for all further modes; a table: by frequency, { points }",
+    )
     rayleigh: Pair | RayleighBand | None = item(
-        None, text="[a, b] of a damping matrix a M + b K (1/s and s), or { ratio, low, high }"
+        None, text="[a, b] of a damping matrix a M + b K (1/s and s), or { low, low_ratio, high, high_ratio }"
     )
     thickness: float = item(1.0, text="thickness", unit="m", gt=0)
     continued_fraction: int = item(

@@ -177,7 +177,10 @@ def model(case: Case, comm: Any, found: Any = None) -> sb.Model:
     elif isinstance(rayleigh, list):
         factors = tuple(rayleigh)
     else:
-        factors = sb.rayleigh_factors(rayleigh.ratio, rayleigh.low, rayleigh.high)
+        factors = made(case, rayleigh, "model", "rayleigh")
+    damping = table.damping
+    if isinstance(damping, Table):
+        damping = made(case, damping, "model", "damping")
     with located(case, "model"):
         return sb.Model(
             body,
@@ -185,7 +188,7 @@ def model(case: Case, comm: Any, found: Any = None) -> sb.Model:
             clamped=clamped(case) or None,
             supports=supports,
             continued_fraction=table.continued_fraction,
-            damping=table.damping,
+            damping=damping,
             rayleigh=tuple(factors),
             thickness=table.thickness,
             contact_laws=laws or None,
