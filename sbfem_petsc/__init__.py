@@ -33,6 +33,7 @@ _HOME = {
     "PointForce": "loads",
     "EdgeLoad": "loads",
     "SupportMotion": "loads",
+    "EdgeMotion": "loads",
     "Loads": "loads",
     "Support": "supports",
     "Unilateral": "contact.law",

@@ -12,6 +12,7 @@ import numpy as np
 from .checks import real, shown, text
 from .errors import UnknownName, listed
 from .signals.signal import Signal, as_signal
+from .supports import Support
 
 
 class LoadAssembler(Protocol):
@@ -19,6 +20,7 @@ class LoadAssembler(Protocol):
 
     edge_sets: tuple[str, ...]
     points: dict[str, Any]
+    supports: tuple[Support, ...]
 
     def point_force(self, point: str, force: tuple[float, float]) -> None:
         """Add a force (N) on a named point."""
@@ -28,6 +30,9 @@ class LoadAssembler(Protocol):
 
     def inertia(self, acceleration: tuple[float, float]) -> None:
         """Add the force -density * acceleration (m/s^2) on the whole body."""
+
+    def motion(self, where: str, displacement: tuple[float, float]) -> None:
+        """Move what the supports of a place hold by a displacement (m)."""
 
 
 class Load:
@@ -84,7 +89,7 @@ class Load:
 
 
 # What says where a load acts; all else are its components.
-PLACES = ("point", "edge_set")
+PLACES = ("point", "edge_set", "where")
 
 
 @dataclass(frozen=True)
@@ -173,6 +178,44 @@ class SupportMotion(Load):
 
 
 @dataclass(frozen=True)
+class EdgeMotion(Load):
+    """Prescribed displacement of a supported edge set or point, in the directions that its support holds
+    fixed; other supports stand still. For `static` and `load_history`.
+
+    The force that it takes is the support's in `Static.reactions`.
+
+    Parameters
+    ----------
+    where : str
+        Name of an edge set or point, that of a `Support` (or of `clamped`) of the model.
+    ux, uy : float or Signal
+        Components, m.
+    """
+
+    where: str
+    ux: float | Signal = 0.0
+    uy: float | Signal = 0.0
+
+    def _check_place(self, structure: LoadAssembler) -> None:
+        own = [support.fixed for support in structure.supports if support.where == self.where]
+        if not own:
+            raise UnknownName(
+                f"EdgeMotion: {self.where!r} is not supported; give the model Support({self.where!r}), or "
+                f"one of {listed(support.where for support in structure.supports)}"
+            )
+        for k, (name, value) in enumerate(self.components.items()):
+            if not any(fixed[k] for fixed in own) and not (isinstance(value, Real) and value == 0):
+                raise ValueError(
+                    f"EdgeMotion: {name} of {self.where!r} moves what its support does not hold; give the "
+                    f"model Support({self.where!r}, {name[1]}=True)"
+                )
+
+    def assemble(self, structure: LoadAssembler) -> None:
+        """Move the edges."""
+        structure.motion(self.where, (self.ux, self.uy))  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
 class Loads:
     """Several loads acting together; made by adding loads."""
 
@@ -211,9 +254,20 @@ def as_loads(load: Load | Loads | Iterable[Load]) -> Loads:
             flat.append(item)
         else:
             raise TypeError(
-                f"load = {shown(item)} is neither a PointForce nor an EdgeLoad nor a SupportMotion"
+                f"load = {shown(item)} is neither a PointForce nor an EdgeLoad, a SupportMotion nor an "
+                "EdgeMotion"
             )
     return Loads(tuple(flat))
+
+
+def refuse_motion(owner: str, loads: Loads) -> None:
+    """Raise ValueError for an `EdgeMotion` where structures move."""
+    for item in loads.parts:
+        if isinstance(item, EdgeMotion):
+            raise ValueError(
+                f"{owner}: {shown(item)} is for structures at rest, in static and load_history; a base that "
+                "moves as a whole is a SupportMotion, by its acceleration"
+            )
 
 
 def separate(load, number: Callable[[float], Signal] = as_signal) -> tuple[list[Load], list[Signal]]:

@@ -79,8 +79,10 @@ class LoadHistory(Record):
             m, m and Pa.
         """
         line, points = checked_line(start, end, count)
-        moved = any(state.columns.acceleration.any() for state in self.states)
-        places = self.states[0].model.places(points, inertia=moved)
+        columns = [state.columns for state in self.states]
+        inertia = any(c.acceleration.any() for c in columns)
+        moved = any(c.lift is not None for c in columns)
+        places = self.states[0].model.places(points, inertia=inertia, moved=moved)
         u, stress = zip(*(state.at_places(places) for state in self.states))
         return line, np.array(u), np.array(stress)
 
@@ -157,7 +159,7 @@ def load_history(
     Parameters
     ----------
     model : Model
-    load : PointForce, EdgeLoad, SupportMotion, a sum or a sequence of them
+    load : PointForce, EdgeLoad, SupportMotion, EdgeMotion, a sum or a sequence of them
         Numbers are constant loads; signals are taken at each time.
     time : (n,) sequence of float
         s, in the order in which the states are wanted and in which faces rub (`Coulomb`).

@@ -54,7 +54,7 @@ def static(
     Parameters
     ----------
     model : Model
-    load : PointForce, EdgeLoad, a sum or a sequence of them
+    load : PointForce, EdgeLoad, SupportMotion, EdgeMotion, a sum or a sequence of them
     contact : bool
         Whether crack faces may press on each other; False: the linear solution, which lets them overlap.
     method : {"active_set", "one_pass_tie"}
@@ -152,7 +152,9 @@ def _unresolved(found: Static) -> float:
     beside the loads. It falls with the square of the loads: those that vanish leave one of rounding.
     """
     missed = sum(map(abs, found.unresolved_contact.values()))
-    loads = found.model.comm.allreduce(float(np.abs(found.columns.nodal).sum()))
+    columns = found.columns
+    pulled = 0.0 if columns.lift is None else np.abs(columns.lift.forces).sum()
+    loads = found.model.comm.allreduce(float(np.abs(columns.nodal).sum() + pulled))
     return missed / (missed + max(found.contact_resultant, 0.0)) if missed > NEGLIGIBLE * loads else 0.0
 
 
@@ -199,13 +201,17 @@ def _solved(model: Model, load, contact: bool, solve, former: Static | None = No
     _judge(found.residual)
     model.refinement.judge("static")
     model.solver.judge("static")
+    points, field = model.at_points(found.owned), model.nodal(found.owned)
+    if columns.lift is not None:
+        points = {name: u + lift[:, 0] for (name, u), lift in zip(points.items(), columns.lift.points)}
+        field = field + columns.lift.nodal[..., 0]
     return Static(
-        model.at_points(found.owned),
+        points,
         found.force[: model.gap_operator.pairs],
         found.gap[: model.gap_operator.pairs],
         found.active[: model.gap_operator.pairs],
         float(found.force[: len(model.gap_operator.laws)].sum()),
-        model.nodal(found.owned),
+        field,
         found.iterations,
         model.solver.name,
         found.residual,

@@ -173,10 +173,12 @@ class Static(Record):
         return self._at(places.displacement, 2), self._at(places.stress, 3)
 
     def _places(self, points: list[tuple[float, float]]) -> Places:
-        """Forms at points (m), for `at_places`: with what the inertia of moving supports does inside.
-        Collective.
+        """Forms at points (m), for `at_places`: with what the inertia of moving supports does inside, and
+        edges that are moved. Collective.
         """
-        return self._solved.places(points, inertia=bool(self.columns.acceleration.any()))
+        columns = self.columns
+        inertia, moved = bool(columns.acceleration.any()), columns.lift is not None
+        return self._solved.places(points, inertia=inertia, moved=moved)
 
     def _at(self, forms: PlaceRows, components: int) -> np.ndarray:
         """(places, components) of displacement or stress."""
@@ -218,7 +220,12 @@ class Static(Record):
         by_loads = self._solved.comm.allreduce(float(columns.forces[:, 0] @ found.owned))
         by_contact = float(found.force @ gap.rows(found.owned))
         inside = float(found.force @ gap.flexibility @ found.force + columns.flexibility[0, 0])
-        return 0.5 * (by_loads + by_contact + inside) + float(found.force @ columns.gaps[:, 0])
+        whole = 0.5 * (by_loads + by_contact + inside) + float(found.force @ columns.gaps[:, 0])
+        if columns.lift is None:
+            return whole
+        # supports that move are no springs: what they pull with and the gaps they open store nothing
+        pulled = self._solved.comm.allreduce(float(columns.lift.forces[:, 0] @ found.owned))
+        return whole - pulled - float(found.force @ columns.lift.gaps[:, 0])
 
     @functools.cached_property
     @agreed()

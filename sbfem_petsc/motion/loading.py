@@ -12,7 +12,7 @@ import numpy as np
 
 from ..checks import optional_integer, real, shown
 from ..errors import on_all_ranks
-from ..loads import Load, Loads, as_loads, separate
+from ..loads import Load, Loads, as_loads, refuse_motion, separate
 from ..petsc import MPI
 from ..ranks.parallel import collective
 from ..reduction.build import default_modes, reduced
@@ -128,7 +128,7 @@ def _loading(
     owner: str, system: Model | ReducedModel, load: Any, number: Callable[[float], Signal]
 ) -> Loading:
     if isinstance(system, Model):
-        system.checked_loads(load, constant=False)
+        refuse_motion(owner, system.checked_loads(load, constant=False))
         units, signals = separate(load, number)
         return Loading(tuple(units), tuple(signals))
     count = system.load_modes.shape[1]
@@ -148,7 +148,7 @@ def _loading(
         raise TypeError(
             f"{owner}: load = {shown(load)} must be a number or signal for each of the {count} unit loads"
         )
-    system.model.checked_loads(load, constant=False)
+    refuse_motion(owner, system.model.checked_loads(load, constant=False))
     units, signals = separate(load, number)
     acting: list[Signal] = [Constant(0.0)] * count
     for unit, signal in zip(units, signals):

@@ -16,7 +16,7 @@ from ..bodies.rows import Contact, Row
 from ..checks import instance, optional_integer, positive, shown
 from ..damping import DampingTable, ModalDamping, checked_damping, checked_rayleigh
 from ..errors import caller_level
-from ..loads import Load, SupportMotion, separate
+from ..loads import Load, SupportMotion, refuse_motion, separate
 from ..petsc import MPI
 from ..ranks.parallel import agreed, collective
 from ..system.fields.resolution import warn_of_tips
@@ -100,7 +100,7 @@ def reduce(
             )
     most = model.boundary_unknowns // 2
     with collective(model.comm):
-        model.checked_loads(load, constant=False)
+        refuse_motion("reduce", model.checked_loads(load, constant=False))
         if modes is not None and band is not None:
             raise ValueError(f"reduce: give modes or band, not both (modes = {modes!r}, band = {band!r})")
         modes = optional_integer("reduce", "modes", modes, least=1, most=most)

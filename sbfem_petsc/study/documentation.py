@@ -43,7 +43,7 @@ from .case.geometry import (
     Support,
 )
 from .case.laws import LAWS
-from .case.loads import EdgeLoad, PointForce, SupportMotion
+from .case.loads import EdgeLoad, EdgeMotion, PointForce, SupportMotion
 from .case.signals import SIGNALS
 from .case.sweep import Noise, Range, SweepTable
 from .case.tables import kind_name
@@ -82,7 +82,7 @@ _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
         "amplitude of sin(2 pi f t) in `periodic`, `frequency_response`, `load_response`, `modulation`, "
         "`quasi_periodic` and `quasi_periodic_response`. Beside a signal that varies these refuse a number, "
         "which may be meant as either: a table of kind constant or harmonic says which.",
-        (PointForce, EdgeLoad, SupportMotion, *SIGNALS),
+        (PointForce, EdgeLoad, SupportMotion, EdgeMotion, *SIGNALS),
     ),
     (
         "[analyses.NAME]",

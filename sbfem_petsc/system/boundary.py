@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..loads import Load, as_loads
 from ..petsc import PETSc, free, require_thread
+from ..ranks.parallel import collective
 from ..selement.basis import tabulated
+from ..supports import Support
 from .solve.assembly import ElementBlocks
 
 if TYPE_CHECKING:
@@ -30,6 +32,30 @@ def edge_metric(coordinates: np.ndarray, order: int) -> tuple[np.ndarray, np.nda
     tangent = derivatives @ coordinates
     length = np.sqrt((tangent**2).sum(axis=2))
     return length, np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1) / length[..., None]
+
+
+class Lift(NamedTuple):
+    """Displacements of what supports hold, while all else stands still, one column each.
+
+    Attributes
+    ----------
+    nodal : (m, 2, k) array
+        Of this rank's nodes, m.
+    held : (h, k) array
+        Of this rank's unknowns of `Structure.held`, m.
+    forces : (owned, k) array
+        What they pull at this rank's displacement unknowns with, N.
+    gaps : (c, k) array
+        Of the contact rows, m.
+    points : (points, 2, k) array
+        Of the named points, m.
+    """
+
+    nodal: np.ndarray
+    held: np.ndarray
+    forces: np.ndarray
+    gaps: np.ndarray
+    points: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +78,9 @@ class LoadColumns:
         Forces of the traction modes of the tips that this rank holds, N.
     acceleration : (2, k) array
         Of moving supports, m/s^2.
+    lift : Lift or None
+        Of edges with a prescribed displacement; its forces and gaps are among the others. None: all supports
+        stand still.
     """
 
     forces: np.ndarray
@@ -61,6 +90,7 @@ class LoadColumns:
     nodal: np.ndarray
     tip_forces: dict[int, np.ndarray]
     acceleration: np.ndarray
+    lift: Lift | None = None
 
     def combined(self, amplitudes: np.ndarray) -> LoadColumns:
         """One column: the loads with their amplitudes (k,) together."""
@@ -74,6 +104,7 @@ class LoadColumns:
             self.nodal @ weights,
             {number: table @ weights for number, table in self.tip_forces.items()},
             self.acceleration @ weights,
+            None if self.lift is None else Lift(*(part @ weights for part in self.lift)),
         )
 
 
@@ -89,11 +120,12 @@ class NodalForces:
 
     def __init__(self, model: Structure, vector: PETSc.Vec | None):
         self._model, self._vector = model, vector
-        self.points, self.edge_sets = model.points, model.edge_set_names
+        self.points, self.edge_sets, self.supports = model.points, model.edge_set_names, model.supports
         # forces of the traction modes of the tips that this rank holds, and on its nodes
         self.tip_forces: dict[int, np.ndarray] = {}
         self.nodal = np.zeros((len(model.part.nodes), 2))
         self.acceleration = np.zeros(2)
+        self.lift = np.zeros((len(model.part.nodes), 2))
 
     def point_force(self, point: str, force: tuple[float, float]) -> None:
         """Add a force (N) on a named point."""
@@ -130,6 +162,29 @@ class NodalForces:
             steady = -model.scales(group)[1][:, None, None] * (group.rotations @ acceleration)[:, :, None]
             self._add(group.nodes, np.matmul(group.turned(units), steady))
 
+    def motion(self, where: str, displacement: tuple[float, float]) -> None:
+        """Move what the supports of a place hold by a displacement (m). Collective."""
+        part, mine = self._model.part, np.zeros((len(self._model.part.nodes), 2), dtype=bool)
+        others: list[tuple[str, np.ndarray]] = []
+        for support in self.supports:
+            held = np.zeros_like(mine)
+            held[nodes_of(self._model, support.where)] = support.fixed
+            if support.where == where:
+                mine |= held
+            else:
+                others.append((support.where, held))
+        mine &= np.array(displacement) != 0.0
+        with collective(self._model.comm):
+            for name, held in others:
+                if (mine & held).any():
+                    row, k = np.argwhere(mine & held)[0]
+                    x, y = part.coordinates[row]
+                    raise ValueError(
+                        f"EdgeMotion: at ({x:.6g}, {y:.6g}) m {where!r} is to move along {'xy'[k]}, which "
+                        f"{name!r} holds there too; let one support alone hold it"
+                    )
+        self.lift += np.where(mine, displacement, 0.0)
+
     def _add(self, nodes: np.ndarray, forces: np.ndarray) -> None:
         """Forces (..., 2) or flat on rows of this rank's nodes."""
         nodes, forces = nodes.ravel(), forces.reshape(-1, 2)
@@ -143,7 +198,7 @@ class NodalForces:
 def load_columns(model: Structure, loads: Sequence[Load]) -> LoadColumns:
     """What several constant, checked loads do. Collective."""
     require_thread()
-    columns, collected, nodal = [], [], []
+    columns, collected, nodal, lifts = [], [], [], []
     accelerations = np.zeros((2, len(loads)))
     vector = model.stiffness.createVecRight()
     try:
@@ -153,6 +208,7 @@ def load_columns(model: Structure, loads: Sequence[Load]) -> LoadColumns:
             for item in as_loads(load).parts:
                 item.assemble(assembler)
             vector.assemble()
+            lifts.append(assembler.lift)
             columns.append(vector.array_r.copy())
             collected.append(assembler.tip_forces)
             nodal.append(assembler.nodal)
@@ -182,7 +238,82 @@ def load_columns(model: Structure, loads: Sequence[Load]) -> LoadColumns:
     size = model.owned.stop - model.owned.start
     forces = np.asfortranarray(np.stack(columns, axis=1)) if columns else np.zeros((size, 0), order="F")
     on_nodes = np.stack(nodal, axis=2) if nodal else np.zeros((len(model.part.nodes), 2, 0))
-    return LoadColumns(forces, gaps, intensities, flexibility, on_nodes, tip_forces, accelerations)
+    found = LoadColumns(forces, gaps, intensities, flexibility, on_nodes, tip_forces, accelerations)
+    if not model.comm.allreduce(any(lift.any() for lift in lifts)):
+        return found
+    return _lifted(model, found, np.stack(lifts, axis=2))
+
+
+def _lifted(model: Structure, columns: LoadColumns, nodal: np.ndarray) -> LoadColumns:
+    """The loads with displacements (m, 2, k) of what supports hold, too. Collective."""
+    held = model.held
+    inner = np.stack([inner_forces(model, field) for field in np.moveaxis(nodal, 2, 0)], axis=2)
+    forces = -np.stack([model.summed_nodal(part) for part in np.moveaxis(inner, 2, 0)], axis=1)
+    size, first = held.owned.stop - held.owned.start, held.owned.start
+    numbers = held.part.unknowns
+    mine = (numbers >= first) & (numbers < held.owned.stop)
+    own = np.zeros((size, nodal.shape[2]))
+    own[numbers[mine] - first] = nodal[mine]
+    lift = Lift(
+        nodal,
+        own,
+        forces,
+        held.gap_operator.rows(own),
+        held.point_rows(own).reshape(len(model.points), 2, -1),
+    )
+    work = model.comm.allreduce(np.einsum("nik,nil->kl", nodal, inner))
+    return replace(
+        columns,
+        forces=np.asfortranarray(columns.forces + forces),
+        gaps=columns.gaps + lift.gaps,
+        tips=columns.tips + held.tips.rows(own),
+        flexibility=columns.flexibility + 0.5 * (work + work.T),
+        lift=lift,
+    )
+
+
+def inner_forces(model: Structure, field: np.ndarray) -> np.ndarray:
+    """(m, 2): this rank's part of the nodal forces that displacements (m, 2) of its nodes take, those of
+    elastic supports included, N.
+    """
+    forces = np.zeros_like(field)
+    for group in model.groups:
+        moved = field[group.nodes].reshape(len(group.sizes), -1)
+        inner = model.scales(group)[0] * np.einsum(
+            "kij,kj->ki", group.turned_both(group.solution.stiffness), moved
+        )
+        np.add.at(forces, group.nodes, inner.reshape(*group.nodes.shape, 2))
+    return forces + sum(spring_forces(model, support, field) for support in model.supports)
+
+
+def nodes_of(model: Structure, where: str) -> np.ndarray:
+    """This rank's nodes of an edge set or a point, as rows. Collective."""
+    part = model.part
+    if where in model.edge_set_names:
+        # also nodes whose edge another rank holds: they are shared, and each rank has a part of the force
+        numbers = np.unique(part.nodes[part.edge_sets[where]])
+        everywhere = np.unique(np.concatenate(model.comm.allgather(numbers)))
+        return np.flatnonzero(np.isin(part.nodes, everywhere))
+    return np.flatnonzero(part.nodes == model.points[where][2])
+
+
+def spring_forces(model: Structure, support: Support, field: np.ndarray) -> np.ndarray:
+    """(m, 2): this rank's part of the forces on its nodes that elastic supports take up, N."""
+    part, springs = model.part, np.array(support.springs)
+    forces = np.zeros_like(field)
+    if not springs.any():
+        return forces
+    if support.where in model.edge_set_names:
+        edges = part.edge_sets[support.where]
+        if len(edges):
+            values, _, weights = tabulated(model.order, model.order + 2)
+            lengths, _ = edge_metric(part.coordinates[edges], model.order)
+            consistent = np.einsum("eq,q,qa,qb,ebi->eai", lengths, weights, values, values, field[edges])
+            np.add.at(forces, edges, springs * model.thickness * consistent)
+    elif model.comm.rank == min(model.point_holders[support.where], default=-1):
+        node = np.flatnonzero(part.nodes == model.points[support.where][2])
+        forces[node] = springs * field[node]
+    return forces
 
 
 def _held_work(model: Structure) -> np.ndarray:

@@ -4,6 +4,7 @@ fields.
 
 from __future__ import annotations
 
+import copy
 import functools
 import itertools
 from collections.abc import Callable, Iterable, Mapping
@@ -307,6 +308,37 @@ class Structure:
                 )
             )
 
+    @functools.cached_property
+    def held(self) -> Structure:
+        """The same with what supports hold fixed in the place of the displacement unknowns: its rows are
+        those of prescribed displacements; it has no matrices. Collective.
+        """
+        result = copy.copy(self)
+        for name in ("gap_operator", "point_rows", "tips", "held"):
+            result.__dict__.pop(name, None)
+        part, comm = self.part, self.comm
+        mine = np.argwhere(part.unknowns < 0)
+        keys = [2 * part.nodes[row] + k for row, k in mine]
+        # each belongs to the lowest rank that touches it
+        owners: dict[int, int] = {}
+        for rank, others in enumerate(comm.allgather(keys)):
+            owners |= {key: rank for key in others if key not in owners}
+        ordered = sorted(owners, key=lambda key: (owners[key], key))
+        number = {key: k for k, key in enumerate(ordered)}
+        counts = np.bincount(list(owners.values()), minlength=comm.size)
+        result.ranges = np.concatenate([[0], np.cumsum(counts)])
+        unknowns = np.full_like(part.unknowns, -1)
+        unknowns[tuple(mine.T)] = [number[key] for key in keys]
+        result.part = replace(part, unknowns=unknowns)
+
+        def of(node: int) -> tuple[int, int]:
+            return number.get(2 * node, -1), number.get(2 * node + 1, -1)
+
+        result.points = {name: (at, of(node), node) for name, (at, _, node) in self.points.items()}
+        pairs = [of(int(node)) for node in self.pairs.nodes.ravel()]
+        result.pair_unknowns = np.array(pairs, dtype=int).reshape(-1, 2, 2)
+        return result
+
     # ------------------------------------------------------------------ contact and outputs
     def require_frictionless(self, owner: str) -> None:
         """Raise ValueError, on all ranks, where faces rub."""
@@ -377,11 +409,11 @@ class Structure:
             boxes.append([*places.min(axis=0), *places.max(axis=0)])
         return np.array(boxes).reshape(-1, 4)
 
-    def places(self, points: list[tuple[float, float]], inertia: bool = False) -> Places:
-        """Forms of displacement and stress at points (m), with what inertia adds inside S-elements if it is
-        asked for. Collective.
+    def places(self, points: list[tuple[float, float]], inertia: bool = False, moved: bool = False) -> Places:
+        """Forms of displacement and stress at points (m), with what inertia adds inside S-elements, and what
+        supports that move do, if it is asked for. Collective.
         """
-        return places(self, points, inertia)
+        return places(self, points, inertia, moved)
 
     def at_points(self, owned: np.ndarray) -> dict[str, np.ndarray]:
         """Displacement of every named point, on all ranks. Collective.

@@ -179,6 +179,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
     "PointForce": [lambda: {"point": "A", "fx": 1.0, "fy": 1.0}],
     "EdgeLoad": [lambda: {"edge_set": "top", "tx": 1.0, "ty": 1.0, "pressure": 1.0}],
     "SupportMotion": [lambda: {"ax": 1.0, "ay": 1.0}],
+    "EdgeMotion": [lambda: {"where": "left", "ux": 1e-5, "uy": 1e-5}],
     "Loads": [lambda: {"parts": (PUSH,)}],
     "Support": [lambda: {"where": "left", "x": True, "y": 1.0}],
     "Unilateral": [lambda: {"compliance": 0.0}],

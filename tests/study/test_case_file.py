@@ -117,6 +117,7 @@ def test_objects():
 [loads]
 wind = { kind = "edge_load", edge_set = "top", pressure = { kind = "step", amplitude = 5.0, time = 1.0 } }
 weight = { kind = "support_motion", ay = 9.81 }
+pull = { kind = "edge_motion", where = "A", uy = 1e-5 }
 [loads.sweep]
 kind = "point_force"
 point = "A"
@@ -135,6 +136,7 @@ fy = { kind = "constant", value = 4.0 }
     wind, weight, chirp = objects.load(case, ["wind", "weight", "sweep"], 2.0)
     assert wind == sb.EdgeLoad("top", pressure=sb.Step(10.0, time=1.0))
     assert weight == sb.SupportMotion(ay=19.62)
+    assert objects.load(case, ["pull"], 2.0) == [sb.EdgeMotion("A", uy=2e-5)]
     assert chirp == sb.PointForce("A", fx=sb.Chirp(2.0, 10.0, 20.0, 2.0), fy=sb.Constant(8.0))
     (tone,) = objects.load(case, ["push"], 0.5, frequency=50.0)
     assert tone == sb.PointForce("A", fy=sb.Harmonic(100.0, 50.0))

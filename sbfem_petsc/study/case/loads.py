@@ -54,4 +54,15 @@ class SupportMotion(_Load):
     ay: Component = item(0.0, text=f"along y, {_VALUE}", unit="m/s^2")
 
 
-Load = by_kind(PointForce, EdgeLoad, SupportMotion)
+class EdgeMotion(_Load):
+    """A prescribed displacement of what a support holds, in static and load_history."""
+
+    made: ClassVar = loads.EdgeMotion
+
+    kind: Literal["edge_motion"] = item(text="a displacement of supported edges or a supported point")
+    where: Name = item(text="edge set or point, that of a support")
+    ux: Component = item(0.0, text=f"along x, {_VALUE}", unit="m")
+    uy: Component = item(0.0, text=f"along y, {_VALUE}", unit="m")
+
+
+Load = by_kind(PointForce, EdgeLoad, SupportMotion, EdgeMotion)

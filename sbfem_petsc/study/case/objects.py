@@ -133,7 +133,7 @@ def _named(case: Case) -> Iterator[tuple[Path, str, str]]:
     for k, support in enumerate(tables.model.supports):
         yield ("model", "supports", k, "where"), support.where, either
     for name, load in tables.loads.items():
-        for key, what in (("point", "no point"), ("edge_set", "no edge set")):
+        for key, what in (("point", "no point"), ("edge_set", "no edge set"), ("where", either)):
             if hasattr(load, key):
                 yield ("loads", name, key), getattr(load, key), what
     yield from ((("output", "points"), name, "no point") for name in tables.output.points or ())

@@ -166,6 +166,13 @@ class Kind(Table):
             )
             loads = {name: case.loads[name] for name in names if name in case.loads}
             yield from self._signals(key, loads)
+            yield from (
+                Problem(
+                    (key,), f"= {name!r} is of kind 'edge_motion', which static and load_history take alone"
+                )
+                for name, load in loads.items()
+                if load.kind == "edge_motion" and not self.statics
+            )
 
     def _signals(self, key: str, loads: dict[str, Any]) -> Iterator[Problem]:
         """Signals that an analysis does not understand; and a number beside signals that vary, where numbers

@@ -49,16 +49,19 @@ class PlaceRows:
         The same for all traction modes (N) of the tips that this rank holds, by the tip's number.
     inertia : Inertial or None
         What the inertia of the insides adds, where it was asked for.
+    held : Rows or None
+        Over the unknowns of `Structure.held`, where they were asked for.
     """
 
     rows: Rows
     contact: np.ndarray
     faces: dict[int, np.ndarray]
     inertia: Inertial | None = None
+    held: Rows | None = None
 
     def direct(self, model: Structure, columns: LoadColumns) -> np.ndarray:
-        """(rows, k): what loads on the faces inside tip elements and the inertia of moving supports add at
-        given displacements. Collective.
+        """(rows, k): what loads on the faces inside tip elements, the inertia of moving supports and edges
+        with a prescribed displacement add at given displacements. Collective.
         """
         total = np.zeros((len(self.rows), columns.acceleration.shape[1]))
         for number, form in self.faces.items():
@@ -66,7 +69,8 @@ class PlaceRows:
                 total += form @ columns.tip_forces[number]
         if self.inertia is not None:
             total -= self.inertia.body_force @ columns.acceleration
-        return model.comm.allreduce(total)
+        result = model.comm.allreduce(total)
+        return result if self.held is None or columns.lift is None else result + self.held(columns.lift.held)
 
     def modes(self, model: Structure, shapes: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """(rows, k): of modes (owned, k) with circular frequencies omega. Collective."""
@@ -149,8 +153,11 @@ def checked_line(start: Any, end: Any, count: int) -> tuple[np.ndarray, list[tup
     return line, [(float(x), float(y)) for x, y in line]
 
 
-def places(model: Structure, points: list[tuple[float, float]], inertia: bool = False) -> Places:
-    """Forms at points (m), with what inertia adds inside S-elements if it is asked for. Collective.
+def places(
+    model: Structure, points: list[tuple[float, float]], inertia: bool = False, moved: bool = False
+) -> Places:
+    """Forms at points (m), with what inertia adds inside S-elements, and what supports that move do, if it is
+    asked for. Collective.
 
     On an edge between S-elements the stress is that of the one with the lower number.
 
@@ -164,7 +171,7 @@ def places(model: Structure, points: list[tuple[float, float]], inertia: bool = 
     PlaceWarning
         On rank 0, if a point lies where the faces of a crack coincide.
     """
-    comm = model.comm
+    comm, other = model.comm, model.held if moved else None
     homes = [_home(model, np.array(point)) for point in points]
     mine = np.array([-1 if home is None else home[0] for home in homes], dtype=np.int64)
     owner = np.where(mine < 0, np.iinfo(np.int64).max, mine)
@@ -185,6 +192,7 @@ def places(model: Structure, points: list[tuple[float, float]], inertia: bool = 
     count, size = len(points), len(model.gap_operator)
     kinds: list[PlaceRows] = []
     local: tuple[dict, dict] = ({}, {})
+    lifted: tuple[dict, dict] = ({}, {})
     contact = (np.zeros((2 * count, size)), np.zeros((3 * count, size)))
     face_forms: tuple[dict, dict] = ({}, {})
     for k, home in held:
@@ -198,12 +206,17 @@ def places(model: Structure, points: list[tuple[float, float]], inertia: bool = 
             closed=group.closed,
             tractions=None if faces is None else faces.tractions,
         ).turned(group.rotations[member])
-        unknowns = model.part.unknowns[group.nodes[member]].ravel()
+        nodes = group.nodes[member]
+        unknowns = model.part.unknowns[nodes].ravel()
+        behind = other.part.unknowns[nodes].ravel() if other is not None else None
         scales = (1.0, material.modulus / float(group.sizes[member]))
         for kind, (form, scale) in enumerate(zip((forms.displacement[0], forms.stress[0]), scales)):
             first = (2 + kind) * k
             for row in range(2 + kind):
-                local[kind][first + row] = (unknowns, scale * form[row, : forms.unknowns])
+                values = scale * form[row, : forms.unknowns]
+                local[kind][first + row] = (unknowns, values)
+                if behind is not None:
+                    lifted[kind][first + row] = (behind, values)
             if faces is not None:
                 columns = scale * form[:, forms.unknowns :] / faces.stiffness
                 faces.place(contact[kind][first : first + 2 + kind], columns)
@@ -213,7 +226,10 @@ def places(model: Structure, points: list[tuple[float, float]], inertia: bool = 
                 table[first : first + 2 + kind] = columns
     for kind in (0, 1):
         rows = Rows.gathered(comm, model.ranges, flat_entries(local[kind]), (2 + kind) * count)
-        kinds.append(PlaceRows(rows, comm.allreduce(contact[kind]), face_forms[kind]))
+        held_rows = None
+        if other is not None:
+            held_rows = Rows.gathered(comm, other.ranges, flat_entries(lifted[kind]), len(rows))
+        kinds.append(PlaceRows(rows, comm.allreduce(contact[kind]), face_forms[kind], held=held_rows))
     if inertia:
         kinds = [replace(rows, inertia=part) for rows, part in zip(kinds, _inertial(model, held, count))]
     return Places(*kinds)

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...petsc import MPI
-from ...selement.basis import tabulated
-from ...supports import Support
-from ..boundary import edge_metric
+from ..boundary import inner_forces, nodes_of, spring_forces
 
 if TYPE_CHECKING:
     from ..structure import Structure
@@ -31,20 +29,12 @@ def reactions(model: Structure, field: np.ndarray, external: np.ndarray) -> dict
     Where two supports hold one direction of a node, the force is counted for the first. The springs of an
     edge act on all its nodes, on one that another support holds too: what they do there is theirs.
     """
-    part = model.part
-    forces = -external.copy()
-    for group in model.groups:
-        moved = field[group.nodes].reshape(len(group.sizes), -1)
-        inner = model.scales(group)[0] * np.einsum(
-            "kij,kj->ki", group.turned_both(group.solution.stiffness), moved
-        )
-        np.add.at(forces, group.nodes, inner.reshape(*group.nodes.shape, 2))
-    springs = [_spring_forces(model, support, field) for support in model.supports]
-    forces += sum(springs)
+    forces = inner_forces(model, field) - external
+    springs = [spring_forces(model, support, field) for support in model.supports]
     result: dict[str, np.ndarray] = {}
-    taken = np.zeros(part.unknowns.shape, dtype=bool)
+    taken = np.zeros(field.shape, dtype=bool)
     for support, elastic in zip(model.supports, springs):
-        nodes = _nodes_of(model, support.where)
+        nodes = nodes_of(model, support.where)
         held = np.zeros_like(taken)
         held[nodes] = np.array(support.fixed)
         held &= ~taken
@@ -53,33 +43,3 @@ def reactions(model: Structure, field: np.ndarray, external: np.ndarray) -> dict
         model.comm.Allreduce(MPI.IN_PLACE, total)
         result[support.where] = result.get(support.where, np.zeros(2)) + total
     return result
-
-
-def _nodes_of(model: Structure, where: str) -> np.ndarray:
-    """This rank's nodes of an edge set or a point."""
-    part = model.part
-    if where in model.edge_set_names:
-        # also nodes whose edge another rank holds: they are shared, and each rank has a part of the force
-        numbers = [np.unique(part.nodes[part.edge_sets[where]])]
-        everywhere = np.unique(np.concatenate(model.comm.allgather(numbers[0])))
-        return np.flatnonzero(np.isin(part.nodes, everywhere))
-    return np.flatnonzero(part.nodes == model.points[where][2])
-
-
-def _spring_forces(model: Structure, support: Support, field: np.ndarray) -> np.ndarray:
-    """(m, 2): this rank's part of the forces on its nodes that elastic supports take up, N."""
-    part, springs = model.part, np.array(support.springs)
-    forces = np.zeros_like(field)
-    if not springs.any():
-        return forces
-    if support.where in model.edge_set_names:
-        edges = part.edge_sets[support.where]
-        if len(edges):
-            values, _, weights = tabulated(model.order, model.order + 2)
-            lengths, _ = edge_metric(part.coordinates[edges], model.order)
-            consistent = np.einsum("eq,q,qa,qb,ebi->eai", lengths, weights, values, values, field[edges])
-            np.add.at(forces, edges, springs * model.thickness * consistent)
-    elif model.comm.rank == min(model.point_holders[support.where], default=-1):
-        node = np.flatnonzero(part.nodes == model.points[support.where][2])
-        forces[node] = springs * field[node]
-    return forces
