@@ -360,6 +360,16 @@ class Structure:
         return {name: [r for r, names in enumerate(everywhere) if name in names] for name in self.points}
 
     @functools.cached_property
+    def pair_rows(self) -> np.ndarray:
+        """(pairs, 2): both nodes of each pair among this rank's, -1 where a lower rank touches them, or this
+        one does not. Collective.
+        """
+        nodes, mine, comm = self.pairs.nodes.reshape(-1, 2), self.part.nodes, self.comm
+        lowest = np.where(np.isin(nodes, mine), comm.rank, comm.size)
+        comm.Allreduce(MPI.IN_PLACE, lowest, MPI.MIN)
+        return np.where(lowest == comm.rank, np.searchsorted(mine, nodes), -1)
+
+    @functools.cached_property
     def tip_places(self) -> list[TipPlace]:
         """The tip elements that this rank holds."""
         return tip_places(self)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from meshing import Plate
+from meshing import Beam, Plate, VNotch
 from tests.parallel import answer, on_ranks
 
 STEEL = sb.Material(210e9, 0.3, 7800)
@@ -14,8 +14,8 @@ APPLIED = np.array([2e6, -5e6]) * 0.4  # N
 PROGRAM = """
 import json
 from mpi4py import MPI
-from tests.analysis.test_reactions import shared
-found = shared()
+from tests.analysis.test_reactions import held_faces, shared
+found = held_faces() if MPI.COMM_WORLD.size == 3 else shared()
 if MPI.COMM_WORLD.rank == 0:
     print(json.dumps(found))
 """
@@ -73,6 +73,30 @@ def shared():
         sb.Support("apart", x=True, y=True),
     ).reactions
     return {name: force.tolist() for name, force in found.items()}
+
+
+def held_faces():
+    """Reactions where the clamped end and one face of a closed notch are held."""
+    mesh = Beam(0.1, 0.01, [VNotch(0.07, 0.004, 0.02)]).mesh(order=3)
+    found = {}
+    for face in ("crack1_right", "crack1_left"):
+        model = sb.Model(mesh, STEEL, clamped=["left", face])
+        state = sb.static(model, sb.PointForce("A", fy=3000.0))
+        assert state.contact_resultant > 500.0
+        found |= {f"{name} beside {face}": force.tolist() for name, force in state.reactions.items()}
+    return found
+
+
+def test_contact_with_a_held_face():
+    """Contact forces on nodes that do not move are the support's, on whatever rank they are: in balance with
+    the load, and alike on three ranks.
+    """
+    one, three = held_faces(), answer(on_ranks(3, PROGRAM))
+    for face in ("crack1_right", "crack1_left"):
+        forces = [one[f"{name} beside {face}"] for name in ("left", face)]
+        assert np.sum(forces, axis=0) == pytest.approx([0.0, -3000.0], abs=1e-8 * 3000.0)
+    for name, force in one.items():
+        assert three[name] == pytest.approx(force, abs=1e-6 * 3000.0)
 
 
 def test_nodes_of_several_supports():

@@ -162,20 +162,15 @@ def t_stresses(
 
 def contact_nodal_forces(model: Structure, force: np.ndarray) -> np.ndarray:
     """(m, 2): contact forces on this rank's nodes, also on those held fixed; sums over the ranks are the
-    whole.
+    whole. Collective.
     """
     result = np.zeros((len(model.part.nodes), 2))
-    if model.comm.rank == 0:
-        mine = model.part.nodes
-        pressing = model.pairs.normal * force[: len(model.pairs), None]
-        if model.gap_operator.friction is not None:
-            behind = force[len(model.gap_operator.laws) :][: len(model.pairs), None]
-            pressing = pressing + model.pairs.normal[:, ::-1] * [1.0, -1.0] * behind
-        for (right, left), value in zip(model.pairs.nodes, pressing):
-            for node, sign in ((right, 1.0), (left, -1.0)):
-                row = np.searchsorted(mine, node)
-                if value.any() and row < len(mine) and mine[row] == node:
-                    result[row] += sign * value
+    pressing = model.pairs.normal * force[: len(model.pairs), None]
+    if model.gap_operator.friction is not None:
+        behind = force[len(model.gap_operator.laws) :][: len(model.pairs), None]
+        pressing = pressing + model.pairs.normal[:, ::-1] * [1.0, -1.0] * behind
+    for rows, sign in zip(model.pair_rows.T, (1.0, -1.0)):
+        np.add.at(result, rows[rows >= 0], sign * pressing[rows >= 0])
     for faces in model.tip_faces:
         forces = faces.rows[: faces.modes].T @ force[faces.contact]
         if faces.rubbing >= 0:
