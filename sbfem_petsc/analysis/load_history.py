@@ -34,7 +34,7 @@ from .static_result import Static
 class LoadHistory(Record):
     """Static states at given times."""
 
-    labels: ClassVar = {"place": "points"}
+    labels: ClassVar = {"place": "points", "support": "supports", "tip": "tips"}
     coordinates: ClassVar = ("time",)
 
     time: np.ndarray = quantity("s", "times of the states", "time")
@@ -51,6 +51,16 @@ class LoadHistory(Record):
     def points(self) -> tuple[str, ...]:
         """Named points."""
         return tuple(self.states[0].point_displacements)
+
+    @property
+    def supports(self) -> tuple[str, ...]:
+        """Names of what is supported."""
+        return tuple(self.states[0].reactions)
+
+    @property
+    def tips(self) -> tuple[str, ...]:
+        """Names of the crack tips with a tip element."""
+        return tuple(self.states[0].stress_intensity)
 
     @derived("m", "displacement", "time place xy", called="displacement")
     def point_displacements(self) -> np.ndarray:
@@ -107,6 +117,38 @@ class LoadHistory(Record):
         """
         at_point(self.states[0].stress_intensity, crack, "crack tip")
         return np.array([state.stress_intensity[crack] for state in self.states])
+
+    @derived("N", "force of each support on the structure", "time support xy")
+    def reactions(self) -> np.ndarray:
+        """(n, supports, 2): N."""
+        return self._of_each("reactions", 2)
+
+    @derived(
+        "Pa m^(1 - exponent)",
+        "K_I and K_II of each crack tip",
+        "time tip component",
+        called="stress_intensity",
+        finite=False,
+        unit_of=lambda found: found.states[0].tip_facts.common,
+    )
+    def stress_intensities(self) -> np.ndarray:
+        """(n, tips, 2): as `stress_intensity` of one tip."""
+        return self._of_each("stress_intensity", 2)
+
+    @derived("J/m^2", "G of each crack tip", "time tip", finite=False)
+    def energy_release_rate(self) -> np.ndarray:
+        """(n, tips): J/m^2, nan where `Static` has none."""
+        return self._of_each("energy_release_rate", 1)[..., 0]
+
+    @derived("Pa", "T-stress of each crack tip", "time tip", finite=False)
+    def t_stress(self) -> np.ndarray:
+        """(n, tips): Pa, nan where `Static` has none."""
+        return self._of_each("t_stress", 1)[..., 0]
+
+    def _of_each(self, name: str, width: int) -> np.ndarray:
+        """(n, names, width): what each state has by name."""
+        found = [list(getattr(state, name).values()) for state in self.states]
+        return np.array(found).reshape(len(self.states), -1, width)
 
     @derived("N", "contact forces, compression positive", "time pair", detail=True)
     def contact_force(self) -> np.ndarray:

@@ -16,7 +16,7 @@ from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..errors import SolveError, caller_level, on_all_ranks
 from ..loads import as_loads, separate
 from ..ranks.parallel import collective
-from ..system.fields.fracture import notes
+from ..system.fields.fracture import contact_nodal_forces, energy_release_rates, notes, t_stresses
 from ..system.fields.resolution import warn_of_tips
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
@@ -216,6 +216,9 @@ def _solved(model: Model, load, contact: bool, solve, former: Static | None = No
         model.solver.name,
         found.residual,
         found.intensities,
+        energy_release_rates(model, found.intensities),
+        t_stresses(model, field, found.force, columns.tip_forces),
+        model.support_forces(field, columns.nodal[..., 0] + contact_nodal_forces(model, found.force)),
         as_loads(load),
         model,
         columns,

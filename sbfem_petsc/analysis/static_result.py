@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+import math
+from collections.abc import Iterator
 from dataclasses import field as attribute
 from typing import Any, ClassVar
 
@@ -15,19 +17,15 @@ from ..ranks.parallel import agreed
 from ..record.gather import whole
 from ..record.record import Record, derived, described, quantity
 from ..system.boundary import LoadColumns
-from ..system.fields.fracture import (
-    contact_nodal_forces,
-    contact_pressure,
-    energy_release_rates,
-    t_stresses,
-    unresolved_contact,
-)
+from ..system.fields.fracture import contact_pressure, unresolved_contact
 from ..system.fields.places import PlaceRows, Places, checked_line, checked_place
-from ..system.fields.reactions import reactions
 from ..system.fields.sampling import Field
 from ..system.fields.tip_facts import TipFacts
 from ..system.model import Model
 from ..system.solve.equilibrium import Equilibrium
+
+# Tips whose factors are printed.
+TOLD = 4
 
 
 @described
@@ -69,6 +67,21 @@ class Static(Record):
         finite=False,
         unit_of=lambda found: found.tip_facts.common,
     )
+    energy_release_rate: dict[str, float] = quantity(
+        "J/m^2",
+        "G of each crack tip that grows straight ahead; nan at open notches and at cracks that end at an "
+        "interface",
+        "tip",
+        finite=False,
+    )
+    t_stress: dict[str, float] = quantity(
+        "Pa",
+        "stress along each crack at its tip that the singular stresses leave; nan at open notches and "
+        "interfaces",
+        "tip",
+        finite=False,
+    )
+    reactions: dict[str, np.ndarray] = quantity("N", "force of each support on the structure", "support xy")
     load: Loads
     model: Model
     columns: LoadColumns = attribute(repr=False)
@@ -176,9 +189,9 @@ class Static(Record):
         """Forms at points (m), for `at_places`: with what the inertia of moving supports does inside, and
         edges that are moved. Collective.
         """
-        columns = self.columns
+        model, columns = self._solved, self.columns
         inertia, moved = bool(columns.acceleration.any()), columns.lift is not None
-        return self._solved.places(points, inertia=inertia, moved=moved)
+        return model.places(points, inertia=inertia, moved=moved)
 
     def _at(self, forms: PlaceRows, components: int) -> np.ndarray:
         """(places, components) of displacement or stress."""
@@ -205,14 +218,6 @@ class Static(Record):
 
     @functools.cached_property
     @agreed()
-    def reactions(self) -> dict[str, np.ndarray]:
-        """Force of each support on the structure, (2,), N. Collective."""
-        model = self._solved
-        nodal = self.columns.nodal[..., 0] + contact_nodal_forces(model, self.equilibrium.force)
-        return reactions(model, self.field, nodal)
-
-    @functools.cached_property
-    @agreed()
     def strain_energy(self) -> float:
         """J, that of elastic supports included. Collective."""
         found, columns, gap = self.equilibrium, self.columns, self._solved.gap_operator
@@ -229,14 +234,6 @@ class Static(Record):
 
     @functools.cached_property
     @agreed()
-    def energy_release_rate(self) -> dict[str, float]:
-        """G of each crack tip that grows straight ahead, J/m^2; nan at open notches and at cracks that end at
-        an interface. Collective.
-        """
-        return energy_release_rates(self._solved, self.stress_intensity)
-
-    @functools.cached_property
-    @agreed()
     def unresolved_contact(self) -> dict[str, float]:
         """Contact next to the tip of each V-notch that neither pairs nor pressure modes carry, N; in closed
         form from the K_I that they leave. `contact_resultant` is too small by about their sum; a negative one
@@ -244,17 +241,29 @@ class Static(Record):
         """
         return unresolved_contact(self._solved, self.stress_intensity, self.equilibrium.force)
 
-    @functools.cached_property
-    @agreed()
-    def t_stress(self) -> dict[str, float]:
-        """Stress along each crack at its tip that the singular stresses leave, Pa; nan at open notches and
-        interfaces. Collective.
-        """
-        return t_stresses(self._solved, self.field, self.equilibrium.force, self.columns.tip_forces)
-
     def __repr__(self) -> str:
         points = ", ".join(f"{n}: ({u[0]:.6g}, {u[1]:.6g})" for n, u in self.point_displacements.items())
-        return (
-            f"Static({points} m; {int(self.active.sum())} of {len(self.gap)} pairs in contact, resultant "
-            f"{'; '.join([f'{self.contact_resultant:.6g} N', self.solver, *self.notes])})"
-        )
+        forces = ", ".join(f"{n}: ({f[0]:.6g}, {f[1]:.6g})" for n, f in self.reactions.items())
+        told = [
+            f"Static({points} m",
+            f"{int(self.active.sum())} of {len(self.gap)} pairs in contact, resultant "
+            f"{self.contact_resultant:.6g} N",
+            *self._tips_in_words(),
+            f"reactions {forces} N",
+            self.solver,
+            *self.notes,
+        ]
+        return f"{'; '.join(told)})"
+
+    def _tips_in_words(self) -> Iterator[str]:
+        """K, G and T of the first tips, those that they have."""
+        for name, (first, second) in list(self.stress_intensity.items())[:TOLD]:
+            text = f"{name}: K = ({first:.6g}, {second:.6g}) {self.tip_facts.unit(name)}"
+            for letter, values, unit in (
+                ("G", self.energy_release_rate, "J/m^2"),
+                ("T", self.t_stress, "Pa"),
+            ):
+                text += "" if math.isnan(values[name]) else f", {letter} = {values[name]:.6g} {unit}"
+            yield text
+        if len(self.stress_intensity) > TOLD:
+            yield f"{len(self.stress_intensity) - TOLD} more tips"

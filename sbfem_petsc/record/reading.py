@@ -124,7 +124,8 @@ def _quantity(
         parts, names = np.moveaxis(array, dims.index(dim), 0), names_along(group, dim)
         if len(names) != len(parts):
             raise ValueError(f"{dim!r} has {len(names)} names for {len(parts)} entries")
-        made = [_tuple(part.tolist()) if "tuple" in kind else np.ascontiguousarray(part) for part in parts]
+        plain = "tuple" in kind or "ndarray" not in kind  # numbers, or tuples of them
+        made = [_tuple(part.tolist()) if plain else np.ascontiguousarray(part) for part in parts]
         return {name: dict(zip(names, made))}
     return {name: _tuple(array.tolist()) if kind.startswith("tuple") else array}
 

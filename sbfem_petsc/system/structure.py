@@ -27,7 +27,9 @@ from .boundary import LoadColumns, NodalForces, free_bodies, load_columns, sprin
 from .contact.gap_operator import GapOperator, gap_operator
 from .elements.element_stiffness import Refinement
 from .elements.shapes import Group, solve_groups, turned_both
+from .fields.fracture import TStressForm, t_stress_forms
 from .fields.places import Places, places
+from .fields.reactions import SupportForces
 from .fields.tip_faces import TipFaces, tip_faces, tip_gaps, tip_rows
 from .fields.tips import TipIntensities, TipPlace, tip_intensities, tip_places
 from .layout.distribution import distribute
@@ -373,6 +375,16 @@ class Structure:
     def tip_places(self) -> list[TipPlace]:
         """The tip elements that this rank holds."""
         return tip_places(self)
+
+    @functools.cached_property
+    def t_stress_forms(self) -> list[TStressForm]:
+        """T-stress of the tips that this rank holds and that have one."""
+        return t_stress_forms(self)
+
+    @functools.cached_property
+    def support_forces(self) -> SupportForces:
+        """Forces of the supports. Collective."""
+        return SupportForces(self)
 
     @functools.cached_property
     def tip_gaps(self) -> np.ndarray:

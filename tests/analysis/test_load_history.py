@@ -36,6 +36,22 @@ def test_states_are_static_solutions(model, history):
         )
 
 
+def test_forces_and_cracks_over_time(history, tmp_path):
+    """Reactions, in balance with the load, and factors of each tip, in tables of the times too."""
+    forces = np.interp(TIMES, (0.0, 0.6, 1.0), (0.0, 600.0, 0.0)) - 20.0
+    exact = -np.stack([np.full(len(TIMES), 3.0), forces], axis=1)
+    assert np.abs(history.reactions[:, history.supports.index("left")] - exact).max() < 1e-7 * 600.0
+    for k, state in enumerate(history.states):
+        np.testing.assert_equal(history.stress_intensities[k, 0], state.stress_intensity["crack1"])
+        np.testing.assert_equal(history.energy_release_rate[k, 0], state.energy_release_rate["crack1"])
+        np.testing.assert_equal(history.t_stress[k, 0], state.t_stress["crack1"])
+    history.to_csv(str(tmp_path / "history.csv"))
+    head = (tmp_path / "history.csv").read_text().splitlines()[0]
+    for name in ("reactions_left_y [N]", "energy_release_rate_crack1 [J/m^2]", "t_stress_crack1 [Pa]"):
+        assert name in head
+    assert "stress_intensity_crack1_II [" in head
+
+
 @pytest.mark.slow
 def test_along_a_line(model, history):
     """Statics, a history of statics, a motion and a steady state give along a line what they give at its

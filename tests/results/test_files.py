@@ -96,8 +96,28 @@ def test_tables(solved, tmp_path):
     closing = solved[3]["closing"]
     paths = closing.to_csv(tmp_path / "push.csv")
     assert [os.path.basename(path) for path in paths] == [
-        *("push.csv", "push_place.csv", "push_values.csv", "push_tip.csv", "push_note.csv")
+        *(
+            "push.csv",
+            "push_place.csv",
+            "push_values.csv",
+            "push_tip.csv",
+            "push_support.csv",
+            "push_note.csv",
+        )
     ]
+    with open(tmp_path / "push_support.csv", newline="") as file:
+        (held,) = csv.DictReader(file)
+    assert held["support"] == "left"
+    assert [float(held[f"reactions_{way} [N]"]) for way in "xy"] == closing.reactions["left"].tolist()
+    assert "reactions left: (" in repr(closing) and "crack1: K = (" in repr(closing)
+    with open(tmp_path / "push_tip.csv", newline="") as file:
+        (tip,) = csv.DictReader(file)
+    for column, value in (
+        (f"stress_intensity_I [{closing.tip_facts.common}]", closing.stress_intensity["crack1"][0]),
+        ("energy_release_rate [J/m^2]", closing.energy_release_rate["crack1"]),
+        ("t_stress [Pa]", closing.t_stress["crack1"]),
+    ):
+        np.testing.assert_equal(float(tip[column]), value)
     with open(tmp_path / "push.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == ["pair_cracks", "contact_force [N]", "gap [m]", "active"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from ...selement.fracture import energy_release_rate, interface_energy_release_r
 
 if TYPE_CHECKING:
     from ..structure import Structure
+    from .tip_faces import TipFaces
 
 # Places along the faces inside a tip element at which the pressure is given, from the tip (0) to its
 # boundary. Where the faces close a wedge, the pressure at the tip itself is infinite.
@@ -116,10 +117,57 @@ def notes(model: Structure, force: np.ndarray, tip_forces: dict[int, np.ndarray]
     return found
 
 
+class TStressForm(NamedTuple):
+    """T of a tip as a linear form, Pa.
+
+    Attributes
+    ----------
+    number : int
+        Of the tip.
+    nodes : (n,) int array
+        This rank's nodes of its S-element.
+    row : (n, 2) array
+        For their displacements, m.
+    faces : TipFaces or None
+    columns : (modes,) array
+        For the forces of its traction modes, N.
+    """
+
+    number: int
+    nodes: np.ndarray
+    row: np.ndarray
+    faces: TipFaces | None
+    columns: np.ndarray
+
+
+def t_stress_forms(model: Structure) -> list[TStressForm]:
+    """Those of the tips that this rank holds, but for open notches and interfaces, which have no T."""
+    found = []
+    tractions = {faces.number: faces for faces in model.tip_faces}
+    for number, group, member in model.tip_places:
+        material, rotation, size = (
+            model.materials[group.material],
+            group.rotations[member],
+            float(group.sizes[member]),
+        )
+        if isinstance(material, SectorMaterials):
+            continue
+        axis = rotation @ np.array(model.tip_elements[number].axis)
+        form = t_stress_row(group.solution.radial, group.shape, material.elasticity, axis)
+        if np.isnan(form.row).any():
+            continue
+        faces, columns = tractions.get(number), np.zeros(0)
+        if faces is not None:
+            columns = form.of_tractions(faces.tractions) / (size * model.thickness)
+        row = form.placed(rotation, size, material.modulus)
+        found.append(TStressForm(number, group.nodes[member], row, faces, columns))
+    return found
+
+
 def t_stresses(
     model: Structure, field: np.ndarray, force: np.ndarray, tip_forces: dict[int, np.ndarray]
 ) -> dict[str, float]:
-    """T of each tip, Pa. Collective.
+    """T of each tip, Pa; nan where there is none. Collective.
 
     Parameters
     ----------
@@ -131,31 +179,15 @@ def t_stresses(
         Of loads on the faces inside this rank's tip elements, N.
     """
     values = np.zeros(len(model.tip_elements))
-    tractions = {faces.number: faces for faces in model.tip_faces}
-    for number, group, member in model.tip_places:
-        material, rotation, size = (
-            model.materials[group.material],
-            group.rotations[member],
-            float(group.sizes[member]),
-        )
-        axis = rotation @ np.array(model.tip_elements[number].axis)
-        if isinstance(material, SectorMaterials):
-            values[number] = np.nan
-            continue
-        form = t_stress_row(group.solution.radial, group.shape, material.elasticity, axis)
-        if np.isnan(form.row).any():
-            values[number] = np.nan
-            continue
-        row = form.placed(rotation, size, material.modulus)
-        values[number] = float((row * field[group.nodes[member]]).sum())
-        faces = tractions.get(number)
+    values[[place.number for place in model.tip_places]] = np.nan
+    for number, nodes, row, faces, columns in model.t_stress_forms:
+        values[number] = float((row * field[nodes]).sum())
         if faces is not None:
             forces = faces.pressing(force)
             if number in tip_forces:
                 forces += tip_forces[number][:, 0]
             acting = np.flatnonzero(forces)
-            stress = form.of_tractions(faces.tractions)[acting] @ forces[acting]
-            values[number] += float(stress) / (size * model.thickness)
+            values[number] += float(columns[acting] @ forces[acting])
     model.comm.Allreduce(MPI.IN_PLACE, values)
     return {tip.name: float(value) for tip, value in zip(model.tip_elements, values)}
 
