@@ -13,6 +13,9 @@ ROOT = pathlib.Path(__file__).parents[1]
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
+# Hundreds of programs are started: each compiles all modules again where none may stand beside the sources.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 # A process without a launcher needs no daemon of Open MPI's, which would outlive it where it is killed.
 os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")
 

@@ -122,9 +122,10 @@ def kill_all(process: subprocess.Popen[str]) -> None:
 
 
 def answer(done: subprocess.CompletedProcess[str]) -> dict:
-    """The JSON object on the last line that starts with a brace, whatever other ranks write around it: one
-    that ends resets the colours, if colorama is installed, and another one's line may follow without a break.
+    """The JSON object on the last line that has one, whatever ranks write around it: the end of another one's
+    line may come after it, as may what resets the colours, if colorama is installed, where a rank ends.
     """
     lines = done.stdout.replace("\033[0m", "").splitlines()
-    found, _ = json.JSONDecoder().raw_decode([line for line in lines if line.startswith("{")][-1])
+    line = [line for line in lines if "{" in line][-1]
+    found, _ = json.JSONDecoder().raw_decode(line, line.index("{"))
     return found

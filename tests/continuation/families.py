@@ -74,7 +74,7 @@ def over_damping(**file):
     return _told(sb.load_response(two_masses(), [0.1], 0.57 / TURN, **asked, **file))
 
 
-def unreduced(points=8, **file):
+def unreduced(points=5, **file):
     """Some points over the frequency of a body without modes."""
     asked = {"steps": 49, "points": points, "reduction": None}
     return _told(sb.frequency_response(body(), sb.PointForce("A", fy=3e3), 1300.0, 1330.0, **asked, **file))

@@ -1,5 +1,6 @@
 """Lines of every family in files: killed and resumed to the same points; refused for other runs."""
 
+import functools
 import os
 import signal
 import subprocess
@@ -14,29 +15,54 @@ from tests.parallel import ROOT, answer, on_ranks
 from tests.results.same import inverted
 from tests.systems import beside_another
 
-PROGRAM = """
-import sys
-from tests.continuation.families import killed
-killed(sys.argv[1], sys.argv[2], int(sys.argv[3]))
+# Each in a process of its own, forked from one that has imported and solved what all of them begin with.
+KILLED = """
+import os, sys
+from tests.continuation.families import body, curve, killed, motion
+curve(), motion(), body()
+for case in sys.argv[2:]:
+    kind, after = case.split("-")
+    child = os.fork()
+    if not child:
+        killed(kind, os.path.join(sys.argv[1], f"{case}.h5"), int(after))
+        os._exit(0)
+    print(case, os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
+CASES = [("locus", 3), ("locus", 9), ("response", 6), ("damping", 6), ("unreduced", 3)]
+CASES += [("backbone", 7), ("backbone", 11), ("leaps", 9), ("tori", 2), ("tori", 5)]
+TO_THEIR_ENDS = ["backbone", "response", "damping"]
+
+
+@functools.cache
+def uninterrupted(kind):
+    """What a family finds, why it ends, and how often it is told of."""
+    told: list[float] = []
+    found, reasons = FAMILIES[kind](progress=told.append)
+    return found, reasons, len(told)
+
+
+@pytest.fixture(scope="module")
+def left(tmp_path_factory):
+    """The files that killed runs leave."""
+    folder = tmp_path_factory.mktemp("left")
+    cases = [f"{kind}-{after}" for kind, after in CASES]
+    cases += [f"{kind}-{uninterrupted(kind)[2]}" for kind in TO_THEIR_ENDS]
+    run = [sys.executable, "-c", KILLED, str(folder), *cases]
+    done = subprocess.run(run, cwd=ROOT, capture_output=True, text=True, timeout=300)
+    assert done.stdout.splitlines() == [f"{case} {-signal.SIGKILL}" for case in cases], done.stderr
+    return folder
 
 
 @pytest.mark.filterwarnings(
     "ignore::meshing.warnings.BranchWarning", "ignore::meshing.warnings.IncompleteBranch"
 )
-@pytest.mark.parametrize(
-    ("kind", "after"),
-    [("locus", 3), ("locus", 9), ("response", 6), ("damping", 6), ("unreduced", 4)]
-    + [("backbone", 7), ("backbone", 11), ("leaps", 9), ("tori", 2), ("tori", 5)],
-)
-def test_killed_and_resumed(kind, after, tmp_path):
+@pytest.mark.parametrize(("kind", "after"), CASES)
+def test_killed_and_resumed(kind, after, left):
     """SIGKILL on either side of the first point, or of a change of samples: what the file holds is read, and
     gone on with to the same points, bit by bit.
     """
-    path = str(tmp_path / "line.h5")
-    run = [sys.executable, "-c", PROGRAM, kind, path, str(after)]
-    assert subprocess.run(run, cwd=ROOT).returncode == -signal.SIGKILL
-    expected, reasons = FAMILIES[kind]()
+    path = str(left / f"{kind}-{after}.h5")
+    expected, reasons, _ = uninterrupted(kind)
     assert 0 < len(values(path)) < len(expected)
     found, told = FAMILIES[kind](file=path, resume=True)
     np.testing.assert_array_equal(found, expected)
@@ -52,8 +78,8 @@ import json, sys
 from sbfem_petsc.petsc import MPI
 from tests.continuation.families import killed, unreduced
 if len(sys.argv) > 2:
-    killed("unreduced", sys.argv[1], 2, points=4)
-tables = [unreduced(4, **file)[0].tolist() for file in ({}, {"file": sys.argv[1], "resume": True})]
+    killed("unreduced", sys.argv[1], 2, points=3)
+tables = [unreduced(3, **file)[0].tolist() for file in ({}, {"file": sys.argv[1], "resume": True})]
 if MPI.COMM_WORLD.rank == 0:
     print(json.dumps({"tables": tables}))
 """
@@ -66,7 +92,7 @@ def test_killed_and_resumed_on_two_ranks(tmp_path):
     assert on_ranks(2, RANKS, path, "killed", check=False, timeout=900).returncode != 0
     tables = answer(on_ranks(2, RANKS, path, timeout=900))["tables"]
     np.testing.assert_allclose(tables[1], tables[0], rtol=1e-12)
-    np.testing.assert_allclose(unreduced(4)[0], tables[0], rtol=1e-6)
+    np.testing.assert_allclose(unreduced(3)[0], tables[0], rtol=1e-6)
     with pytest.raises(ValueError, match="was written with ranks = 2, not 1"):
         unreduced(file=path, resume=True)
 
@@ -78,7 +104,9 @@ from sbfem_petsc.reduction.reduced_model import ReducedModel
 ReducedModel.comm = property(lambda self: MPI.COMM_WORLD)
 """
 RESUMED = """
-from tests.continuation.families import FAMILIES
+from tests.continuation.families import FAMILIES, killed
+if sys.argv[3:]:
+    killed(sys.argv[1], sys.argv[2], 4)
 one, _ = FAMILIES[sys.argv[1]](file=sys.argv[2], resume=True)
 other, _ = FAMILIES[sys.argv[1]]()
 if MPI.COMM_WORLD.rank == 0:
@@ -90,7 +118,7 @@ if MPI.COMM_WORLD.rank == 0:
 def test_tori_killed_and_resumed_on_two_ranks(tmp_path):
     """Tori, whose samples the ranks share: to the same points, 1e-12 of each number."""
     path = str(tmp_path / "line.h5")
-    assert on_ranks(2, SHARED + PROGRAM, "tori", path, "4", check=False).returncode
+    assert on_ranks(2, SHARED + RESUMED, "tori", path, "killed", check=False).returncode
     begun = sb.read(path)
     found = answer(on_ranks(2, SHARED + RESUMED, "tori", path))
     assert 0 < len(begun) < len(found["one"]) == len(found["other"])
@@ -161,13 +189,11 @@ def test_largest_step_of_a_locus():
     assert np.abs(np.diff(line.value)).max() < 0.0041 and len(line) >= 15
 
 
-@pytest.mark.parametrize("kind", ["backbone", "response", "damping"])
-def test_a_line_that_had_come_to_its_end(kind, tmp_path):
+@pytest.mark.parametrize("kind", TO_THEIR_ENDS)
+def test_a_line_that_had_come_to_its_end(kind, left):
     """Killed at the last point of the range: what is left is what lies between the points."""
-    path, told = str(tmp_path / "line.h5"), []
-    expected, reasons = FAMILIES[kind](progress=told.append)
-    run = [sys.executable, "-c", PROGRAM, kind, path, str(len(told))]
-    assert subprocess.run(run, cwd=ROOT).returncode == -signal.SIGKILL
+    expected, reasons, last = uninterrupted(kind)
+    path = str(left / f"{kind}-{last}.h5")
     assert kind != "response" or len(values(path)) < len(expected)
     found, again = FAMILIES[kind](file=path, resume=True)
     np.testing.assert_array_equal(found, expected)
@@ -196,27 +222,30 @@ run_file.PAUSE, told = 0.0, []
 
 def tell(done):
     told.append(done)
-    if len(told) == int(sys.argv[2]):
+    if sys.argv[3:] and len(told) == 5:
         os._exit(9)
 
-found = sb.backbone(
-    bodies.beam(), 1, 1e-3, 3e-2, modes=4, steps=128, refine=False, stability=False, progress=tell,
-    file=sys.argv[1], resume=True,
-)
+def points(**file):
+    asked = {"modes": 4, "steps": 128, "refine": False, "stability": False}
+    found = sb.backbone(bodies.beam(), 1, 1e-3, 3e-2, progress=tell, **asked, **file)
+    return np.column_stack([found.states, found.frequency, found.energy])
+
+resumed = points(file=sys.argv[1], resume=True)
+whole = points()
 if MPI.COMM_WORLD.rank == 0:
-    np.save(sys.argv[1] + ".npy", np.column_stack([found.states, found.frequency, found.energy]))
+    np.save(sys.argv[2], [resumed, whole])
 """
 
 
 @pytest.mark.slow
 def test_a_backbone_on_two_ranks(tmp_path):
     """The same points to 1e-12 of their size: the model is another run's, reduced again."""
-    whole, killed = str(tmp_path / "whole.h5"), str(tmp_path / "killed.h5")
-    on_ranks(2, ON_RANKS, whole, "0")
-    assert on_ranks(2, ON_RANKS, killed, "5", check=False).returncode
-    assert 0 < len(sb.read(killed)) < len(sb.read(whole))
-    on_ranks(2, ON_RANKS, killed, "0")
-    found, expected = np.load(killed + ".npy"), np.load(whole + ".npy")
+    path, found = str(tmp_path / "line.h5"), str(tmp_path / "found.npy")
+    assert on_ranks(2, ON_RANKS, path, found, "killed", check=False).returncode
+    begun = len(sb.read(path))
+    on_ranks(2, ON_RANKS, path, found)
+    found, expected = np.load(found)
+    assert 0 < begun < len(found)
     sizes = np.abs(expected[:, :-2]).max(axis=1, keepdims=True)
     np.testing.assert_allclose(found[:, :-2] / sizes, expected[:, :-2] / sizes, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(found[:, -2:], expected[:, -2:], rtol=1e-12)

@@ -38,7 +38,7 @@ class Turns:
 
     def __init__(self) -> None:
         self.moved = threading.Condition()
-        self.count = 0
+        self.count = self.at_work = 0
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> None:
         if ours(name):
@@ -46,10 +46,16 @@ class Turns:
                 self.count += 1
                 mine = self.count
                 self.moved.notify_all()
-                self.moved.wait_for(lambda: self.count > mine, PATIENCE)
+                self.moved.wait_for(lambda: self.count > mine or self.at_work < 2, PATIENCE)
+
+    def end(self) -> None:
+        """One of the threads has ended: nobody waits for it."""
+        with self.moved:
+            self.at_work -= 1
+            self.moved.notify_all()
 
 
-def together(pair: tuple[str, str]) -> list[str]:
+def together(pair: tuple[str, str], turns: Turns) -> list[str]:
     """What goes wrong when two threads import one module each."""
     for name in [name for name in sys.modules if ours(name)]:
         del sys.modules[name]
@@ -62,7 +68,10 @@ def together(pair: tuple[str, str]) -> list[str]:
             importlib.import_module(name)
         except BaseException as error:
             found.append(f"{name}: {type(error).__name__}: {error}")
+        finally:
+            turns.end()
 
+    turns.at_work = len(pair)
     threads = [threading.Thread(target=work, args=(name,)) for name in pair]
     for thread in threads:
         thread.start()
@@ -84,9 +93,10 @@ def main(rounds: int, seed: int) -> None:
             second = faces[turn // 2 % len(faces)]
             first = pick.choice([name for name in names if name.startswith(f"{second}.")])
         pairs.append((first, second))
-    sys.meta_path.insert(0, Turns())
+    turns = Turns()
+    sys.meta_path.insert(0, turns)
     for pair in pairs:
-        for what in together(pair):
+        for what in together(pair, turns):
             print(f"{' and '.join(pair)}: {what}", flush=True)
 
 

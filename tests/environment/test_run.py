@@ -12,7 +12,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import pytest
@@ -114,13 +113,13 @@ class TestReadyEnvironment:
         assert ready.run("tool").stdout == "the tool of .venv\n"
         assert ready.commands_started() == []
 
-    def test_it_takes_under_0_3_seconds(self, ready):
+    def test_it_takes_under_0_3_seconds_of_a_processor(self, ready):
         def seconds():
-            start = time.perf_counter()
+            start = os.times()
             ready.run("true")
-            return time.perf_counter() - start
+            return sum(os.times()[2:4]) - sum(start[2:4])  # of children, whatever else the machine does
 
-        assert min(seconds() for _ in range(5)) < 0.3  # 0.02 s; the smallest of several, for busy machines
+        assert min(seconds() for _ in range(5)) < 0.3  # 0.02 s
 
     def test_it_works_from_another_directory_and_through_a_link(self, ready, tmp_path):
         (tmp_path / "link").symlink_to(ready.directory)

@@ -154,13 +154,13 @@ HOSTILE = {
     "itself by a detour": ('Include "detour.geo";', NOT_READ),
     "a shape from elsewhere": ('a() = ShapeFromFile("../outside.brep");', OUTSIDE),
     "numbers from a file": ('a() = ListFromFile["/etc/passwd"];', OUTSIDE),
-    "a loop without end": ("For i In {1:2}\ni = 1;\nEndFor", "did not finish within 2 s"),
+    "a loop without end": ("For i In {1:2}\ni = 1;\nEndFor", "did not finish within 1 s"),
     "a macro without end": ("Macro a\nCall a;\nReturn\nCall a;", "gmsh (crashed|did not finish)"),
     "words without end": (
         'General.Terminal = 1;\nFor i In {1:1e9}\nPrintf("a flood of words");\nEndFor',
-        "did not finish within 2 s",
+        "did not finish within 1 s",
     ),
-    "sleep without end": ("Sleep 1000;", "did not finish within 2 s"),
+    "sleep without end": ("Sleep 1000;", "did not finish within 1 s"),
     "memory without end": ("x() = {1:1e12};", "memory"),
 }
 # What is tried in vain, and read: the process has no environment, makes no folders and runs no solvers.
@@ -214,9 +214,10 @@ def states(folder):
 
 
 def refused(path, says):
-    limit = 2.0 if "did not finish" in says else 30.0
+    limit = 1.0 if "did not finish" in says else 30.0
+    memory = 1e9 if says == "memory" else 2e9
     with pytest.raises(ValueError, match=says) as caught:
-        read_gmsh(path, order=1, time_limit=limit, memory_limit=2e9)
+        read_gmsh(path, order=1, time_limit=limit, memory_limit=memory)
     sentence = str(caught.value)
     assert str(path) in sentence and "\n" not in sentence and sentence.endswith(".")
 
@@ -533,10 +534,10 @@ def test_a_flood_of_words_is_not_kept():
 
 def test_a_program_in_the_background_is_not_waited_for(tmp_path):
     path = tmp_path / "model.geo"
-    path.write_text(SQUARE + 'NonBlockingSystemCall "sleep 20";\n')
+    path.write_text(SQUARE + 'NonBlockingSystemCall "sleep 120";\n')
     begin = time.monotonic()
     assert read_gmsh(path, order=1, trust=True).area == pytest.approx(1.0, abs=1e-12)
-    assert time.monotonic() - begin < 15.0
+    assert time.monotonic() - begin < 100.0
 
 
 @pytest.mark.slow
@@ -610,7 +611,7 @@ def test_the_child_goes_with_its_parent(tmp_path, by):
         parent.send_signal(by)
         said, _ = parent.communicate(timeout=20)
     assert "interrupted" in said or by == signal.SIGKILL
-    for _ in range(50):
+    for _ in range(600):
         try:
             os.kill(pid, 0)
             if Path(f"/proc/{pid}/stat").read_text().split()[2] == "Z":

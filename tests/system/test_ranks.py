@@ -119,12 +119,11 @@ DIFFERENT = {
     "sb.modal(model, 2) if rank else sb.static(model, push)": "call the same on all ranks",
 }
 
-# Programs that are right.
-RIGHT = {
+# Programs that are right, one after another, and one of which a rank has its end before the other begins.
+RIGHT = [
     "model = structure(damping=0.01 * (1.0 + 1e-14 * rank)); print('fine')",
     "sb.static(structure(MPI.COMM_SELF, density=2700.0 + rank), push); world.barrier(); print('fine')",
     "half = world.Split(rank); f = sb.modal(structure(half, density=2700.0 + rank), 1); print('fine')",
-    "sb.modal(structure(MPI.COMM_SELF), 1) if rank else None; print('fine')",
     "sb.on_root(world, lambda: sb.modal(structure(MPI.COMM_SELF), 1)); sb.modal(structure(), 1); "
     "print('fine')",
     # one's own beside what is shared: one file, of rank 0
@@ -134,7 +133,8 @@ RIGHT = {
     "assert rank or np.allclose(both[0].field, both[1].field); print('fine')",
     "sb.Model(sb.on_root(world, lambda: Beam(0.1, 0.01).mesh(order=1)), sb.Material(70e9, 0.3, 1.0)); "
     "print('fine')",
-}
+]
+RIGHT_ALONE = ["sb.modal(structure(MPI.COMM_SELF), 1) if rank else None; print('fine')"]
 
 
 ALL_DIFFERENT = """
@@ -189,11 +189,11 @@ def test_failure_ends_all_ranks(program):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("program", sorted(RIGHT))
-def test_right_programs_are_left_alone(program):
-    done = run(program)
+@pytest.mark.parametrize("programs", [RIGHT, RIGHT_ALONE], ids=["one after another", "alone"])
+def test_right_programs_are_left_alone(programs):
+    done = run("\n".join(programs))
     assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.count("fine") == 2
+    assert done.stdout.count("fine") == 2 * len(programs)
 
 
 @pytest.mark.slow
