@@ -387,7 +387,12 @@ class Record:
 
     def to_xarray(self) -> Any:
         """The quantities as an `xarray.Dataset`, with units and words in their attributes. Needs xarray."""
-        import xarray
+        try:
+            import xarray
+        except ImportError as error:
+            raise ImportError(
+                f"to_xarray needs xarray ({error}); install it with `pip install 'sbfem-petsc[xarray]'`"
+            ) from error
 
         found: dict[str, Any] = {}
         names: dict[str, list[str]] = {}

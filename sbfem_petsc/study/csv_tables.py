@@ -14,7 +14,8 @@ from .quantities import Quantity, Tree
 
 
 def write_tables(tree: Tree, folder: str, name: str) -> list[str]:
-    """Write the CSV files of an analysis: one for the arrays of each length, one for single values.
+    """Write the CSV files of an analysis: one for the arrays of each length, one for single values. Empty
+    arrays are left out.
 
     Returns
     -------
@@ -26,6 +27,8 @@ def write_tables(tree: Tree, folder: str, name: str) -> list[str]:
     for key, entry in _leaves(tree):
         value, unit = entry.value, entry.unit
         if isinstance(value, np.ndarray) and value.ndim:
+            if not len(value):
+                continue
             ending = "" if unit == "1" else f" [{unit}]"
             flat = value.reshape(len(value), -1)
             for k in range(flat.shape[1]):

@@ -8,6 +8,7 @@ import csv
 import json
 import os
 import shutil
+import sys
 
 import h5py
 import numpy as np
@@ -90,6 +91,13 @@ def test_xarray_reads_it(solved, saved):
         assert found.contact_force.attrs["units"] == "N" and found.active.dtype == bool
     own = closing.to_xarray()
     assert own.contact_resultant == closing.contact_resultant and own.gap.attrs["units"] == "m"
+
+
+def test_without_xarray(solved, monkeypatch):
+    """The line that installs it."""
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(ImportError, match=r"to_xarray needs xarray .*; install it with `pip install"):
+        solved[3]["closing"].to_xarray()
 
 
 def test_tables(solved, tmp_path):

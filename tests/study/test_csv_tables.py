@@ -22,3 +22,10 @@ def test_magnitudes_and_phases_give_the_motion(tmp_path):
     for magnitude, phase in (table.T, (summary["magnitude"], summary["phase"])):
         found = sum(a * np.cos(k * t + p) for k, (a, p) in enumerate(zip(magnitude, phase)))
         assert np.abs(found - exact).max() < 1e-14
+
+
+def test_empty_arrays(tmp_path):
+    """Notes of a steady state that has none: its other quantities are written all the same."""
+    tree = {"notes": Quantity(np.zeros(0)), "harmonics": Quantity(HARMONICS, "m"), "periods": Quantity(1)}
+    paths = write_tables(tree, str(tmp_path), "drive")
+    assert [path.rsplit("/", 1)[1] for path in paths] == ["drive.csv", "drive_3.csv"]
