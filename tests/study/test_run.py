@@ -607,3 +607,18 @@ def test_branches(tmp_path):
         "free_backbone.png",
     } <= names
     model.destroy()
+
+
+def test_a_held_point_and_no_notes(tmp_path):
+    """A point that does not move has no picture of harmonics, the next one has; tips of a sharp crack, whose
+    K_I and K_II need no words, leave the tables whole.
+    """
+    kept = CASE.split("[analyses.frequencies]")[0].replace("opening = 0.005", "opening = 0")
+    steady = "[analyses.steady]" + CASE.split("[analyses.steady]")[1].split("[analyses.burst]")[0]
+    text = kept.replace("[material]", "[points]\nheld = [0.0, 0.005]\n\n[material]") + steady
+    path = written(tmp_path, text + '[output]\npoints = ["held", "A"]\ncsv = true\n')
+    done = sbfem("run", path, "--output", tmp_path / "out", "--quiet")
+    assert done.code == 0, done.err
+    names = {file.name for file in (tmp_path / "out" / "pictures").iterdir()}
+    assert {"steady_harmonics.png", "steady_orbit.png"} <= names
+    assert (tmp_path / "out" / "tables" / "steady_256.csv").stat().st_size > 1000

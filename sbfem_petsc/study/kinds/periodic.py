@@ -109,7 +109,8 @@ class Steady(Kind):
         return (supplied - lost) / supplied if supplied > 0.0 and lost > 0.0 else None
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
-        point = drawn.point(result.points)
+        # one that is held has no harmonics
+        point = drawn.point(point for point in result.points if result.displacement(point)[:, 1].any())
         if point is None:
             return
         yield "harmonics", drawn.plot.plot_harmonics({drawn.title: result}, point, comm=drawn.comm)

@@ -121,7 +121,8 @@ class QuasiPeriodic(QuasiPeriodicOptions, Kind):
         return values
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
-        point = drawn.point(result.points)
+        # one that is held has no lines
+        point = drawn.point(p for p in result.points if result.line(1, 0, p) or result.line(0, 1, p))
         if point is not None:
             axes = drawn.plot.plot_lines({drawn.title: result}, point, order=self.order, comm=drawn.comm)
             yield "lines", axes
