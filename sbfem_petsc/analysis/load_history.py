@@ -10,16 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import ClassVar
+from typing import ClassVar, overload
 
 import numpy as np
 
 from ..checks import instance, real_array
 from ..errors import at_point
 from ..loads import Loads
+from ..motion.loading import loading
 from ..ranks.capacity import require_memory
 from ..ranks.parallel import agreed, collective
 from ..record.record import Record, derived, described, quantity
+from ..reduction.at_rest import ReducedLoadHistory, at_rest, over_time
+from ..reduction.reduced_model import ReducedModel
 from ..signals.signal import Signal
 from ..system.fields.places import checked_line
 from ..system.fields.tip_facts import together
@@ -192,17 +195,27 @@ class LoadHistory(Record):
         )
 
 
-@analysis(LoadHistoryOptions, rubs=True)
+@overload
 def load_history(
     model: Model, load, time: Sequence[float] | np.ndarray, *, contact: bool = True
-) -> LoadHistory:
+) -> LoadHistory: ...
+@overload
+def load_history(
+    model: ReducedModel, load, time: Sequence[float] | np.ndarray, *, contact: bool = True
+) -> ReducedLoadHistory: ...
+@analysis(LoadHistoryOptions, rubs=True)
+def load_history(
+    model: Model | ReducedModel, load, time: Sequence[float] | np.ndarray, *, contact: bool = True
+) -> LoadHistory | ReducedLoadHistory:
     """Static states under loads that change slowly.
 
     Parameters
     ----------
-    model : Model
+    model : Model or ReducedModel
+        A reduced one of a body or of matrices, as in `static`.
     load : PointForce, EdgeLoad, SupportMotion, EdgeMotion, a sum or a sequence of them
-        Numbers are constant loads; signals are taken at each time.
+        Numbers are constant loads; signals are taken at each time. Of a reduced model a number or signal for
+        each of its unit loads.
     time : (n,) sequence of float
         s, in the order in which the states are wanted and in which faces rub (`Coulomb`).
     contact : bool
@@ -217,7 +230,11 @@ def load_history(
     SolveError
         If the linear solve or the active set fails.
     """
-    instance("load_history", "model", model, Model, "a Model")
+    if isinstance(model, ReducedModel):
+        times, signals = _checked(time), loading("load_history", model, load).signals
+        over = np.array([[float(signal(t)) for signal in signals] for t in times])
+        return over_time(times, [at_rest("load_history", model, at, contact) for at in over])
+    instance("load_history", "model", model, Model, "a Model or ReducedModel")
     with collective(model.comm):
         times = _checked(time)
         loads = model.checked_loads(load, constant=False)

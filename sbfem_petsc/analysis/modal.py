@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
+from typing import overload
 
 import numpy as np
 
 from ..checks import shown
 from ..errors import caller_level, listed, on_all_ranks
+from ..reduction.at_rest import ReducedModal, kept_modes
+from ..reduction.reduced_model import ReducedModel
 from ..system.fields.resolution import warn_of_modes
 from ..system.model import Model
 from ..system.solve.modal_result import Modal
@@ -21,7 +24,7 @@ from .options import ModalOptions
 RIGID = 1e-5
 
 
-@analysis(ModalOptions, rubs=True)
+@overload
 def modal(
     model: Model,
     count: int | None = None,
@@ -30,12 +33,27 @@ def modal(
     auxiliary_tolerance: float = TOLERANCE,
     verify: bool = True,
     accuracy: float | None = None,
-) -> Modal:
+) -> Modal: ...
+@overload
+def modal(
+    model: ReducedModel, count: int | None = None, band: tuple[float, float] | None = None
+) -> ReducedModal: ...
+@analysis(ModalOptions, rubs=True)
+def modal(
+    model: Model | ReducedModel,
+    count: int | None = None,
+    band: tuple[float, float] | None = None,
+    *,
+    auxiliary_tolerance: float = TOLERANCE,
+    verify: bool = True,
+    accuracy: float | None = None,
+) -> Modal | ReducedModal:
     """Natural frequencies of the undamped structure, cracks open, no contact; tied ones are open too.
 
     Parameters
     ----------
-    model : Model
+    model : Model or ReducedModel
+        A reduced one of a body or of matrices: of the modes that it keeps, without further options.
     count : int, optional
         Number of lowest frequencies (rigid-body modes of a free structure included).
     band : (low, high), optional
@@ -54,12 +72,12 @@ def modal(
 
     Returns
     -------
-    Modal
+    Modal or ReducedModal
 
     Raises
     ------
     ValueError
-        If neither or both are given, or a value makes no sense.
+        If neither or both are given, or a value makes no sense; of a reduced model more than it keeps.
     SolveError
         If SLEPc does not converge or a residual is too large.
 
@@ -71,8 +89,12 @@ def modal(
         If one of the highest frequencies is off by more than 7e-4 because cells are long for its waves; if
         the accuracy asked for is not reached.
     """
+    if isinstance(model, ReducedModel):
+        if accuracy is not None:
+            raise ValueError("modal: accuracy is of a Model, whose mesh can be made finer; leave it out")
+        return kept_modes(model, count, band)
     if not isinstance(model, Model):
-        raise TypeError(f"modal: model = {shown(model)} is not a Model")
+        raise TypeError(f"modal: model = {shown(model)} is not a Model or ReducedModel")
     most = model.boundary_unknowns // 2
     if count is not None and count > most:
         raise on_all_ranks(

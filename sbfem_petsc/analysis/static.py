@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import replace
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
@@ -15,7 +15,11 @@ from ..checks import shown
 from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..errors import SolveError, caller_level, on_all_ranks
 from ..loads import as_loads, separate
+from ..motion.loading import loading
 from ..ranks.parallel import collective
+from ..reduction.at_rest import ReducedStatic, at_rest
+from ..reduction.reduced_model import ReducedModel
+from ..signals.signal import Constant
 from ..system.fields.fracture import contact_nodal_forces, energy_release_rates, notes, t_stresses
 from ..system.fields.resolution import warn_of_tips
 from ..system.idle_loads import warn_of_idle_loads
@@ -40,21 +44,30 @@ DIGITS, LOST = 2e-13, 1e-4
 _METHODS = {"active_set": solve_complementarity, "one_pass_tie": one_pass_tie}
 
 
+@overload
+def static(
+    model: Model, load, *, contact: bool = True, method: str = "active_set", accuracy: float | None = None
+) -> Static: ...
+@overload
+def static(model: ReducedModel, load, *, contact: bool = True) -> ReducedStatic: ...
 @analysis(StaticOptions, rubs=True)
 def static(
-    model: Model,
+    model: Model | ReducedModel,
     load,
     *,
     contact: bool = True,
     method: str = "active_set",
     accuracy: float | None = None,
-) -> Static:
+) -> Static | ReducedStatic:
     """Static displacement under constant loads.
 
     Parameters
     ----------
-    model : Model
+    model : Model or ReducedModel
+        A reduced one of a body or of matrices, whose residual flexibility makes it exact, has no further
+        options than `contact`.
     load : PointForce, EdgeLoad, SupportMotion, EdgeMotion, a sum or a sequence of them
+        Of a reduced model a number for each of its unit loads.
     contact : bool
         Whether crack faces may press on each other; False: the linear solution, which lets them overlap.
     method : {"active_set", "one_pass_tie"}
@@ -87,8 +100,10 @@ def static(
     SolverWarning
         If the linear solver chosen by PETSc's options is a poor one for the structure.
     """
+    if isinstance(model, ReducedModel):
+        return _of_rows(model, load, contact, method, accuracy)
     if not isinstance(model, Model):
-        raise TypeError(f"static: model = {shown(model)} is not a Model")
+        raise TypeError(f"static: model = {shown(model)} is not a Model or ReducedModel")
     if method == "one_pass_tie":
         model.require_frictionless("the method one_pass_tie")
     solve = _METHODS[method]
@@ -106,6 +121,18 @@ def static(
         accuracy=accuracy,
     )
     return replace(found, estimate=estimate)
+
+
+def _of_rows(
+    reduced: ReducedModel, load, contact: bool, method: str, accuracy: float | None
+) -> ReducedStatic:
+    if method != "active_set" or accuracy is not None:
+        raise ValueError("static: method and accuracy are of a Model; leave them out of a reduced one")
+    signals = loading("static", reduced, load).signals
+    for signal in signals:
+        if not isinstance(signal, Constant):
+            raise ValueError(f"static: load = {signal!r} changes in time; give a number, or use load_history")
+    return at_rest("static", reduced, np.array([float(signal(0.0)) for signal in signals]), contact)
 
 
 def state(

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from scipy import sparse
-from scipy.spatial import cKDTree
 
 from ..checks import choice, instance, integer, names_of, real, real_array, shown
 from ..errors import UnknownName, listed
@@ -210,7 +209,7 @@ class FiniteElementModel:
         point = real_array("at", "place", place, 1)
         if len(point) != 3:
             raise ValueError(f"at: place has {len(point)} coordinates, 3 were expected")
-        far, nearest = cKDTree(self.places).query(point)
+        far, nearest = _tree(self.places).query(point)
         if far > APART * np.ptp(self.places, axis=0).max():
             raise ValueError(
                 f"at: the nearest node of {shown(place)} is {self.labels[nearest]}, {far:g} m away; "
@@ -255,8 +254,8 @@ class FiniteElementModel:
         """The right node that faces each left one along the normal."""
         flat = np.eye(3) - np.outer(normal, normal)
         x, y = (self.places[[self._node[a] for a in face]] @ flat for face in (left, right))
-        far, nearest = cKDTree(y).query(x)
-        size = np.ptp(x, axis=0).max() if len(x) == 1 else np.median(cKDTree(x).query(x, 2)[0][:, 1])
+        far, nearest = _tree(y).query(x)
+        size = np.ptp(x, axis=0).max() if len(x) == 1 else np.median(_tree(x).query(x, 2)[0][:, 1])
         away = far > APART * size + 1e-12
         if away.any():
             raise ValueError(
@@ -276,6 +275,13 @@ class FiniteElementModel:
                 "contact: coincident faces do not tell their side; give the normal, left to right"
             )
         return vector * np.sign(towards)
+
+
+def _tree(places: np.ndarray) -> Any:
+    """What finds nearest places; loaded where it is needed, for the room of statics knows of bodies."""
+    from scipy.spatial import cKDTree
+
+    return cKDTree(places)
 
 
 def _matrix(name: str, value: Any, factor: float) -> sparse.csr_matrix:

@@ -95,6 +95,98 @@ def test_rows_and_contact_beside_dense(parts, body):
         assert np.abs(first - second).max() < 1e-6 * np.abs(second).max()
 
 
+@pytest.fixture(scope="module")
+def cracked(body):
+    """Twelve modes, the residual flexibility of the others; the tip is pushed along z and the right end along
+    x.
+    """
+    end = body.at((0.08, 0.01, 0.01), "z")
+    return sb.reduce(
+        body,
+        contact=body.contact("LEFT", "RIGHT", normal="x", gap=np.array([1e-6, 3e-6])),
+        loads={"F": end, "P": body.at((0.08, 0.0, 0.0), "x")},
+        points={"tip": end, "mouth": body.at("RIGHT", "x") - body.at("LEFT", "x")},
+        modes=12,
+        damping=0.01,
+    )
+
+
+@pytest.mark.parametrize("load", [(900.0, 0.0), (900.0, -2e4), (-900.0, 0.0)])
+def test_static_beside_dense(parts, cracked, load):
+    """Of the four sets of closed pairs the one that neither pulls nor overlaps, from dense SI matrices."""
+    k = 1e3 * parts["stiffness"].toarray()
+    place = {tuple(pair): i for i, pair in enumerate(parts["unknowns"])}
+    x = parts["nodes"]
+    corner = {at: label for label, at in x.items()}
+    f, rows = np.zeros(len(k)), np.zeros((2, len(k)))
+    f[place[corner[80.0, 10.0, 10.0], 2]], f[place[corner[80.0, 0.0, 0.0], 0]] = load
+    for row, left in zip(rows, parts["sets"]["LEFT"], strict=True):
+        right = next(r for r in parts["sets"]["RIGHT"] if x[r] == x[left])
+        row[place[right, 0]], row[place[left, 0]] = 1.0, -1.0
+    gap, right = np.array([1e-6, 3e-6]), []
+    for closed in ([], [0], [1], [0, 1]):
+        force = np.zeros(2)
+        flexibility = rows @ np.linalg.solve(k, rows.T)
+        free = rows @ np.linalg.solve(k, f) + gap
+        force[closed] = np.linalg.solve(flexibility[np.ix_(closed, closed)], -free[closed])
+        if (force >= 0.0).all() and (flexibility @ force + free >= -1e-15).all():
+            right.append((np.linalg.solve(k, f + rows.T @ force), force))
+    ((u, force),) = right
+    found = sb.static(cracked, list(load))
+    assert found.active.tolist() == (force > 0.0).tolist() and force.any() == (load[0] > 0.0)
+    assert found.contact_force == pytest.approx(force, rel=1e-7, abs=1e-9)
+    assert found.contact_resultant == pytest.approx(force.sum(), rel=1e-7, abs=1e-9)
+    assert found.gap == pytest.approx(rows @ u + gap, rel=1e-7, abs=1e-15)
+    tip = u[place[corner[80.0, 10.0, 10.0], 2]]
+    assert found.displacement("tip") == pytest.approx(tip, rel=1e-7)
+    assert found.displacement("mouth") == pytest.approx((rows @ u).mean(), rel=1e-7, abs=1e-15)
+    assert found.strain_energy == pytest.approx(0.5 * u @ k @ u, rel=1e-7)
+    linear = sb.static(cracked, list(load), contact=False)
+    assert linear.displacement("mouth") == pytest.approx((rows @ np.linalg.solve(k, f)).mean(), rel=1e-7)
+
+
+def test_load_history_is_statics_in_time(cracked):
+    times, push = [0.0, 0.1, 0.25], [sb.Harmonic(900.0, 1.0), -2e4]
+    found = sb.load_history(cracked, push, times)
+    for k, t in enumerate(times):
+        one = sb.static(cracked, [900.0 * np.sin(2.0 * np.pi * t), -2e4])
+        assert found.displacement("tip")[k] == pytest.approx(one.displacement("tip"), rel=1e-12)
+        assert found.contact_resultant[k] == pytest.approx(one.contact_resultant, rel=1e-12)
+    assert repr(found).startswith("ReducedLoadHistory(3 states from 0 to 0.25 s, peak contact resultant ")
+
+
+def test_modal_is_what_is_kept(parts, cracked):
+    """Frequencies, and mass-normalised shapes but for their signs."""
+    k, m = 1e3 * parts["stiffness"].toarray(), 1e3 * parts["mass"].toarray()
+    values, shapes = scipy.linalg.eigh(k, m)
+    own = np.sqrt(values) / (2 * np.pi)
+    place = {tuple(pair): i for i, pair in enumerate(parts["unknowns"])}
+    end = next(label for label, at in parts["nodes"].items() if at == (80.0, 10.0, 10.0))
+    found = sb.modal(cracked, 10)
+    assert found.frequencies == pytest.approx(own[:10], rel=1e-9)
+    assert np.abs(found.displacement("tip")) == pytest.approx(np.abs(shapes[place[end, 2], :10]), rel=1e-6)
+    within = sb.modal(cracked, band=((1.0 - 1e-6) * own[1], (1.0 + 1e-6) * own[3]))
+    assert within.frequencies == pytest.approx(own[1:4], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda r: sb.modal(r, 13), "count = 13 is more than the 12 modes"),
+        (lambda r: sb.modal(r, band=(0.0, 1e7)), "where the modes of the reduced model end"),
+        (lambda r: sb.modal(r, 2, accuracy=1e-3), "accuracy is of a Model"),
+        (lambda r: sb.static(r, 1.0), "has 2 unit loads, the load has 1"),
+        (lambda r: sb.static(r, [1.0, sb.Harmonic(1.0, 2.0)]), "changes in time"),
+        (lambda r: sb.static(r, [1.0, 1.0], method="one_pass_tie"), "are of a Model"),
+        (lambda r: sb.static(r, [1.0, 1.0]).displacement("top"), "point 'top' does not exist"),
+        (lambda r: sb.load_history(r, [1.0, 1.0], []), "time is empty"),
+    ],
+)
+def test_wrong_questions(cracked, call, sentence):
+    with pytest.raises((ValueError, TypeError, KeyError), match=sentence):
+        call(cracked)
+
+
 def test_gaps_walls_and_sums(body):
     """A function, an array and a number give the same gaps; walls take the normal towards them; sums are
     both.

@@ -214,12 +214,17 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
         lambda: {"model": model(), "count": 3, "auxiliary_tolerance": 1e-5, "verify": True},
         lambda: {"model": model(), "band": (10.0, 5000.0)},
         lambda: {"model": model(), "count": 1, "accuracy": 0.0},
+        lambda: {"model": oscillator(), "count": 2},
     ],
     "static": [
         lambda: {"model": model(), "load": PUSH, "contact": True, "method": "active_set"},
         lambda: {"model": model(), "load": PUSH, "accuracy": 0.0},
+        lambda: {"model": oscillator(), "load": 100.0, "contact": True},
     ],
-    "load_history": [lambda: {"model": model(), "load": PUSH, "time": [0.0, 1.0], "contact": True}],
+    "load_history": [
+        lambda: {"model": model(), "load": PUSH, "time": [0.0, 1.0], "contact": True},
+        lambda: {"model": oscillator(), "load": 100.0, "time": [0.0, 1.0]},
+    ],
     "transient": [
         lambda: {
             "model": oscillator(),
@@ -827,6 +832,9 @@ OBJECTS: dict[str, Callable[[], Any]] = {
     "QuasiPeriodicBranch": quasi_periodic_branch,
     "FiniteElementModel": body_of_springs,
     "ReducedModel": oscillator,
+    "ReducedModal": lambda: sb.modal(oscillator(), 2),
+    "ReducedStatic": lambda: sb.static(oscillator(), 100.0),
+    "ReducedLoadHistory": lambda: sb.load_history(oscillator(), 100.0, [0.0, 1.0]),
     "Model": model,
     "BoundaryMesh": mesh,
     "Beam": lambda: Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.05)]),
