@@ -40,9 +40,10 @@ def strip(degrees, backwards, kind, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["plate", "gmsh"])
-@pytest.mark.parametrize("backwards", [False, True])
-@pytest.mark.parametrize("degrees", range(0, 360, 45))
+@pytest.mark.parametrize(
+    ("degrees", "backwards", "kind"),  # by either mesher the crack is drawn in each of eight directions
+    [(45 * k, (k // 2 % 2 == 0) == (kind == "gmsh"), kind) for k in range(8) for kind in ("plate", "gmsh")],
+)
 def test_linear_pressure(degrees, backwards, kind, tmp_path):
     """Bending with compression does not notice a closed crack: the pressure is linear along it, counted from
     the tip that comes first by x, then y. Within 1e-6: what the ends leave.

@@ -44,8 +44,10 @@ def check_closed_forms(model, end, looking):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("opening", [0.0, 0.01, 0.03])
-@pytest.mark.parametrize("end", SENSES)
+@pytest.mark.parametrize(
+    ("end", "opening"),
+    [(end, opening) for end in SENSES for opening in (0.0, 0.01)] + [(end, 0.03) for end in SENSES[::2]],
+)
 def test_plate(end, opening):
     model = sb.Model(wide_plate(end, opening), ALUMINIUM, clamped="edge1")
     check_closed_forms(model, end, looking=np.negative(end))  # from a line's last point to its first
@@ -77,7 +79,7 @@ def gmsh_plate(end, opening, folder, outline="1:4"):
         pytest.param(end, opening, marks=pytest.mark.long)
         for end in SENSES
         for opening in (0.0, 0.01, 0.03)
-        if opening or end not in SENSES[:4]
+        if (opening or end not in SENSES[:4]) and (opening < 0.03 or end in SENSES[::2])
     ],
 )
 def test_gmsh_crack(tmp_path, end, opening):
@@ -141,8 +143,11 @@ def notched(kind, tilt, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["top", "bottom", "gmsh", "gmsh, a face drawn the other way"])
-@pytest.mark.parametrize("tilt", [-10.0, 0.0, 10.0, 25.0])
+@pytest.mark.parametrize(
+    ("kind", "tilt"),
+    [(kind, tilt) for kind in ("top", "gmsh") for tilt in (-10.0, 0.0, 10.0, 25.0)]
+    + [(kind, tilt) for kind in ("bottom", "gmsh, a face drawn the other way") for tilt in (-10.0, 25.0)],
+)
 def test_notch(kind, tilt, tmp_path):
     """The supports take up a pressure on one face as the chord from its mouth to the tip says."""
     mesh = notched(kind, tilt, tmp_path)

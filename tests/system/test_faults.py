@@ -103,11 +103,11 @@ def undisturbed(tmp_path_factory):
     return make
 
 
+# Each kind with each signal and on both numbers of ranks, each signal on both.
 ENDS = [
-    (kind, ranks, number)
-    for kind in ("branch", "history", "unreduced")
-    for ranks in (1, 2)
-    for number in SIGNALS
+    (kind, 1 + (k + n) % 2, number)
+    for k, kind in enumerate(("branch", "history", "unreduced"))
+    for n, number in enumerate(SIGNALS)
 ]
 ORDINARY = [("branch", 1, signal.SIGKILL)]  # those of histories stand beside their files
 

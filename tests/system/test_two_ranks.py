@@ -126,9 +126,17 @@ def test_every_argument_on_one_rank(tmp_path):
     assert functions >= set(two_ranks.compared()) and told > 500
 
 
+# Each call waits for one that is not made and for another one; how a rank leaves is shown with three of them.
+LEFT_ALONE = [
+    (owner, instead)
+    for owner in ANALYSES
+    for k, instead in enumerate(INSTEAD)
+    if k in (0, len(INSTEAD) - 1) or owner in ("Model", "static", "periodic")
+]
+
+
 @pytest.mark.long
-@pytest.mark.parametrize("instead", INSTEAD)
-@pytest.mark.parametrize("owner", ANALYSES)
+@pytest.mark.parametrize(("owner", "instead"), LEFT_ALONE)
 def test_rank_that_does_not_call(owner, instead, tmp_path):
     """Both end with a sentence, from the first call of the package on and later."""
     if owner == "modal" and "modal" in instead:
