@@ -4,6 +4,7 @@ sentence.
 
 from __future__ import annotations
 
+import re
 import shutil
 import warnings
 
@@ -130,6 +131,8 @@ def test_every_part_in_turn(kind, part, files, tmp_path):
     """
     path = files[kind]
     copy, (sets, attributes) = tmp_path / path.name, items(path)
+    if kind != "torus":  # the reduced model, of which each motion has one, stands in this one
+        sets = [name for name in sets if not re.search(r"\breduced(_model)?/", name)]
     accepted = []
     for name in sets[part::6]:
         with h5py.File(path) as file:
