@@ -88,6 +88,7 @@ _HOME = {
     "quasi_periodic_response": "analysis.quasi_periodic_response",
     "QuasiPeriodicBranch": "continuation.problems.curve_branch",
     "FiniteElementModel": "bodies.finite_element_model",
+    "read_calculix": "bodies.calculix",
     "ReducedModel": "reduction.reduced_model",
     "ReducedModal": "reduction.at_rest",
     "ReducedStatic": "reduction.at_rest",

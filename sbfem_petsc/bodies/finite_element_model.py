@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import inspect
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 
+from meshing.warnings import UnitWarning
+
 from ..checks import choice, instance, integer, names_of, real, real_array, shown
-from ..errors import UnknownName, listed
+from ..errors import UnknownName, caller_level, listed
 from .rows import Contact, Row
 
 # m, N/m and kg in one unit of length, stiffness and mass.
@@ -19,6 +22,9 @@ OWNER, AXES = "FiniteElementModel", "xyz"
 # Relative asymmetry that rounding of written files explains; distance of partners, and of a place from its
 # node, in spacings of nodes.
 SYMMETRY, APART = 1e-6, 1e-3
+# m/s and kg/m^3: speeds of waves as the matrices tell them, within 1.5 of sqrt(E / density) of solid elements
+# (50 to 18,000 m/s), and what no solid weighs.
+SLOWEST, FASTEST, HEAVIEST = 10.0, 1e5, 3e4
 
 
 class FiniteElementModel:
@@ -44,6 +50,11 @@ class FiniteElementModel:
     ValueError, TypeError
         If sizes do not fit, if a matrix is unsymmetric or negative on its diagonal, if an unknown has no
         stiffness, or belongs to no node.
+
+    Warns
+    -----
+    UnitWarning
+        If waves were slower or faster than in any solid, or the body heavier: units of another kind.
     """
 
     def __init__(
@@ -106,6 +117,7 @@ class FiniteElementModel:
             raise ValueError(
                 f"FiniteElementModel: mass is negative, {self.mass.diagonal().min():g} kg on its diagonal"
             )
+        self._warn_of_units(units)
 
     def at(self, place: Any, direction: Any) -> Row:
         """The displacement at a place: of a node's label, the mean of a set, the node at (x, y, z) in m.
@@ -189,17 +201,49 @@ class FiniteElementModel:
         return Contact(rows[moves], distance[moves])
 
     def summary(self) -> str:
-        """Unknowns, nodes, mass, size and sets, a line each."""
+        """Unknowns, nodes, size, mass and sets, a line each."""
         size = np.ptp(self.places, axis=0)
+        free = max(self._masses())
         lines = [
             f"{len(self.unknowns)} free unknowns of {len(self.labels)} nodes",
             f"size {size[0]:.6g} x {size[1]:.6g} x {size[2]:.6g} m",
             f"{len(self.fixed)} unknowns held",
+            f"mass {free:.6g} kg of what is free",
         ]
         return "\n".join(lines + [f"set {name}: {len(labels)} nodes" for name, labels in self.sets.items()])
 
     def __repr__(self) -> str:
         return f"FiniteElementModel({len(self.unknowns)} unknowns, {len(self.labels)} nodes)"
+
+    def _masses(self) -> list[float]:
+        """kg that moves along x, y and z."""
+        along = (self.unknowns[:, 1] == d for d in range(3))
+        return [float(own @ (self.mass @ own)) for own in map(np.float64, along)]
+
+    def _warn_of_units(self, units: str) -> None:
+        """Of waves and densities that no solid has: sqrt(K_ii / M_ii) is about 3 c over the spacing of nodes
+        in elements of first and second order.
+        """
+        mass, stiffness = self.mass.diagonal(), self.stiffness.diagonal()
+        moves = (self.unknowns[:, 1] < 3) & (mass > 0.0)
+        x = self.places[[self._node[int(a)] for a in dict.fromkeys(self.unknowns[:, 0])]]
+        far = _tree(x).query(x, min(4, len(x)))[0].reshape(len(x), -1)
+        far = np.where(far > 0.0, far, np.inf).min(axis=1)
+        spacing = np.median(far[np.isfinite(far)]) if np.isfinite(far).any() else 0.0
+        said = []
+        if moves.any() and spacing > 0.0:
+            speed = np.sqrt(np.median(stiffness[moves] / mass[moves])) * spacing / 3.0
+            if not SLOWEST <= speed <= FASTEST:
+                said.append(f"waves run at about {speed:.3g} m/s, {SLOWEST:g} to {FASTEST:g} m/s are usual")
+        box = float(np.prod(np.ptp(self.places, axis=0)))
+        if box > 0.0 and max(self._masses()) > HEAVIEST * box:
+            said.append(f"a mass of {max(self._masses()):.3g} kg in {box:.3g} m^3 is more than any solid's")
+        if said:
+            warnings.warn(
+                f"{OWNER}: {' and '.join(said)}; are units = {units!r} those of the matrices and nodes?",
+                UnitWarning,
+                stacklevel=caller_level(),
+            )
 
     def _labels_at(self, place: Any) -> list[int]:
         if isinstance(place, str):

@@ -217,7 +217,7 @@ def test_one_triangle(parts, body):
     assert np.abs((lower.stiffness - body.stiffness).toarray()).max() < 1e-12 * abs(body.stiffness).max()
 
 
-def test_summary(body):
+def test_summary(parts, body):
     """56 nodes of which 6 are held."""
     lines = body.summary().splitlines()
     assert lines[:3] == [
@@ -225,7 +225,9 @@ def test_summary(body):
         "size 0.08 x 0.01 x 0.01 m",
         "18 unknowns held",
     ]
-    assert lines[3:] == ["set LEFT: 2 nodes", "set RIGHT: 2 nodes"]
+    along = (parts["unknowns"][:, 1] == 0).astype(float)
+    assert lines[3] == f"mass {1e3 * along @ parts['mass'] @ along:.6g} kg of what is free"
+    assert lines[4:] == ["set LEFT: 2 nodes", "set RIGHT: 2 nodes"]
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,7 @@ def body_arguments() -> dict[str, Any]:
     """Three masses along x on springs, of which the first is held."""
     return {
         "mass": scipy.sparse.eye(2, format="csr"),
-        "stiffness": scipy.sparse.csr_matrix([[2e4, -1e4], [-1e4, 1e4]]),
+        "stiffness": scipy.sparse.csr_matrix([[2e7, -1e7], [-1e7, 1e7]]),
         "unknowns": [[2, 0], [3, 0]],
         "nodes": {1: (0.0, 0.0, 0.0), 2: (0.1, 0.0, 0.0), 3: (0.2, 0.0, 0.0)},
         "sets": {"A": [3]},
@@ -443,6 +443,8 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
         },
     ],
     "FiniteElementModel": [body_arguments],
+    # a missing deck: the arguments are checked before it is looked for
+    "read_calculix": [lambda: {"job": "missing", "units": "mm-N-t"}],
     "reduce_matrices": [lambda: {**matrices(), "modes": 2, "rayleigh": (0.0, 0.0), "contact_laws": None}],
     "write_animation": [
         lambda: {

@@ -1,0 +1,188 @@
+"""Bodies from the files of CalculiX: matrices of *FREQUENCY, SOLVER=MATRIXSTORAGE and the deck."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from meshing.whole_file import require_regular
+
+from ..checks import choice, path
+from .finite_element_model import AXES, UNITS, FiniteElementModel
+
+OWNER = "read_calculix"
+# What moves or removes unknowns, or closes contact before this program does.
+REFUSED = (
+    "*CONTACT PAIR",
+    "*COUPLING",
+    "*CYCLIC SYMMETRY MODEL",
+    "*DISTRIBUTING COUPLING",
+    "*EQUATION",
+    "*GAP",
+    "*MPC",
+    "*RIGID BODY",
+    "*TIE",
+    "*TRANSFORM",
+)
+# Decks that include decks that include decks.
+DEEPEST = 20
+
+
+def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
+    """A body from what CalculiX stores of a step ``*FREQUENCY, SOLVER=MATRIXSTORAGE``.
+
+    Parameters
+    ----------
+    job : str or path
+        Name of the job: `job`.inp is read for nodes, node sets (whose names are in capitals, as CalculiX
+        takes them) and boundary conditions, `job`.dof, `job`.sti and `job`.mas for the matrices.
+    units : {"SI", "mm-N-t", "mm-kg-mN"}
+        Those of the deck.
+
+    Returns
+    -------
+    FiniteElementModel
+
+    Raises
+    ------
+    ValueError, TypeError
+        If a file is missing, cut or of another job; if the deck has constraints, contact or elements that
+        CalculiX expands (shells, beams, plane ones).
+
+    Warns
+    -----
+    UnitWarning
+        If the units make no sense.
+    """
+    name = path(OWNER, "job", job)
+    choice(OWNER, "units", units, tuple(UNITS))
+    stem = name.removesuffix(".inp")
+    nodes, sets, held = _deck(f"{stem}.inp")
+    unknowns = _unknowns(f"{stem}.dof", nodes)
+    stiffness, mass = (_matrix(f"{stem}.{ending}", len(unknowns)) for ending in ("sti", "mas"))
+    if stiffness.nnz != mass.nnz:
+        raise ValueError(
+            f"{OWNER}: {stem}.sti has {stiffness.nnz} entries and {stem}.mas {mass.nnz}, and CalculiX writes "
+            "as many; one is cut, or of another run"
+        )
+    free = set(map(tuple, unknowns.tolist()))
+    for node in dict.fromkeys(unknowns[:, 0].tolist()):
+        for direction in range(3):
+            if (node, direction) not in free and (node, direction) not in held:
+                raise ValueError(
+                    f"{OWNER}: node {node} has no unknown along {AXES[direction]} in {stem}.dof, and no "
+                    f"*BOUNDARY of {stem}.inp holds it; are they of one run?"
+                )
+    return FiniteElementModel(mass, stiffness, unknowns, nodes, sets=sets, fixed=held - free, units=units)
+
+
+def _deck(file: str) -> tuple[dict[int, tuple[float, ...]], dict[str, list[int]], set[tuple[int, int]]]:
+    """Nodes, sets of them, and the pairs of node and direction that are held."""
+    nodes: dict[int, tuple[float, ...]] = {}
+    sets: dict[str, list[int]] = {}
+    held: set[tuple[int, int]] = set()
+    keyword, options = "", dict[str, str]()
+    for place, line in _lines(file):
+        cells = [cell.strip() for cell in line.split(",")]
+        if line.startswith("*"):
+            keyword = " ".join(cells[0].upper().split())
+            given = (cell.upper().partition("=") for cell in cells[1:])
+            options = {key.strip(): value.strip() for key, _, value in given}
+            if keyword in REFUSED:
+                raise ValueError(
+                    f"{OWNER}: {place} has {keyword}, which changes what the unknowns are or what touches; "
+                    "leave it out of this deck, contact is said by body.contact"
+                )
+            continue
+        try:
+            if keyword == "*NODE":
+                nodes[int(cells[0])] = tuple(float(cell or 0.0) for cell in [*cells[1:4], "", ""][:3])
+                if "NSET" in options:
+                    sets.setdefault(options["NSET"], []).append(int(cells[0]))
+            elif keyword == "*NSET":
+                sets.setdefault(options["NSET"], []).extend(_members(cells, sets, "GENERATE" in options))
+            elif keyword == "*BOUNDARY":
+                first = int(cells[1])
+                last = int(cells[2]) if cells[2:] and cells[2] else first
+                held |= {
+                    (n, d - 1)
+                    for n in _members(cells[:1], sets, False)
+                    for d in range(first, min(last, 6) + 1)
+                }
+        except (ValueError, KeyError, IndexError) as error:
+            raise ValueError(f"{OWNER}: {place}: {line!r} is no line of {keyword} ({error})") from None
+    return nodes, {name: list(dict.fromkeys(labels)) for name, labels in sets.items()}, held
+
+
+def _members(cells: list[str], sets: dict[str, list[int]], generated: bool) -> list[int]:
+    """Labels of a line: numbers and names of sets, or first, last and step."""
+    given = [cell for cell in cells if cell]
+    if generated:
+        first, last, step = (*map(int, given), 1)[:3]
+        return list(range(first, last + 1, step))
+    return [n for cell in given for n in ([int(cell)] if cell.isdigit() else sets[cell.upper()])]
+
+
+def _lines(file: str, depth: int = 0) -> Iterator[tuple[str, str]]:
+    """Place and text of each line that says something, those of *INCLUDE in its place."""
+    for number, line in enumerate(_read(file).splitlines(), 1):
+        text = line.strip()
+        if not text or text.startswith("**"):
+            continue
+        if text.upper().replace(" ", "").startswith("*INCLUDE,INPUT="):
+            if depth == DEEPEST:
+                raise ValueError(f"{OWNER}: {file}, line {number}: *INCLUDE is in itself")
+            other = text.partition("=")[2].strip().strip("\"'")
+            yield from _lines(os.path.join(os.path.dirname(file), other), depth + 1)
+            continue
+        yield f"{file}, line {number}", text
+
+
+def _unknowns(file: str, nodes: dict[int, tuple[float, ...]]) -> np.ndarray:
+    """(n, 2): node and direction, from 0, of each row; written as node.direction, directions from 1."""
+    found = []
+    for number, line in enumerate(_read(file).split(), 1):
+        node, _, direction = line.partition(".")
+        if not (node.isdigit() and direction in ("1", "2", "3")):
+            raise ValueError(f"{OWNER}: {file}, line {number}: {line!r} is no node.direction, such as 12.3")
+        if int(node) not in nodes:
+            raise ValueError(
+                f"{OWNER}: {file}, line {number}: node {node} is not in the deck; elements that CalculiX "
+                "expands (shells, beams, plane ones) have nodes of its own and are not read, solid ones are"
+            )
+        found.append((int(node), int(direction) - 1))
+    if not found:
+        raise ValueError(f"{OWNER}: {file} has no unknowns")
+    return np.array(found)
+
+
+def _matrix(file: str, count: int) -> sparse.coo_matrix:
+    """The triangle that is stored, row, column and value a line, rows from 1."""
+    lines = _read(file).splitlines()
+    try:
+        row, column, value = np.loadtxt(lines or ["0 0 0"], unpack=True, ndmin=2)
+    except ValueError:
+        raise ValueError(f"{OWNER}: {file} is cut, or no matrix of CalculiX, three numbers a line") from None
+    place = np.array([row, column])
+    if not (place.min() >= 1 and place.max() == count and (place == np.round(place)).all()):
+        raise ValueError(
+            f"{OWNER}: {file} has rows {place.min():g} to {place.max():g}, whole numbers from 1 to {count} "
+            "were expected, the unknowns of .dof; it is cut, or of another run"
+        )
+    return sparse.coo_matrix((value, place.astype(np.int64) - 1), (count, count))
+
+
+def _read(file: str) -> str:
+    try:
+        require_regular(file)
+        with open(file, encoding="utf-8", errors="replace") as opened:
+            return opened.read()
+    except OSError as error:
+        raise ValueError(
+            f"{OWNER}: {file} cannot be read ({error.strerror or error}); a step with *FREQUENCY, "
+            "SOLVER=MATRIXSTORAGE writes .sti, .mas and .dof beside the deck"
+        ) from None

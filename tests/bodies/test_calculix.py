@@ -1,0 +1,143 @@
+"""Files of CalculiX 2.20 in tests/bodies/calculix beside scikit-fem's matrices of the same elements."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+
+FILES = Path(__file__).parent / "calculix"
+
+
+def numbers(head: str) -> np.ndarray:
+    """Of the lines below a head of the mesh."""
+    text = (FILES / "blocks_mesh.inp").read_text().split(head)[1].split("*")[0]
+    return np.array([[float(cell) for cell in line.split(",")] for line in text.strip().splitlines()])
+
+
+@pytest.fixture
+def job(tmp_path):
+    """A copy of the files."""
+    shutil.copytree(FILES, tmp_path, dirs_exist_ok=True)
+    return tmp_path / "blocks"
+
+
+def test_matrices_are_those_of_scikit_fem():
+    """Tetrahedra of first order in SI; CalculiX integrates their mass at one point."""
+    skfem = pytest.importorskip("skfem")
+    from skfem.helpers import dot
+    from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+    nodes, tets = numbers("NSET=NALL\n")[:, 1:], numbers("ELSET=EALL\n")[:, 1:].astype(int)
+    mesh, element = skfem.MeshTet(1e-3 * nodes.T, tets.T - 1), skfem.ElementVector(skfem.ElementTetP1())
+    basis = skfem.Basis(mesh, element, intorder=1)
+    stiffness = linear_elasticity(*lame_parameters(210e9, 0.3)).assemble(basis)
+    mass = skfem.BilinearForm(lambda u, v, _: 7850.0 * dot(u, v)).assemble(basis)
+    body = sb.read_calculix(FILES / "blocks")
+    own = [basis.nodal_dofs[d, node - 1] for node, d in body.unknowns]
+    for found, right in ((body.stiffness, stiffness), (body.mass, mass)):
+        assert np.abs((found - right.tocsr()[own][:, own]).toarray()).max() < 1e-12 * abs(right).max()
+    assert len(own) == 3 * len(nodes) - len(body.fixed) == 78
+
+
+def test_deck():
+    """Sets by label, by first and last, and by name; in capitals."""
+    body = sb.read_calculix(FILES / "blocks.inp", units="mm-N-t")
+    assert {name: sorted(labels) for name, labels in body.sets.items()} == {
+        "NALL": list(range(1, 33)),
+        "CLAMP": [1, 2, 11, 12, 21, 22],
+        "LEFT": [25, 26],
+        "RIGHT": [31, 32],
+        "FACES": [25, 26, 31, 32],
+    }
+    assert body.fixed == {(node, d) for node in body.sets["CLAMP"] for d in range(3)}
+    crack = body.contact("LEFT", "RIGHT", normal="x")
+    tip = body.at((0.08, 0.01, 0.01), "z")
+    rom = sb.reduce(body, contact=crack, loads={"F": tip}, points={"tip": tip}, modes=10)
+    k, f = body.stiffness.toarray(), tip.weights.toarray()[0]
+    down, up = sb.static(rom, -100.0), sb.static(rom, 100.0)
+    assert down.active.tolist() == [False, False] and up.active.tolist() == [True, True]
+    assert down.displacement("tip") == pytest.approx(-100.0 * f @ np.linalg.solve(k, f), rel=1e-7)
+    tied = np.block([[k, crack.rows.toarray().T], [crack.rows.toarray(), np.zeros((2, 2))]])
+    u = np.linalg.solve(tied, np.append(100.0 * f, [0.0, 0.0]))[: len(k)]
+    assert up.displacement("tip") == pytest.approx(f @ u, rel=1e-7)
+
+
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed")
+def test_calculix_itself(job):
+    """The installed one writes the same numbers."""
+    for ending in ("sti", "mas", "dof"):
+        job.with_suffix(f".{ending}").unlink()
+    subprocess.run(["ccx", "blocks"], cwd=job.parent, check=True, capture_output=True, timeout=60)
+    found, right = sb.read_calculix(job), sb.read_calculix(FILES / "blocks")
+    assert found.unknowns.tolist() == right.unknowns.tolist()
+    assert np.abs((found.stiffness - right.stiffness).toarray()).max() < 1e-9 * abs(right.stiffness).max()
+    assert np.abs((found.mass - right.mass).toarray()).max() < 1e-9 * abs(right.mass).max()
+
+
+# The file that is changed, what is found in it and what takes its place, and the sentence.
+WRONG = [
+    ("sti", None, "", r"blocks.sti cannot be read .* writes .sti, .mas and .dof"),
+    ("mas", None, "", r"blocks.mas cannot be read"),
+    ("dof", None, "", r"blocks.dof cannot be read"),
+    ("inp", None, "", r"blocks.inp cannot be read"),
+    ("sti", r"\s\S+\n\Z", "\n", r"blocks.sti is cut, or no matrix"),
+    ("sti", r"(.* 78 .*\n)+\Z", "", r"has rows 1 to 77, whole numbers from 1 to 78 were expected"),
+    ("sti", r".*\n\Z", "", r"as many; one is cut, or of another run"),
+    ("mas", r"\A.*\n", "", r"as many; one is cut, or of another run"),
+    ("sti", r"\A(.*\n)*", "", r"blocks.sti has rows 0 to 0"),
+    ("sti", r"\A1 1", "0 1", r"blocks.sti has rows 0 to 78"),
+    ("sti", r"\A1 1", "1.5 1", r"blocks.sti has rows 1 to 78, whole numbers"),
+    ("sti", r"\A1 1", "x 1", r"blocks.sti is cut, or no matrix"),
+    ("sti", r"\A1 1 .*", "1 1 nan", r"stiffness.data"),
+    ("sti", r"\A1 1 .*", "1 1 -1.0", r"stiffness of node 3, direction 0 is -1000"),
+    ("dof", r"\A3.1\n", "", r"78, whole numbers from 1 to 77 were expected"),
+    ("dof", r"\A3.1", "3.7", r"'3.7' is no node.direction"),
+    ("dof", r"\A3.1", "999.1", r"node 999 is not in the deck; elements that CalculiX expands"),
+    ("dof", r"\A3.1", "1.1", r"node 3 has no unknown along x"),
+    ("inp", r"CLAMP, 1", "NOWHERE, 1", r"line 19: 'NOWHERE, 1, 3' is no line of \*BOUNDARY"),
+    ("inp", r"\*STEP", "*EQUATION\n2\n3,1,1.,5,1,-1.\n*STEP", r"has \*EQUATION, which changes"),
+    ("inp", r"\*STEP", "*tie, name=a\n*STEP", r"has \*TIE, which changes"),
+    ("inp", r"\*STEP", "*Rigid  Body, NSET=LEFT\n*STEP", r"has \*RIGID BODY, which changes"),
+    ("inp", r"INPUT=\S+", "INPUT=blocks.inp", r"\*INCLUDE is in itself"),
+    ("inp", r"INPUT=\S+", "INPUT=other.inp", r"other.inp cannot be read"),
+    ("inp", r"NSET=left", "ELSET=left", r"is no line of \*NSET"),
+    ("inp", r"\*STEP", "*NODE\n7, a, 0., 0.\n*STEP", r"'7, a, 0., 0.' is no line of \*NODE"),
+]
+
+
+@pytest.mark.parametrize(("ending", "old", "new", "sentence"), WRONG)
+def test_wrong_files(job, ending, old, new, sentence):
+    """One sentence for each."""
+    changed = job.with_suffix(f".{ending}")
+    if old is None:
+        changed.unlink()
+    else:
+        text, count = re.subn(old, lambda _: new, changed.read_text(), count=1)
+        assert count == 1
+        changed.write_text(text)
+    with pytest.raises(ValueError, match=sentence) as raised:
+        sb.read_calculix(job)
+    assert "\n" not in str(raised.value)
+
+
+def test_units_of_another_kind():
+    """Millimetres for metres make waves a thousand times as fast, g for kg a body of 8,000 t/m^3; nothing is
+    said of what is right.
+    """
+    with pytest.warns(sb.UnitWarning, match=r"waves run at about 4\.\d+e\+06 m/s.* units = 'SI' those"):
+        sb.read_calculix(FILES / "blocks", units="SI")
+    right = sb.read_calculix(FILES / "blocks")
+    heavy = right.mass * 1e3, right.stiffness * 1e3, right.unknowns, dict(zip(right.labels, right.places))
+    with pytest.warns(sb.UnitWarning, match=r"a mass of 51\.7 kg in 8e-06 m\^3 is more than any solid's"):
+        sb.FiniteElementModel(*heavy)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sb.read_calculix(FILES / "blocks")
