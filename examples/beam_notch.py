@@ -31,7 +31,6 @@ def main():
     from examples.tables.beam_notch import print_tables
     from meshing import Beam, VNotch
     from sbfem_petsc.plot import plot_contact, plot_crack, plot_discretisation, plot_modes, save_pictures
-    from sbfem_petsc.results.vtu import write_modes, write_vtu
 
     comm, out, folder = begin(own.output)
     beam = Beam(length=0.400, height=0.005, notches=[VNotch(x=0.080, depth=0.0025, opening=0.0458366)])
@@ -45,8 +44,8 @@ def main():
     pushes = {f"{f:g} N": sb.static(model, sb.PointForce("A", fy=f)) for f in (1.0, 100.0, 300.0)}
     print_tables(out, modes, pushes, tip_element=own.layout == "tip")
     sb.save(f"{folder}/beam_notch.h5", {"modes": modes, **pushes})
-    write_vtu(f"{folder}/static_300N.vtu", model, {"displacement": pushes["300 N"]})
-    write_modes(f"{folder}/modes.vtu", modes, range(3))
+    sb.write_vtu(f"{folder}/static_300N.vtu", model, {"displacement": pushes["300 N"]})
+    sb.write_modes(f"{folder}/modes.vtu", modes, range(3))
     if not own.no_pictures:
         save_pictures(folder, discretisation=plot_discretisation(mesh, comm=comm))
         save_pictures(folder, modes=plot_modes(modes, range(8)), contact=plot_contact(pushes))

@@ -98,6 +98,8 @@ _HOME = {
     "save": "record.files",
     "read": "record.files",
     "write_animation": "results.animation",
+    "write_modes": "results.vtu",
+    "write_vtu": "results.vtu",
     "Harmonic": "signals.waves",
     "ToneBurst": "signals.waves",
     "Chirp": "signals.waves",

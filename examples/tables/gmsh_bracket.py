@@ -4,9 +4,9 @@ import os
 
 from rich.table import Table
 
+import sbfem_petsc as sb
 from sbfem_petsc.plot import plot_contact, plot_crack, plot_discretisation, plot_modes, save_pictures
 from sbfem_petsc.record.files import save
-from sbfem_petsc.results.vtu import write_modes, write_vtu
 
 
 def print_tables(out, model, modes, cases, measured, *, order, force):
@@ -24,8 +24,8 @@ def print_tables(out, model, modes, cases, measured, *, order, force):
 def write(folder, mesh, model, modes, cases, *, pictures):
     """Write results, files for ParaView and pictures."""
     save(os.path.join(folder, "gmsh_bracket.h5"), {"modes": modes, **cases})
-    write_vtu(os.path.join(folder, "static.vtu"), model, cases)
-    write_modes(os.path.join(folder, "modes.vtu"), modes, range(3))
+    sb.write_vtu(os.path.join(folder, "static.vtu"), model, cases)
+    sb.write_modes(os.path.join(folder, "modes.vtu"), modes, range(3))
     if pictures:
         save_pictures(
             folder,

@@ -245,15 +245,15 @@ class Static(Record):
         points = ", ".join(f"{n}: ({u[0]:.6g}, {u[1]:.6g})" for n, u in self.point_displacements.items())
         forces = ", ".join(f"{n}: ({f[0]:.6g}, {f[1]:.6g})" for n, f in self.reactions.items())
         told = [
-            f"Static({points} m",
+            *([f"{points} m"] if points else []),
             f"{int(self.active.sum())} of {len(self.gap)} pairs in contact, resultant "
             f"{self.contact_resultant:.6g} N",
             *self._tips_in_words(),
-            f"reactions {forces} N",
+            *([f"reactions {forces} N"] if forces else []),
             self.solver,
             *self.notes,
         ]
-        return f"{'; '.join(told)})"
+        return f"Static({'; '.join(told)})"
 
     def _tips_in_words(self) -> Iterator[str]:
         """K, G and T of the first tips, those that they have."""

@@ -25,6 +25,7 @@ _HOME = {
     "plot_crack": "crack",
     "plot_detection": "detection",
     "plot_discretisation": "meshes",
+    "plot_field": "bodies",
     "plot_harmonics": "orbits",
     "plot_histories": "histories",
     "plot_history": "histories",

@@ -100,9 +100,10 @@ class Colours:
     label: str
     more: bool
 
-    def bar(self, painted: Any, axes: Axes) -> None:
+    def bar(self, painted: Any, axes: Axes | Sequence[Axes]) -> None:
         """A colour bar beside the axes."""
-        extend = "max" if self.more else "neither"
+        signed = self.norm.vmin != 0.0
+        extend: Any = "neither" if not self.more else "both" if signed else "max"
         drawn = bar(painted, axes, self.label, extend=extend, shrink=0.85, pad=0.02)
         drawn.locator = MaxNLocator(5)
         drawn.update_ticks()
@@ -121,7 +122,7 @@ class Window:
 
     def __init__(self, crack: Any, half: float, colour: str):
         self.tip, self.half, self.colour = np.array(crack.tip), float(half), colour
-        self.notch = _Notch(crack, self.half)
+        self.notch = Notch(crack, self.half)
 
     @property
     def magnified(self) -> str:
@@ -141,10 +142,10 @@ class Window:
         inside = self._relative(regions[0])[0]
         values = [self._values(region) for region in regions]
         if self.colour == "von_mises":
-            top = max(_area_quantile(region, v, inside, 0.97) for region, v in zip(regions, values))
+            top = max(area_quantile(region, v, inside, 0.97) for region, v in zip(regions, values))
             factor, name = stress_unit(top)
             return Colours(Normalize(0.0, top * factor), factor, f"von Mises stress ({name})", more=True)
-        top = max(_area_quantile(region, v, inside, 1.0) for region, v in zip(regions, values))
+        top = max(area_quantile(region, v, inside, 1.0) for region, v in zip(regions, values))
         factor, name = length_unit(max(float(v[inside].max()) for v in values))
         label = f"displacement without rigid-body motion ({name})"
         return Colours(Normalize(0.0, top * factor), factor, label, more=False)
@@ -207,7 +208,7 @@ class Window:
         return np.linalg.norm(self._relative(region)[2], axis=1)
 
 
-class _Notch:
+class Notch:
     """Draws a narrow V-notch as if it had opened from a closed slit, so that one magnification serves gap and
     displacement.
     """
@@ -240,7 +241,7 @@ def _rigid_motion(arms: np.ndarray, displacements: np.ndarray):
     return lambda at: mean + turn * np.stack([-(at - mean_arm)[:, 1], (at - mean_arm)[:, 0]], axis=1)
 
 
-def _area_quantile(region: Region, values: np.ndarray, inside: np.ndarray, share: float) -> float:
+def area_quantile(region: Region, values: np.ndarray, inside: np.ndarray, share: float) -> float:
     """Value that is not exceeded on a share of the area: the points crowd at the tip, where the stress has no
     bound.
     """
@@ -259,6 +260,7 @@ def plain(value: float) -> str:
 
 
 def round_down(value: float) -> float:
-    """The next lower of 1, 2, 5, 10, 20, ..."""
+    """The next lower of 1, 2, 5, 10, 20, ...; itself where it is one of these but for round-off."""
+    value *= 1.0 + 1e-9
     power = 10.0 ** np.floor(np.log10(value))
-    return float(power * max(m for m in (1.0, 2.0, 5.0) if m * power <= value))
+    return float(power * max(m for m in (0.5, 1.0, 2.0, 5.0) if m * power <= value))

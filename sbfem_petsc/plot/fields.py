@@ -13,11 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from ..analysis.static import Static
-from ..checks import integer, shown
 from ..ranks.parallel import collective, on_root
 from ..record.units import frequency_unit, length_unit, place_unit, stress_unit
 from ..system.model import Model
-from ..system.solve.modal_result import Modal
+from ..system.solve.modal_result import Modal, chosen_modes
 from .drawing import BLUE, CYCLE, MARKERS, SKY, WIDTH, Sheet, crack_title, fill
 from .outlines import Piece, contact_lengths, gather_outline, loops
 from .picture import named, picture
@@ -47,18 +46,10 @@ def plot_modes(
     if not isinstance(model, Model):
         raise TypeError("plot_modes: modal must be the modes of a Model")
     with collective(model.comm):
-        chosen = _chosen(modes, len(modal.frequencies))
+        count = len(modal.frequencies)
+        chosen = chosen_modes("plot_modes", range(min(12, count)) if modes is None else modes, count)
     pieces = gather_outline(model, [modal.nodal(m) for m in chosen], max(2 * model.order, 8))
     return on_root(model.comm, lambda: _draw_modes(Sheet.of(ax), pieces, modal.frequencies, chosen, columns))
-
-
-def _chosen(modes: Sequence[int] | None, count: int) -> list[int]:
-    """Numbers of the modes to draw."""
-    if modes is None:
-        return list(range(min(12, count)))
-    if not isinstance(modes, (list, tuple, range, np.ndarray)) or not len(modes):
-        raise TypeError(f"plot_modes: modes = {shown(modes)} must be a sequence of numbers")
-    return [integer("plot_modes", f"modes[{k}]", m, least=0, most=count - 1) for k, m in enumerate(modes)]
 
 
 def _draw_modes(

@@ -132,9 +132,22 @@ class Region:
     triangles: np.ndarray
 
 
-def gather_region(model: Model, field: Any, centre: np.ndarray, half: float) -> Region | None:
+def gather_region(
+    model: Model,
+    field: Any,
+    centre: np.ndarray,
+    half: float,
+    *,
+    subdivisions: int | None = None,
+    refine: int = 4,
+) -> Region | None:
     """Interior of the S-elements that reach into the square window ``centre`` +- ``half``, on rank 0.
     Collective.
+
+    Parameters
+    ----------
+    subdivisions, refine
+        See `sample`. Default: twice the order, six at least.
     """
     part = model.part
     keep = np.zeros(len(part.chains), dtype=bool)
@@ -142,7 +155,8 @@ def gather_region(model: Model, field: Any, centre: np.ndarray, half: float) -> 
         corners = np.vstack([part.coordinates[chain], part.centres[k]])
         keep[k] = (corners.min(axis=0) < centre + half).all() and (corners.max(axis=0) > centre - half).all()
     pieces, offset = [], 0
-    for patch in sample(model, {"u": field}, keep=keep, subdivisions=max(2 * model.order, 6), refine=4):
+    pieces_an_edge = subdivisions or max(2 * model.order, 6)
+    for patch in sample(model, {"u": field}, keep=keep, subdivisions=pieces_an_edge, refine=refine):
         quadrilaterals, triangles = (cells.reshape(-1, cells.shape[-1]) for cells in point_grid_cells(patch))
         cells = np.concatenate([quadrilaterals[:, [0, 1, 2]], quadrilaterals[:, [0, 2, 3]], triangles])
         points = patch.positions.reshape(-1, 2)

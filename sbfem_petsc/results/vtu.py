@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import flag, instance, integer, optional_integer, shown
+from ..checks import flag, instance, optional_integer, shown
 from ..ranks.parallel import agreed, collective
 from ..system.fields.sampling import Patches, point_grid_cells, sample
 from ..system.model import Model
-from ..system.solve.modal_result import Modal
+from ..system.solve.modal_result import Modal, chosen_modes
 from ..writing import destination, replaced
 
 STRESSES = ("stress_xx", "stress_yy", "stress_xy", "von_mises")
@@ -101,12 +101,15 @@ def write_modes(
     str
         The file to open.
     """
+    instance("write_modes", "modal", modal, Modal, "a Modal")
     model = modal.model
     if not isinstance(model, Model):
         raise TypeError("write_modes: modal must be the modes of a Model")
     count = len(modal.frequencies)
     with collective(model.comm):
-        chosen = [integer("write_modes", "modes", k, least=0, most=count - 1) for k in modes or range(count)]
+        chosen = chosen_modes("write_modes", range(count) if modes is None else modes, count)
+        flag("write_modes", "stress", stress)
+        subdivisions = optional_integer("write_modes", "subdivisions", subdivisions, least=1, most=100)
     fields = {f"mode {k + 1}, {modal.frequencies[k]:.6g} Hz": modal.nodal(k) for k in chosen}
     return _write(path, model, fields, stress, subdivisions, _MODES_UNIT)
 

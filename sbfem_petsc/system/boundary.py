@@ -259,7 +259,7 @@ def _lifted(model: Structure, columns: LoadColumns, nodal: np.ndarray) -> LoadCo
         own,
         forces,
         held.gap_operator.rows(own),
-        held.point_rows(own).reshape(len(model.points), 2, -1),
+        held.point_rows(own).reshape(len(model.points), 2, own.shape[1]),
     )
     work = model.comm.allreduce(np.einsum("nik,nil->kl", nodal, inner))
     return replace(

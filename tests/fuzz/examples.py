@@ -18,7 +18,6 @@ from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate, VNotch
 from sbfem_petsc import indicators, plot
 from sbfem_petsc.continuation.bifurcations import Bifurcation
 from sbfem_petsc.continuation.problems.own_tone import OwnTone
-from sbfem_petsc.results.vtu import write_vtu
 from tests.study.small_case import CASE
 from tests.systems import two_masses
 
@@ -602,6 +601,15 @@ CALLS |= {
         }
     ],
     "plot.plot_discretisation": [lambda: {"mesh": mesh(), "ax": None, "comm": MPI.COMM_WORLD}],
+    "plot.plot_field": [
+        lambda: {
+            "model": model(),
+            "fields": {"a": static()},
+            "colour": "stress_xx",
+            "magnification": 1.0,
+            "ax": None,
+        }
+    ],
     "plot.plot_harmonics": [
         lambda: {
             "orbits": {"a": orbit()},
@@ -665,7 +673,10 @@ CALLS |= {
     "plot.save_pictures": [lambda: {"folder": "."}],
     "save": [lambda: {"path": "results.h5", "result": {"modes": modal(), "push": static()}}],
     "read": [lambda: {"path": "given/results.h5", "in_memory": True}],
-    "results.write_vtu": [
+    "write_modes": [
+        lambda: {"path": "modes.vtu", "modal": modal(), "modes": [0], "stress": False, "subdivisions": 1}
+    ],
+    "write_vtu": [
         lambda: {
             "path": "fields.vtu",
             "model": model(),
@@ -939,7 +950,6 @@ def public() -> dict[str, Any]:
     found = {name: getattr(sb, name) for name in sb.__all__}
     found |= {name: getattr(meshing, name) for name in meshing.__all__}
     found |= {f"plot.{name}": getattr(plot, name) for name in plot.__all__}
-    found["results.write_vtu"] = write_vtu
     for name in indicators.__all__:
         item = getattr(indicators, name)
         if not isinstance(item, type):

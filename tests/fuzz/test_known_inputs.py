@@ -21,7 +21,6 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, BoundaryMesh, VNotch, read_gmsh
 from sbfem_petsc import indicators, plot
-from sbfem_petsc.results.vtu import write_vtu
 
 from .cases import KINDS, ROOMS, Late, _limited
 from .examples import matrices as oscillator
@@ -112,7 +111,7 @@ def names(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
             "read_gmsh": read_gmsh,
             "ind": indicators,
             "plot": plot,
-            "write_vtu": write_vtu,
+            "write_vtu": sb.write_vtu,
             "W": str(folder),
             "READ": dict(
                 zip(

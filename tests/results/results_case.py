@@ -35,7 +35,14 @@ def build():
 
 def write_all(folder: str) -> None:
     """HDF5, VTU and PNG files."""
-    from sbfem_petsc.plot import plot_contact, plot_crack, plot_discretisation, plot_modes, save_picture
+    from sbfem_petsc.plot import (
+        plot_contact,
+        plot_crack,
+        plot_discretisation,
+        plot_field,
+        plot_modes,
+        save_picture,
+    )
     from sbfem_petsc.record.files import save
     from sbfem_petsc.results.vtu import write_vtu
     from sbfem_petsc.writing import check_output_folder
@@ -48,6 +55,7 @@ def write_all(folder: str) -> None:
     save_picture(plot_modes(modes), f"{folder}/modes.png")
     save_picture(plot_crack(model, cases), f"{folder}/crack.png")
     save_picture(plot_contact(cases), f"{folder}/contact.png")
+    save_picture(plot_field(model, cases), f"{folder}/field.png")
 
 
 def fail(folder: str) -> None:

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+import inspect
+
 import numpy as np
 import pytest
 from matplotlib import image
 
-from sbfem_petsc.plot import plot_contact, plot_crack, plot_discretisation, plot_modes, save_picture
+import sbfem_petsc as sb
+from meshing import Plate
+from sbfem_petsc import plot
+from sbfem_petsc.plot import (
+    plot_contact,
+    plot_crack,
+    plot_discretisation,
+    plot_field,
+    plot_modes,
+    save_picture,
+)
 from sbfem_petsc.plot.outlines import contact_lengths, gather_outline, gather_region, loops
 from sbfem_petsc.record import units
 
-PICTURES = ("mesh.png", "modes.png", "crack.png", "contact.png")
+PICTURES = ("mesh.png", "modes.png", "crack.png", "contact.png", "field.png")
 
 
 def ring_area(points):
@@ -67,6 +79,46 @@ def test_colours_by_displacement_and_given_magnification(solved, tmp_path):
     axes = plot_crack(model, {"opening": cases["opening"].field}, colour="displacement", magnification=50.0)
     assert [a.get_xlabel() for a in axes[:2]] == ["x from the tip (mm)", "x from the tip (µm)"]
     assert image.imread(save_picture(axes, tmp_path / "crack.png")).shape[1] == 1440
+
+
+def test_a_pulled_bar_as_a_whole(tmp_path):
+    """E u / L in one colour everywhere, the sides where they are moved to; compression is the other end of
+    the scale.
+    """
+    mesh = Plate([(0.0, 0.0), (0.2, 0.0), (0.2, 0.05), (0.0, 0.05)]).mesh(order=2)
+    ends = [sb.Support("edge4", y=False), sb.Support("edge2", y=False)]
+    steel = sb.Material(210e9, 0.0, 7800)
+    with sb.Model(mesh, steel, clamped=None, supports=[*ends, sb.Support("edge1", x=False)]) as model:
+        pulls = {
+            name: sb.static(model, sb.EdgeMotion("edge2", ux=u)) for name, u in (("+", 1e-4), ("-", -2e-4))
+        }
+        panels = plot_field(model, pulls, colour="stress_xx", magnification=100.0)
+        for axes, strain in zip(panels, (5e-4, -1e-3)):
+            (painted,) = axes.collections
+            np.testing.assert_allclose(painted.get_array(), 210e3 * strain, rtol=1e-9)  # MPa
+            assert painted.get_clim() == pytest.approx((-210.0, 210.0), rel=1e-9)
+            x = np.concatenate([line.get_xdata() for line in axes.lines])
+            assert (x.min(), x.max()) == pytest.approx((0.0, 200.0 * (1.0 + 100.0 * strain)), abs=1e-9)
+        assert [axes.get_title() for axes in panels] == ["+, displacement × 100", "-, displacement × 100"]
+        assert image.imread(save_picture(panels, tmp_path / "field.png")).std() > 0.05
+        (alone,) = plot_field(model, {"": pulls["+"]}, colour="displacement")
+        assert alone.get_title() == "displacement × 100"  # a twentieth of the length, but for round-off
+        (painted,) = alone.collections
+        assert painted.get_array().max() == pytest.approx(100.0, rel=1e-9)  # µm
+        with pytest.raises(ValueError, match="colour = 'heat' must be one of"):
+            plot_field(model, pulls, colour="heat")
+        with pytest.raises(TypeError, match="must be a dict of fields by name"):
+            plot_field(model, pulls["+"])
+
+
+def test_what_all_pictures_take():
+    """Axes of the caller's own by name; of a point's motion the direction, if both are known."""
+    for name in (name for name in plot.__all__ if name.startswith("plot_")):
+        takes = inspect.signature(getattr(plot, name)).parameters
+        assert takes["ax"].default is None and takes["ax"].kind is inspect.Parameter.KEYWORD_ONLY
+        if "point" in takes and name != "plot_swept":  # a SweptResponse has amplitudes of u_y alone
+            assert takes["point"].default == "A" and takes["direction"].default in ("y", None)
+    assert "harmonic" in inspect.signature(plot.plot_branches).parameters
 
 
 def test_bad_requests(solved, tmp_path):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ...checks import integer
+from ...checks import integer, shown
 from ...errors import at_point
 from ...ranks.parallel import agreed
 from ...record.gather import whole
@@ -96,3 +97,10 @@ class Modal(Record):
             f"Modal({len(self.frequencies)} frequencies: {shown} Hz; largest residual "
             f"{self.residuals.max(initial=0):.1e}; {self.solver})"
         )
+
+
+def chosen_modes(owner: str, modes: Sequence[int], count: int) -> list[int]:
+    """Numbers of modes of `count`, 0 the lowest, checked; TypeError or ValueError for what is none."""
+    if not isinstance(modes, (list, tuple, range, np.ndarray)) or not len(modes):
+        raise TypeError(f"{owner}: modes = {shown(modes)} must be a sequence of numbers")
+    return [integer(owner, f"modes[{k}]", m, least=0, most=count - 1) for k, m in enumerate(modes)]

@@ -1,0 +1,158 @@
+"""Pictures of the whole body, deformed, in colours of its stresses or displacements.
+
+Rank 0 draws; the other ranks send what they sampled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.tri import Triangulation
+
+from ..checks import shown
+from ..ranks.parallel import collective, on_root
+from ..record.units import length_unit, place_unit, stress_unit
+from ..system.model import Model
+from .crack import Colours, Notch, area_quantile, plain, round_down
+from .drawing import BLACK, WIDTH, Sheet
+from .outlines import Piece, Region, gather_outline, gather_region
+from .picture import one_of, picture
+
+# What the colours show, and how the label calls it; stresses by their column in a `Region`.
+STRESSES = {"von_mises": 3, "stress_xx": 0, "stress_yy": 1, "stress_xy": 2}
+LABELS = {
+    "von_mises": "von Mises stress",
+    "stress_xx": r"$\sigma_{xx}$",
+    "stress_yy": r"$\sigma_{yy}$",
+    "stress_xy": r"$\sigma_{xy}$",
+    "displacement": "displacement",
+}
+# Share of the area whose stresses the colours tell apart: those of crack tips have no bound.
+SHARE = 0.99
+# Inches beside a body.
+BESIDE = 1.7
+# Of the body's largest side: what the largest displacement is drawn as.
+DRAWN = 0.05
+
+
+@picture(Model, colour=one_of(*LABELS))
+def plot_field(
+    model: Model,
+    fields: Mapping[str, Any],
+    *,
+    colour: str = "von_mises",
+    magnification: float | None = None,
+    ax: Any = None,
+) -> list[Axes] | None:
+    """The whole body, deformed, in colours of its stresses or displacements. Collective.
+
+    All fields have one scale of colours; values on the hundredth of the area where they are largest, next to
+    crack tips for one, have its last colour. Narrow slits are drawn as in `plot_crack`.
+
+    Parameters
+    ----------
+    model : Model
+    fields : dict of str to Static, Field or (m, 2) array
+        One panel each, as for `plot_crack`.
+    colour : {"von_mises", "stress_xx", "stress_yy", "stress_xy", "displacement"}
+        What the colours show.
+    magnification : float, optional
+        Of the displacements. Default: chosen for each panel and written into it.
+    ax
+        As for `plot_modes`.
+
+    Returns
+    -------
+    Axes, one a field, on rank 0, None elsewhere; `save_picture` writes them
+    """
+    with collective(model.comm):
+        if not isinstance(fields, Mapping) or not all(isinstance(name, str) for name in fields):
+            raise TypeError(f"plot_field: fields = {shown(fields)} must be a dict of fields by name")
+        if not fields:
+            raise ValueError("plot_field: fields is empty; give one field at least")
+    lower, upper = model.extent
+    middle, size = 0.5 * (lower + upper), float((upper - lower).max())
+    regions = {
+        name: gather_region(model, field, middle, size, subdivisions=model.order, refine=1)
+        for name, field in fields.items()
+    }
+    outline = gather_outline(model, list(fields.values()), max(2 * model.order, 8))
+    notches = [Notch(crack, crack.length) for crack in model.cracks]
+
+    def draw() -> list[Axes]:
+        assert outline is not None  # on rank 0
+        found = {name: region for name, region in regions.items() if region is not None}
+        (width, height), (scale, unit) = upper - lower, place_unit(size)
+        colours = _colours(list(found.values()), colour)
+        painter = _Painter(scale, notches, colours, colour)
+        # beside labels and the colour bar, whose own label takes more than a slender body
+        tall = min((WIDTH - BESIDE) * height / width, 4.5)
+        total = max(len(found) * (tall + 0.7), 1.6)
+        wide = min(WIDTH, tall * width / height + BESIDE)
+        panels = Sheet.of(ax).panels((len(found), 1), total, wide, sharex=True)
+        for row, (axes, (name, region)) in enumerate(zip(panels, found.items())):
+            furthest = float(np.linalg.norm(region.displacements, axis=1).max())
+            factor = magnification or (round_down(DRAWN * size / furthest) if furthest > 0.0 else 1.0)
+            painted = painter.paint(axes, region, outline, row, factor)
+            magnified = notches[0].magnified if notches else "displacement"
+            axes.set_title(f"{f'{name}, ' if name else ''}{magnified} × {plain(factor)}")
+            axes.set(aspect="equal", xlabel=f"x ({unit})", ylabel=f"y ({unit})")
+        colours.bar(painted, panels)
+        return panels
+
+    return on_root(model.comm, draw)
+
+
+def _values(region: Region, colour: str) -> np.ndarray:
+    """What the colours show, Pa or m."""
+    if colour == "displacement":
+        return np.linalg.norm(region.displacements, axis=1)
+    return region.stress[:, STRESSES[colour]]
+
+
+def _colours(regions: list[Region], colour: str) -> Colours:
+    """One scale for several states: from zero, or as far to both sides of it where there are two signs."""
+    sizes = [np.abs(_values(region, colour)) for region in regions]
+    share = 1.0 if colour == "displacement" else SHARE
+    everywhere = [np.ones(len(size), dtype=bool) for size in sizes]
+    top = max(area_quantile(*each, share) for each in zip(regions, sizes, everywhere))
+    factor, unit = (length_unit if colour == "displacement" else stress_unit)(top)
+    signed = colour not in ("displacement", "von_mises")
+    norm = Normalize(-top * factor if signed else 0.0, (top or 1.0) * factor)
+    return Colours(norm, factor, f"{LABELS[colour]} ({unit})", more=share < 1.0)
+
+
+@dataclass(frozen=True)
+class _Painter:
+    """How states are drawn: lengths in units of 1 / scale m, narrow slits of the notches magnified too."""
+
+    scale: float
+    notches: list[Notch]
+    colours: Colours
+    colour: str
+
+    def paint(self, axes: Axes, region: Region, outline: list[Piece], row: int, factor: float) -> Any:
+        """Draw a state, displacements times `factor`, the outline's of its field `row`; the interior."""
+        x, y = self._drawn(region.positions, region.displacements, factor).T
+        painted = axes.tripcolor(
+            Triangulation(x, y, region.triangles),
+            _values(region, self.colour) * self.colours.factor,
+            shading="gouraud",
+            cmap="viridis" if self.colours.norm.vmin == 0.0 else "RdBu_r",
+            norm=self.colours.norm,
+            rasterized=True,
+        )
+        for piece in outline:
+            x, y = self._drawn(piece.positions, piece.displacements[row], factor).T
+            axes.plot(x, y, color=BLACK, linewidth=0.6)
+        return painted
+
+    def _drawn(self, positions: np.ndarray, displacements: np.ndarray, factor: float) -> np.ndarray:
+        """Where points are drawn."""
+        opened = sum((notch.opening(positions) for notch in self.notches), np.zeros(positions.shape))
+        return (positions + factor * displacements + (factor - 1.0) * opened) * self.scale
