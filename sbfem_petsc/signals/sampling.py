@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from meshing.warnings import StepWarning
-
-from ..errors import caller_level
 from .signal import STEPS_A_PERIOD, Custom, Signal, Sum
 
 # Samples of a span of time: at first, so that what is a hundred thousandth of it is seen, and at most.
@@ -84,7 +80,7 @@ def known(signal: Signal, duration: float) -> Signal:
     Raises
     ------
     ValueError
-        If a function changes between the most samples that are taken, and has no band.
+        If a function changes between the most samples that are taken, and has no band that holds.
     """
     if isinstance(signal, Sum):
         return Sum(tuple(known(part, duration) for part in signal.parts))
@@ -92,8 +88,7 @@ def known(signal: Signal, duration: float) -> Signal:
         return signal
     found, given = sampled(signal, 0.0, duration), signal.highest_frequency
     if found is None:
-        _refuse_or_warn("transient", signal, duration)
-        return signal
+        raise _changing("transient", signal, duration)
     band = max(found.intervals / (STEPS_A_PERIOD * duration), given or 0.0)
     return replace(signal, highest_frequency=band, breaks=tuple(found.breaks.tolist()))
 
@@ -109,11 +104,11 @@ def resolved(signal: Signal, start: float, stop: float, breaks: np.ndarray) -> S
     Raises
     ------
     ValueError
-        If it changes between the most samples that are taken, and has no band.
+        If it changes between the most samples that are taken, and has no band that holds.
     """
     found = sampled(signal, start, stop)
     if found is None and not _holds(signal, start, stop, breaks):
-        _refuse_or_warn("periodic", signal, stop - start)
+        raise _changing("periodic", signal, stop - start)
     return found
 
 
@@ -132,20 +127,14 @@ def _holds(signal: Signal, start: float, stop: float, breaks: np.ndarray) -> boo
     return _straight(distance, jumping.ravel(), allowed)
 
 
-def _refuse_or_warn(owner: str, signal: Signal, span: float) -> None:
-    """Raise ValueError of a signal that changes between the most samples of a span of time (s), or warn where
-    it has a band, in which it does not.
-    """
-    changes = f"{owner}: {signal!r} changes between {MOST:,d} samples of {span:g} s"
-    if signal.highest_frequency is None:
-        raise ValueError(
-            f"{changes}; give its highest_frequency, and breaks where it jumps, or a shorter time"
-        )
-    warnings.warn(
-        f"{changes} and between {STEPS_A_PERIOD} in a period of its highest_frequency, so that the answer to "
-        "it may be wrong; give the one that it has, and breaks where it jumps, or a shorter time",
-        StepWarning,
-        stacklevel=caller_level(),
+def _changing(owner: str, signal: Signal, span: float) -> ValueError:
+    """The error of a signal that changes between the most samples of a span of time, s."""
+    lacks = "give its highest_frequency"
+    if signal.highest_frequency is not None:
+        lacks = f"{STEPS_A_PERIOD} in a period of its highest_frequency do not follow it; give the one it has"
+    return ValueError(
+        f"{owner}: {signal!r} changes between {MOST:,d} samples of {span:g} s; {lacks}, and breaks where it "
+        "jumps, or a shorter time"
     )
 
 

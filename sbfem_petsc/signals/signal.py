@@ -149,9 +149,8 @@ class Custom(Signal):
 
     `highest_frequency` is the top of the band that matters, Hz, `breaks` the instants at which the function
     jumps, s. Without a band, and where the function is not what the band says, an analysis samples it until
-    twice as many samples agree, at most 2^20 in a history or a period, and finds the jumps itself; more than
-    that are refused without a band and warned of with one (`StepWarning`). The function is tried at two times
-    here and checked whenever it is called.
+    twice as many samples agree, at most 2^20 in a history or a period, and finds the jumps itself; one that
+    asks for more is refused. The function is tried at two times here and checked whenever it is called.
     """
 
     function: Callable[[np.ndarray], np.ndarray]

@@ -7,7 +7,7 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam
-from meshing.warnings import BranchWarning, IncompleteBranch, StepWarning
+from meshing.warnings import BranchWarning, IncompleteBranch
 from sbfem_petsc.motion.excitation import Excitation
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from sbfem_petsc.signals.sampling import sampled
@@ -180,7 +180,7 @@ def test_a_band_that_holds():
 
 
 def test_a_band_that_cannot_be_checked():
-    """A tone above what the samples tell is taken where its band holds, and warned of where it does not."""
+    """A tone above what the samples tell is taken where its band holds, and refused where it does not."""
     fits, low = (sb.Custom(lambda t: np.sin(TURN * 1e5 * t), band) for band in (1e5, 1.0))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -188,10 +188,12 @@ def test_a_band_that_cannot_be_checked():
     expected = np.where(drive.orders == 100000, 1.0, 0.0)
     np.testing.assert_allclose(np.abs(drive.amplitudes[:, 0]), expected, rtol=0.0, atol=1e-9)
     assert expected.any()
-    says = "changes between 1,048,576 samples of 1 s and between 320 in a period of its highest_frequency"
-    with pytest.warns(StepWarning, match=f"periodic: .*{says}"):
+    says = (
+        "changes between 1,048,576 samples of 1 s; 320 in a period of its highest_frequency do not follow it"
+    )
+    with pytest.raises(ValueError, match=f"periodic: .*{says}"):
         Excitation.of([low], 1.0, None, 8)
-    with pytest.warns(StepWarning, match=f"transient: .*{says}"):
+    with pytest.raises(ValueError, match=f"transient: .*{says}"):
         sb.transient(stop(), low, 1.0)
 
 

@@ -101,17 +101,23 @@ def test_uncertainty_of_random_motions():
     assert np.median(ratios) == pytest.approx(1.25, abs=0.05)
 
 
+# Of these random systems, as they follow one another, the curves have period doublings.
+DOUBLED = (1, 12, 26, 30, 46, 56, 57, 105, 134, 149, 167, 169, 205, 208, 210, 211)
+
+
 @pytest.mark.long
 def test_period_doublings_of_random_masses():
-    """Eleven of two masses with a stop: within what is told, and within 2e-5 of f, where the motions of 512
-    steps have them more than 1e-4 off; few points of their curves are undecided, and no verdict that depends
-    on the steps is wrong.
+    """22 of two masses with a stop: within what is told, and within 2e-5 of f, where the motions of 512 steps
+    have them more than 1e-4 off; few points of their curves are undecided, and no verdict that depends on the
+    steps is wrong.
     """
     generator = np.random.default_rng(1)
     errors, own, told, points, undecided = [], [], [], 0, 0
-    while len(errors) < 11:
+    for number in range(DOUBLED[-1] + 1):
         model, exact, resonance = random_masses(generator, 2)
         start = resonance * generator.uniform(0.8, 1.6)
+        if number not in DOUBLED:
+            continue
         try:
             curve = sb.frequency_response(model, [1.0], start, 1.3 * start)
         except sb.SolveError:  # another branch crosses it, or it zigzags
@@ -132,6 +138,6 @@ def test_period_doublings_of_random_masses():
             own.append(abs(item.own_value / true - 1.0))
             told.append(item.error / true)
     errors, own, told = np.array(errors), np.array(own), np.array(told)
-    assert max(errors) < 2e-5 < 1e-4 < max(own)
+    assert len(errors) >= 22 and max(errors) < 2e-5 < 1e-4 < max(own)
     assert (errors <= told + 1e-7).all() and np.median(told) < 1e-5
     assert undecided <= 0.05 * points
