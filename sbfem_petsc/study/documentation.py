@@ -117,19 +117,43 @@ _ARGUMENTS = {
 }
 
 
-_RESULTS = """# What results hold
+_RESULTS = """# Results: hold, save, read, plot, export
 
-`sb.save(path, result)` writes any of these, or a list or dict of them, `sb.read(path)` gives it back. Other
-programs open the file as it is, xarray by `xarray.open_datatree(path)` (complex numbers come as pairs `r`,
+| to | in Python | of a case |
+|---|---|---|
+| see what it is | `print(result)`, or its name at the end of a notebook's cell | `sbfem info DIR` |
+| hold numbers | the attributes below; `result.displacement("A")`, of many results at any (x, y) | `summary.json` |
+| save, read | `sb.save(path, result)` of one, a list or a dict of them, `sb.read(path)` | `results.h5` |
+| keep it while it runs | `file=path`, then `resume=True`, in histories, curves and loci | the same command again |
+| make tables | `result.to_csv(path)`, one for each axis; `result.to_xarray()` | `csv = true`, `sbfem export DIR --csv` |
+| draw | `plot_...(result)` of [sbfem_petsc.plot](reference/plot.md), `save_picture(axes, path)` | `sbfem plot DIR` |
+| see fields in ParaView | `sb.write_vtu`, `sb.write_modes`, `sb.write_animation` | `vtu = true`, `sbfem export DIR --vtu` |
+| report | | `sbfem report DIR`: one HTML file |
+
+Other programs open the file as it is, xarray by `xarray.open_datatree(path)` (complex numbers come as pairs `r`,
 `i`, or with `auto_complex=True` as such), h5py, MATLAB and Octave (`ncread` of its package netcdf, which
 reads numbers alone) by the names below, and `pandas.read_csv` what `result.to_csv(path)` writes:
 
 ```python
 import h5py
+import sbfem_petsc as sb
+from meshing import Beam, VNotch
+from sbfem_petsc.plot import plot_field, plot_harmonics, save_picture
 
-sb.save("push.h5", sb.static(model, sb.PointForce("A", fy=100.0)))
-with h5py.File("push.h5") as file:
-    force = file["contact_force"][:]  # N
+mesh = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.02)]).mesh(order=2)
+model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700.0), damping=0.01)
+push = sb.static(model, sb.PointForce("A", fy=100.0))
+orbit = sb.periodic(model, sb.PointForce("A", fy=300.0), 1000.0, modes=12, steps=64)
+print(push, orbit, push.reactions["left"], orbit.amplitude("A"))
+
+sb.save("both.h5", {"push": push, "orbit": orbit})
+both = sb.read("both.h5")
+with h5py.File("both.h5") as file:
+    force = file["push/contact_force"][:]  # N
+print(both["orbit"].to_csv("orbit.csv"))  # the tables that it has made
+save_picture(plot_harmonics(both["orbit"], "A"), "harmonics.png")
+save_picture(plot_field(model, {"push": push}), "stress.png")
+sb.write_vtu("stress.vtu", model, {"push": push, "orbit at 0.2 ms": orbit.field(2e-4)})
 ```
 
 Each name is an attribute in Python and, where another one stands behind it, that one in files and tables.
