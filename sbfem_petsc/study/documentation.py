@@ -119,19 +119,23 @@ _ARGUMENTS = {
 
 _RESULTS = """# Results: hold, save, read, plot, export
 
-| to | in Python | of a case |
-|---|---|---|
-| see what it is | `print(result)`, or its name at the end of a notebook's cell | `sbfem info DIR` |
-| hold numbers | the attributes below; `result.displacement("A")`, of many results at any (x, y) | `summary.json` |
-| save, read | `sb.save(path, result)` of one, a list or a dict of them, `sb.read(path)` | `results.h5` |
-| keep it while it runs | `file=path`, then `resume=True`, in histories, curves and loci | the same command again |
-| make tables | `result.to_csv(path)`, one for each axis; `result.to_xarray()` | `csv = true`, `sbfem export DIR --csv` |
-| draw | `plot_...(result)` of [sbfem_petsc.plot](reference/plot.md), `save_picture(axes, path)` | `sbfem plot DIR` |
-| see fields in ParaView | `sb.write_vtu`, `sb.write_modes`, `sb.write_animation` | `vtu = true`, `sbfem export DIR --vtu` |
-| report | | `sbfem report DIR`: one HTML file |
+In Python, and of a case whose results are in a folder `DIR`:
 
-Other programs open the file as it is, xarray by `xarray.open_datatree(path)` (complex numbers come as pairs `r`,
-`i`, or with `auto_complex=True` as such), h5py, MATLAB and Octave (`ncread` of its package netcdf, which
+- **See** what it is: `print(result)`, or its name at the end of a notebook's cell; `sbfem info DIR`.
+- **Hold** numbers: the attributes below, `result.displacement("A")`, of many results at any (x, y) too; of a
+  case `summary.json`.
+- **Save and read**: `sb.save(path, result)` writes any of these, or a list or dict of them, `sb.read(path)`
+  gives it back. Histories, curves and loci are kept while they run with `file=path`, and go on from there
+  with `resume=True`; a case goes on by the same command.
+- **Tables**: `result.to_csv(path)`, one for each axis, `result.to_xarray()`; `csv = true` or
+  `sbfem export DIR --csv`.
+- **Plot**: `plot_...` of [sbfem_petsc.plot](reference/plot.md), `save_picture(axes, path)`; `sbfem plot DIR`.
+- **Fields in ParaView**: `sb.write_vtu`, `sb.write_modes`, `sb.write_animation`; `vtu = true` or
+  `sbfem export DIR --vtu`.
+- **A report** of a case, one HTML file: `sbfem report DIR`.
+
+Other programs open the file as it is, xarray by `xarray.open_datatree(path)` (complex numbers come as pairs
+`r`, `i`, or with `auto_complex=True` as such), h5py, MATLAB and Octave (`ncread` of its package netcdf, which
 reads numbers alone) by the names below, and `pandas.read_csv` what `result.to_csv(path)` writes:
 
 ```python
