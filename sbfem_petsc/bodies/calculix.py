@@ -12,7 +12,8 @@ from scipy import sparse
 from meshing.whole_file import require_regular
 
 from ..checks import choice, path
-from .finite_element_model import AXES, UNITS, FiniteElementModel
+from .finite_element_model import AXES, FiniteElementModel
+from .units import UNITS
 
 OWNER = "read_calculix"
 # What moves or removes unknowns, or closes contact before this program does.

@@ -3,28 +3,21 @@
 from __future__ import annotations
 
 import inspect
-import warnings
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 
-from meshing.warnings import UnitWarning
-
 from ..checks import choice, instance, integer, names_of, real, real_array, shown
-from ..errors import UnknownName, caller_level, listed
+from ..errors import UnknownName, listed
 from .rows import Contact, Row
+from .units import UNITS, tree_of, warn_of_units
 
-# m, N/m and kg in one unit of length, stiffness and mass.
-UNITS = {"SI": (1.0, 1.0, 1.0), "mm-N-t": (1e-3, 1e3, 1e3), "mm-kg-mN": (1e-3, 1.0, 1.0)}
 OWNER, AXES = "FiniteElementModel", "xyz"
 # Relative asymmetry that rounding of written files explains; distance of partners, and of a place from its
 # node, in spacings of nodes.
 SYMMETRY, APART = 1e-6, 1e-3
-# m/s and kg/m^3: speeds of waves as the matrices tell them, within 1.5 of sqrt(E / density) of solid elements
-# (50 to 18,000 m/s), and what no solid weighs.
-SLOWEST, FASTEST, HEAVIEST = 10.0, 1e5, 3e4
 
 
 class FiniteElementModel:
@@ -117,7 +110,7 @@ class FiniteElementModel:
             raise ValueError(
                 f"FiniteElementModel: mass is negative, {self.mass.diagonal().min():g} kg on its diagonal"
             )
-        self._warn_of_units(units)
+        warn_of_units(OWNER, units, self._diagonals(), self.places, max(self._masses()))
 
     def at(self, place: Any, direction: Any) -> Row:
         """The displacement at a place: of a node's label, the mean of a set, the node at (x, y, z) in m.
@@ -215,35 +208,15 @@ class FiniteElementModel:
     def __repr__(self) -> str:
         return f"FiniteElementModel({len(self.unknowns)} unknowns, {len(self.labels)} nodes)"
 
+    def _diagonals(self) -> tuple[np.ndarray, np.ndarray]:
+        """Stiffness and mass of the unknowns that are displacements."""
+        moves = self.unknowns[:, 1] < 3
+        return self.stiffness.diagonal()[moves], self.mass.diagonal()[moves]
+
     def _masses(self) -> list[float]:
         """kg that moves along x, y and z."""
         along = (self.unknowns[:, 1] == d for d in range(3))
         return [float(own @ (self.mass @ own)) for own in map(np.float64, along)]
-
-    def _warn_of_units(self, units: str) -> None:
-        """Of waves and densities that no solid has: sqrt(K_ii / M_ii) is about 3 c over the spacing of nodes
-        in elements of first and second order.
-        """
-        mass, stiffness = self.mass.diagonal(), self.stiffness.diagonal()
-        moves = (self.unknowns[:, 1] < 3) & (mass > 0.0)
-        x = self.places[[self._node[int(a)] for a in dict.fromkeys(self.unknowns[:, 0])]]
-        far = _tree(x).query(x, min(4, len(x)))[0].reshape(len(x), -1)
-        far = np.where(far > 0.0, far, np.inf).min(axis=1)
-        spacing = np.median(far[np.isfinite(far)]) if np.isfinite(far).any() else 0.0
-        said = []
-        if moves.any() and spacing > 0.0:
-            speed = np.sqrt(np.median(stiffness[moves] / mass[moves])) * spacing / 3.0
-            if not SLOWEST <= speed <= FASTEST:
-                said.append(f"waves run at about {speed:.3g} m/s, {SLOWEST:g} to {FASTEST:g} m/s are usual")
-        box = float(np.prod(np.ptp(self.places, axis=0)))
-        if box > 0.0 and max(self._masses()) > HEAVIEST * box:
-            said.append(f"a mass of {max(self._masses()):.3g} kg in {box:.3g} m^3 is more than any solid's")
-        if said:
-            warnings.warn(
-                f"{OWNER}: {' and '.join(said)}; are units = {units!r} those of the matrices and nodes?",
-                UnitWarning,
-                stacklevel=caller_level(),
-            )
 
     def _labels_at(self, place: Any) -> list[int]:
         if isinstance(place, str):
@@ -253,7 +226,7 @@ class FiniteElementModel:
         point = real_array("at", "place", place, 1)
         if len(point) != 3:
             raise ValueError(f"at: place has {len(point)} coordinates, 3 were expected")
-        far, nearest = _tree(self.places).query(point)
+        far, nearest = tree_of(self.places).query(point)
         if far > APART * np.ptp(self.places, axis=0).max():
             raise ValueError(
                 f"at: the nearest node of {shown(place)} is {self.labels[nearest]}, {far:g} m away; "
@@ -298,8 +271,8 @@ class FiniteElementModel:
         """The right node that faces each left one along the normal."""
         flat = np.eye(3) - np.outer(normal, normal)
         x, y = (self.places[[self._node[a] for a in face]] @ flat for face in (left, right))
-        far, nearest = _tree(y).query(x)
-        size = np.ptp(x, axis=0).max() if len(x) == 1 else np.median(_tree(x).query(x, 2)[0][:, 1])
+        far, nearest = tree_of(y).query(x)
+        size = np.ptp(x, axis=0).max() if len(x) == 1 else np.median(tree_of(x).query(x, 2)[0][:, 1])
         away = far > APART * size + 1e-12
         if away.any():
             raise ValueError(
@@ -319,13 +292,6 @@ class FiniteElementModel:
                 "contact: coincident faces do not tell their side; give the normal, left to right"
             )
         return vector * np.sign(towards)
-
-
-def _tree(places: np.ndarray) -> Any:
-    """What finds nearest places; loaded where it is needed, for the room of statics knows of bodies."""
-    from scipy.spatial import cKDTree
-
-    return cKDTree(places)
 
 
 def _matrix(name: str, value: Any, factor: float) -> sparse.csr_matrix:

@@ -3,6 +3,7 @@
 import importlib
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -52,6 +53,7 @@ def test_built_without_a_warning(tmp_path):
 @pytest.mark.parametrize("page", WITH_SNIPPETS, ids=lambda page: page.stem)
 def test_snippets_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    shutil.copytree(ROOT / "tests/bodies/calculix", tmp_path, dirs_exist_ok=True)  # what bodies.md shows
     for number, drawing in enumerate(re.findall(r"```geo\n(.*?)```", page.read_text(), re.S)):
         saved = Path("plate.geo" if number == 0 else f"further{number}.geo")  # the name that the page says
         saved.write_text(drawing)
