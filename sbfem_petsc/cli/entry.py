@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 from ..command_line import start_petsc, wrong_option
 from ..installation import remedy
 from ..ranks import abort
+from .completion import script
 from .parser import make_parser, split
 from .terminal import tell
 
@@ -49,6 +50,9 @@ def _run(arguments: list[str]) -> int:
     wrong = wrong_option(rest)
     if wrong is not None:
         parser.error(wrong)
+    if options.command == "completion":  # a shell waits for it: PETSc is not started
+        tell(script(parser), sys.stdout)
+        return 0
     # what is missing then is what this command is to tell
     with contextlib.suppress(ImportError) if options.command == "doctor" else contextlib.nullcontext():
         start_petsc(rest)

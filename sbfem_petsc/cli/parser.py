@@ -141,6 +141,11 @@ def make_parser() -> argparse.ArgumentParser:
 
     doctor = command("doctor", "say versions and what is missing, with remedies")
     doctor.add_argument("--json", action="store_true", help="answer in JSON on standard output")
+    command(
+        "completion",
+        "print what completes these words in bash and zsh",
+        'A line of ~/.bashrc or ~/.zshrc:  eval "$(sbfem completion)"',
+    )
     return parser
 
 

@@ -21,11 +21,24 @@ from sbfem_petsc import plot
 from sbfem_petsc.progress import LogLines
 from sbfem_petsc.study import report
 from sbfem_petsc.study.case.analyses import KINDS
+from sbfem_petsc.study.starter import KINDS as KINDS_OF_CASES
 from tests.parallel import ROOT, on_ranks
 from tests.results.test_strangers_files import changed
 from tests.study.small_case import CASE, SWEEP, sbfem, started, written
 
-COMMANDS = ("new", "check", "mesh", "run", "sweep", "plot", "report", "info", "export", "doctor")
+COMMANDS = (
+    "new",
+    "check",
+    "mesh",
+    "run",
+    "sweep",
+    "plot",
+    "report",
+    "info",
+    "export",
+    "doctor",
+    "completion",
+)
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +61,27 @@ def test_version_and_help():
     for command in COMMANDS:
         done = sbfem(command, "--help")
         assert done.code == 0 and f"usage: sbfem {command}" in done.out
+
+
+@pytest.mark.parametrize(
+    "typed, found",
+    [
+        ("sbfem re", "report"),
+        ("sbfem new ", " ".join(KINDS_OF_CASES)),
+        ("sbfem sweep --r", "--replace --rows"),
+        ("sbfem sweep --rows 0:", ""),  # files are the shell's own
+    ],
+)
+def test_words_are_completed(typed, found):
+    """By bash, as it calls the function."""
+    words = typed.split(" ")
+    quoted = " ".join(f"'{word}'" for word in words)
+    program = (
+        f"{sbfem('completion').out}\nCOMP_WORDS=({quoted}) COMP_CWORD={len(words) - 1}\n"
+        '_sbfem\nprintf %s "${COMPREPLY[*]}"\ncomplete -p sbfem >&2'
+    )
+    done = subprocess.run(["bash", "-c", program], capture_output=True, text=True, timeout=60)
+    assert (done.stdout, done.stderr) == (found, "complete -o default -F _sbfem sbfem\n")
 
 
 @pytest.mark.parametrize(
