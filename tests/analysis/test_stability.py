@@ -2,7 +2,7 @@
 bifurcations.
 """
 
-from functools import partial
+from functools import cache, partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -582,6 +582,12 @@ def test_folds_of_an_oscillator(ends):
     assert found == pytest.approx([0.169113741, 0.172550895], rel=1e-7)
 
 
+@cache
+def over_both_folds():
+    system = one_mass(1.0, 0.015 * 1.138979480397014)
+    return system, sb.frequency_response(system, [0.15], 0.13, 0.19, steps=256)
+
+
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("which", [0, 1])
 @pytest.mark.parametrize("before", [1e-4, 1e-5, 1e-6, 1e-7, 1e-8])
@@ -589,8 +595,7 @@ def test_a_curve_from_beside_a_fold(which, before):
     """From shortly before a fold over it and back to the frequency at which it began, in the other motion:
     the resonance's fold from below, and from above that at which the motion ceases to touch.
     """
-    system = one_mass(1.0, 0.015 * 1.138979480397014)
-    whole = sb.frequency_response(system, [0.15], 0.13, 0.19, steps=256)
+    system, whole = over_both_folds()
     fold = whole.bifurcations[which]
     start, stop = fold.own_value * (1.0 - (before, -before)[which]), (0.19, 0.13)[which]
     first = sb.periodic(system, [0.15], start, steps=256, guess=whole.orbit(fold.after - 1))

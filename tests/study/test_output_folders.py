@@ -70,9 +70,10 @@ def test_a_folder_of_the_users_is_refused(command, case, parts, replace, tmp_pat
 
 
 @pytest.mark.parametrize(
-    "name", ["notes.txt", "analyses/notes.txt", "pictures/mine.png", "mine/a.txt", "run2"]
+    ("name", "replace"),
+    [(name, ()) for name in ("notes.txt", "analyses/notes.txt", "pictures/mine.png", "mine/a.txt", "run2")]
+    + [(name, ("--replace",)) for name in ("notes.txt", "analyses/notes.txt")],
 )
-@pytest.mark.parametrize("replace", [(), ("--replace",)])
 def test_what_is_added_is_refused(folder, name, replace):
     """Also where it stands among what a run has made; away again, the run goes on."""
     place = folder / "out" / name

@@ -157,20 +157,26 @@ LOADS = [
 ]
 
 
+LAWS = {
+    "unilateral": sb.Unilateral(),
+    "tied": sb.Tied(),
+    "layer": sb.Unilateral(6e-17),
+    "clearance": sb.Clearance(6e-17, width=1e-7),
+}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("load", LOADS)
 @pytest.mark.parametrize(
-    "law",
-    [sb.Unilateral(), sb.Tied(), sb.Unilateral(6e-17), sb.Clearance(6e-17, width=1e-7)],
-    ids=["unilateral", "tied", "layer", "clearance"],
+    ("close", "name", "number"),
+    [("joined", name, number) for name in LAWS for number in range(3)]
+    + [("factorised anew", name, k % 3) for k, name in enumerate(LAWS)],
 )
-@pytest.mark.parametrize("close", [400, 0], ids=["joined", "factorised anew"])
-def test_bordered_contact(monkeypatch, load, law, close):
+def test_bordered_contact(monkeypatch, close, name, number):
     """Factorisations with the active rows, and rows that join and leave them, against the flexibility of all
     rows.
     """
-    monkeypatch.setattr(bordered_contact, "_CLOSE", close)
-    mesh = cracked()
+    monkeypatch.setattr(bordered_contact, "_CLOSE", 400 if close == "joined" else 0)
+    mesh, law, load = cracked(), LAWS[name], LOADS[number]
     make = lambda: sb.Model(mesh, STEEL, clamped="edge1", contact_laws=law)
     expected = sb.static(make(), load)
     monkeypatch.setattr(bordered_contact, "MANY", 0)
