@@ -25,7 +25,7 @@ if any(name in os.environ for name in _LAUNCHED):
 
     abort.install()
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOME = {
     "Material": "material",

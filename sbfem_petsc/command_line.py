@@ -168,7 +168,9 @@ def begin(output: str):
     comm = MPI.COMM_WORLD
     out = console(comm)
     folder = check_output_folder(output, comm)
-    out.print(f"{version_line()}, {comm.size} rank{'s' if comm.size > 1 else ''}")
+    ranks = f"{comm.size} rank{'s' if comm.size > 1 else ''}"
+    version = sys.modules[__name__.split(".")[0]].__version__
+    out.print(f"sbfem-petsc {version}, {version_line()}, {ranks}")
     return comm, out, folder
 
 

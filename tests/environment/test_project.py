@@ -56,6 +56,8 @@ def test_version_stands_once():
         if f'"{sbfem_petsc.__version__}"' in path.read_text()
     ]
     assert holders == [ROOT / "sbfem_petsc" / "__init__.py"]
+    released = re.findall(r"^## \[([\d.]+)\] - \d{4}-\d\d-\d\d$", (ROOT / "CHANGELOG.md").read_text(), re.M)
+    assert released[0] == sbfem_petsc.__version__
 
 
 @pytest.mark.slow
