@@ -72,6 +72,20 @@ def three():
         sb.static(model, sb.PointForce("A", fy=force))
 told("three statics", three, 7)
 """,
+    "contact": """
+from benchmarks.plate import plate, plate_mesh
+mesh = plate_mesh(plate(10, 0, 0), 25_000, 5)
+
+def ready():
+    model = sb.Model(mesh, aluminium, clamped="edge1")
+    model.stiffness, model.gap_operator, model.tips
+    return model
+
+for name, pressure, shear in (("pressed", 1e6, 2e5), ("sheared", 0.0, 1e6), ("pulled open", -1e6, 0.0)):
+    models = [ready() for _ in range(3)]
+    load = sb.EdgeLoad("edge3", pressure=pressure, tx=shear)
+    told(f"static contact, {name}", lambda: sb.static(models.pop(), load), len(models))
+""",
 }
 
 

@@ -151,7 +151,6 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     )
     model = stages("model, kernel", lambda: sb.Model(mesh, MATERIAL, clamped=clamped))
     stages("assembly", lambda: model.stiffness)
-    stages("factorisation", lambda: model.solver)
     stages("contact rows", lambda: (model.gap_operator, model.tips))
     solved = stages("static", lambda: sb.static(model, load))
     if arguments.flexibility:
@@ -176,17 +175,8 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         "solver": solved.solver,
         "linear_iterations": model.solver.ksp.getIterationNumber(),
         "matrix_entries": model.stiffness.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"],
-        "factor_entries": factor_entries(model),
         "stages": stages.rows,
     }
-
-
-def factor_entries(model: sb.Model) -> float | None:
-    """Of MUMPS's factor."""
-    if not model.solver.direct or model.solver.ksp.getPC().getFactorSolverType() != "mumps":
-        return None
-    count = model.solver.ksp.getPC().getFactorMatrix().getMumpsInfog(9)
-    return float(count if count >= 0 else -1e6 * count)  # in millions where it is large
 
 
 def compare(first: str, second: str) -> None:

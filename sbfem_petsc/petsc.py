@@ -46,6 +46,7 @@ __all__ = [
     "make_ksp",
     "negative_eigenvalues",
     "scripted",
+    "set_up",
     "solver_name",
     "solving",
     "stage",
@@ -161,13 +162,14 @@ def make_ksp(
     *,
     by_ranks: Callable[[], PETSc.Mat] | None = None,
     small: bool = False,
+    later: bool = False,
 ) -> PETSc.KSP:
     """Linear solver for a symmetric matrix: direct by default, all of it an option under `prefix`.
 
     An iterative solver chosen on the command line stops at a relative residual of 1e-12 unless told
     otherwise. `by_ranks` makes the matrix kept apart by ranks, a MATIS, that PCBDDC works with. `small` takes
     PETSc's own factors of a positive definite matrix on one rank; those of LU, whose rows go several at a
-    time, solve twice as fast as the one of Cholesky.
+    time, solve twice as fast as the one of Cholesky. `later` leaves the factorisation to `set_up`.
     """
     factorisation, package = (
         ("lu", "petsc") if small else direct_solver(matrix.comm.tompi4py(), positive_definite)
@@ -187,9 +189,15 @@ def make_ksp(
         apart = by_ranks()
         ksp.setOperators(matrix, apart)
         apart.destroy()
-    with stage("Factorisation"), solving(prefix.rstrip("_")):
-        ksp.setUp()
+    if not later:
+        set_up(ksp)
     return ksp
+
+
+def set_up(ksp: PETSc.KSP) -> None:
+    """Factorise, or make a preconditioner."""
+    with stage("Factorisation"), solving(ksp.getOptionsPrefix().rstrip("_")):
+        ksp.setUp()
 
 
 def configure(item: Any) -> None:

@@ -161,7 +161,9 @@ class Model(Structure):
     # ------------------------------------------------------------------ what analyses share
     @property
     def solver(self) -> StaticSolver:
-        """Solver of the stiffness, factorised once (prefix ``static_``). Collective."""
+        """Solver of the stiffness, factorised once, when it is asked for a solution (prefix ``static_``).
+        Collective.
+        """
         if self.kept_solver is None:
             require_factor(self)
             self.kept_solver = StaticSolver(self)

@@ -1,5 +1,7 @@
 """Assembly by blocks against a dense sum; inertia when it is asked for; contact of many rows."""
 
+import functools
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -9,8 +11,9 @@ from meshing import Beam, CrackLine, Plate
 from sbfem_petsc.petsc import PETSc
 from sbfem_petsc.selement import solution
 from sbfem_petsc.system.contact import bordered_contact
+from sbfem_petsc.system.contact.expected_contact import expected_contact
 from sbfem_petsc.system.elements import shapes
-from sbfem_petsc.system.solve import assembly
+from sbfem_petsc.system.solve import assembly, equilibrium
 from sbfem_petsc.system.solve.assembly import ElementBlocks, assemble, assemble_like
 from tests.parallel import answer, on_ranks
 
@@ -144,6 +147,7 @@ def test_equations_of_few_shapes_are_kept(monkeypatch):
     np.testing.assert_allclose(*found, rtol=1e-9)  # what two runs of an eigensolver may differ by
 
 
+@functools.cache
 def cracked():
     cracks = [CrackLine([(0.03, y), (0.07, y + 0.006)]) for y in (0.02, 0.05, 0.08)]
     return Plate([(0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1)], cracks=cracks).mesh(order=4)
@@ -173,7 +177,7 @@ LAWS = {
 )
 def test_bordered_contact(monkeypatch, close, name, number):
     """Factorisations with the active rows, and rows that join and leave them, against the flexibility of all
-    rows.
+    rows: at once with those that are expected to close, and after the linear solution.
     """
     monkeypatch.setattr(bordered_contact, "_CLOSE", 400 if close == "joined" else 0)
     mesh, law, load = cracked(), LAWS[name], LOADS[number]
@@ -183,21 +187,94 @@ def test_bordered_contact(monkeypatch, close, name, number):
     calls = []
 
     class Counted(bordered_contact.Bordered):
-        def __init__(self, model):
-            super().__init__(model)
+        def __init__(self, *given):
+            super().__init__(*given)
             calls.append(self)
 
     monkeypatch.setattr(bordered_contact, "Bordered", Counted)
     model = make()
-    found = sb.static(model, load)
+    at_once = sb.static(model, load)
     touched = expected.active.any()
-    assert len(calls) == touched and model.kept_compliance is None
+    assert len(calls) == touched and model.solver.factorised != touched
+    agree(at_once, expected)
+    sb.static(model, load, contact=False)
+    assert model.solver.factorised
+    agree(sb.static(model, load), expected)
+    assert len(calls) == 2 * touched and model.kept_compliance is None
+
+
+def agree(found, expected):
     assert (found.active == expected.active).all()
     for name in ("contact_force", "gap"):
         one, other = getattr(found, name), getattr(expected, name)
         assert np.abs(one - other).max(initial=0.0) <= 1e-9 * np.abs(other).max(initial=0.0), name
+    owned = expected.equilibrium.owned
+    assert np.abs(found.equilibrium.owned - owned).max() <= 1e-10 * np.abs(owned).max()
     for tip, value in expected.stress_intensity.items():
         np.testing.assert_allclose(found.stress_intensity[tip], value, rtol=1e-8, atol=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("close", [400, 3], ids=["joined", "factorised anew"])
+@pytest.mark.parametrize(
+    "law", [sb.Unilateral(), sb.Clearance(6e-17, width=1e-7)], ids=["unilateral", "clearance"]
+)
+def test_wrong_expectations(monkeypatch, law, close):
+    """Whatever is expected to close, all rows, the others, any: the loop finds the rows that do, and the
+    stiffness itself is not factorised. Where none is, it is.
+    """
+    monkeypatch.setattr(bordered_contact, "_CLOSE", close)
+    mesh, generator = cracked(), np.random.default_rng(1)
+    make = lambda: sb.Model(mesh, STEEL, clamped="edge1", contact_laws=law)
+    known = sb.static(make(), LOADS[2])
+    monkeypatch.setattr(bordered_contact, "MANY", 0)
+    model, closed = make(), known.equilibrium.active
+    assert 0 < closed.sum() < len(closed)
+    for start in (~closed | True, ~closed, generator.random(len(closed)) < 0.5, ~closed & False):
+        monkeypatch.setattr(equilibrium, "expected_contact", lambda *_, start=start: start.astype(np.int8))
+        agree(sb.static(model, LOADS[2]), known)
+        assert model.solver.factorised != start.any()
+
+
+BY_RANKS = """
+import json
+import numpy as np
+import sbfem_petsc as sb
+from mpi4py import MPI
+from sbfem_petsc.system.contact import bordered_contact
+from tests.system.test_assembly import LOADS, STEEL, cracked
+
+comm, bordered_contact.MANY = MPI.COMM_WORLD, 0
+model = sb.Model(sb.on_root(comm, cracked), STEEL, clamped="edge1")
+found = sb.static(model, LOADS[2])
+if comm.rank == 0:
+    print(json.dumps({
+        "factorised": model.solver.factorised,
+        "active": found.active.tolist(),
+        "force": found.contact_force.tolist(),
+    }))
+"""
+
+
+@pytest.mark.long
+def test_contact_at_once_by_ranks():
+    """The coarse model and the bordered stiffness on three ranks, as on one."""
+    one, three = (answer(on_ranks(n, BY_RANKS)) for n in (1, 3))
+    assert not one["factorised"] and not three["factorised"]
+    assert three["active"] == one["active"] and any(one["active"])
+    np.testing.assert_allclose(three["force"], one["force"], atol=1e-9 * max(one["force"]))
+
+
+@pytest.mark.slow
+def test_expected_contact():
+    """The coarse model's linear solution closes nearly the rows that the linear solution does."""
+    model = sb.Model(cracked(), STEEL, clamped="edge1")
+    for load in (*LOADS, sb.EdgeLoad("edge3", pressure=-1e6)):
+        columns = model.load_columns([load])
+        state = expected_contact(model, columns.forces[:, 0], columns.gaps[:, 0] + model.gap_operator.initial)
+        found = np.zeros(len(model.gap_operator), dtype=bool) if state is None else state != 0
+        linear = equilibrium.equilibrium(model, columns, contact=False).gap < 0.0
+        assert (found != linear).sum() <= 0.1 * len(linear)
 
 
 @pytest.mark.slow

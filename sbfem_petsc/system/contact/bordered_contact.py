@@ -3,11 +3,13 @@
 The flexibility W of n contact rows takes n solves and n^2 numbers. Where a static problem is all that is
 asked for, an active set costs less as one factorisation of
 
-    [ K      -c G_a^T ] [ change of u ]   [ 0          ]
-    [ -c G_a -c^2 F_a ] [ force / c   ] = [ c free gap ]
+    [ K      -c G_a^T ] [ u         ]   [ f     ]
+    [ -c G_a -c^2 F_a ] [ force / c ] = [ c gap ]
 
-which is quasi-definite; c brings the rows to the scale of the stiffness. The sets that follow differ in few
-rows: each row that joins or leaves borders the factorised matrix once more, a solve with its factor.
+which is quasi-definite; c brings the rows to the scale of the stiffness, and the gap is that of u = 0. With
+the load f the stiffness itself need not be factorised, where a first set is expected; without it u is the
+change from a state that is known. The sets that follow differ in few rows: each row that joins or leaves
+borders the factorised matrix once more, a solve with its factor.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import sparse
 
-from ...petsc import PETSc, block_solve, check_ksp, dense_columns, direct_solver, free, make_ksp
+from ...petsc import MPI, PETSc, block_solve, check_ksp, dense_columns, direct_solver, free, make_ksp
 from ...ranks.capacity import give_back
 from ..solve.assembly import from_rows
 
@@ -43,12 +45,14 @@ class Bordered:
     Parameters
     ----------
     model : Model
+    forces : (owned,) array, optional
+        Of a load, N, which moves gaps as the forces of the rows do. Default: none.
     """
 
     maximum, rounding = _MAXIMUM, 0.0
 
-    def __init__(self, model: Model):
-        self._model = model
+    def __init__(self, model: Model, forces: np.ndarray | None = None):
+        self._model, self._forces = model, forces
         self._factorised: _Factorised | None = None
         self.flexible = model.gap_operator.flexible()
 
@@ -64,13 +68,20 @@ class Bordered:
     def closed(
         self, active: np.ndarray, gap: np.ndarray, force: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray] | None:
-        """None if a system is not solved to round-off."""
+        """None if a system is not solved to round-off, and of a load without active rows, whose matter the
+        stiffness itself is.
+        """
         if not active.any():
-            return np.zeros(len(gap)), np.zeros(len(gap))
+            return (np.zeros(len(gap)), np.zeros(len(gap))) if self._forces is None else None
         if self._factorised is None or not self._factorised.reaches(active):
             self.close()
-            self._factorised = _Factorised(self._model, active)
+            self._factorised = _Factorised(self._model, active, self._forces)
         return self._factorised.closed(active, gap)
+
+    def displacements(self, force: np.ndarray, moved: np.ndarray) -> np.ndarray:
+        """(owned,) of the last set's forces, which with the load have moved the gaps so far."""
+        assert self._factorised is not None
+        return self._factorised.displacements(force, moved)
 
     def sharpen(self) -> bool:
         """The solves are exact."""
@@ -86,22 +97,26 @@ class Bordered:
 class _Factorised:
     """The bordered matrix of one active set, factorised, and what rows that join or leave the set do.
 
-    Forces are those that close given gaps of the active rows, displacements the change from the state that
-    has these gaps.
+    Forces are those that close given gaps of the active rows, displacements those of forces and load, from
+    the state that has these gaps.
 
     Parameters
     ----------
     model : Model
     active : (c,) bool array
+    load : (owned,) array or None
     """
 
-    def __init__(self, model: Model, active: np.ndarray):
+    def __init__(self, model: Model, active: np.ndarray, load: np.ndarray | None):
         self._model, self._active = model, active
         self._index = np.flatnonzero(active)
         self._scale = max(material.modulus for material in model.materials) * model.thickness
         self._matrix = _bordered(model, self._index, self._scale)
         self._ksp = make_ksp(self._matrix, "static_contact_", positive_definite=False)
         self._owned = model.owned.stop - model.owned.start
+        self._load = np.zeros(self._owned) if load is None else load
+        # largest displacement under the load, of which given gaps, often zero, tell nothing
+        self._loaded, self._moved = load is not None, 0.0
         self._last = model.comm.size - 1
         # Of the rows that have joined or left so far: gaps (c, k) and forces / c (active, k) of the factor's
         # answers.
@@ -153,7 +168,18 @@ class _Factorised:
         force[changed] = np.where(joins, scale * more, 0.0)
         moved = self._first_gap - answers @ more + operator.flexibility @ force
         off = np.abs((moved + given)[active]).max(initial=0.0)
-        return (force, moved) if off <= _TRUSTED * np.abs(given).max() else None
+        return (force, moved) if off <= _TRUSTED * max(np.abs(given).max(), self._moved) else None
+
+    def displacements(self, force: np.ndarray, moved: np.ndarray) -> np.ndarray:
+        """(owned,) of forces that with the load have moved the gaps so far: rows of the factorised set have
+        their gaps, the forces of others are given.
+        """
+        operator = self._model.gap_operator
+        other = force.copy()
+        other[self._index] = 0.0
+        gaps = (operator.flexibility @ other - moved)[self._index]
+        solution, _ = self._solve(self._load + operator.rows.matrix.T @ other, gaps)
+        return solution[: self._owned]
 
     def _solve_own(self, given: np.ndarray) -> bool:
         """Solution of the factorised set for its gaps: gaps (c,) and forces / c, kept for the next time;
@@ -161,21 +187,30 @@ class _Factorised:
         """
         if np.array_equal(given, self._own):
             return self._trusted
-        model, self._own = self._model, given
+        self._own = given
+        solution, missed = self._solve(self._load, given)
+        self._first_gap, self._first_force = self._parts(solution)
+        if self._loaded:
+            most = np.abs(solution[: self._owned]).max(initial=0.0)
+            self._moved = self._model.comm.allreduce(float(most), MPI.MAX)
+        self._trusted = missed <= _TRUSTED
+        return self._trusted
+
+    def _solve(self, forces: np.ndarray, gaps: np.ndarray) -> tuple[np.ndarray, float]:
+        """This rank's part of the solution, and its residual relative to the right-hand side."""
         right, solution = self._matrix.createVecs()
         residual = right.duplicate()
         try:
-            if model.comm.rank == self._last:
-                right.array[self._owned :] = self._scale * given
+            right.array[: self._owned] = forces
+            if self._model.comm.rank == self._last:
+                right.array[self._owned :] = self._scale * gaps
             self._ksp.solve(right, solution)
             check_ksp(self._ksp, "static contact")
             self._matrix.mult(solution, residual)
             residual.axpy(-1.0, right)
-            self._first_gap, self._first_force = self._parts(solution.array_r.copy())
-            self._trusted = bool(residual.norm() <= _TRUSTED * right.norm())
-            return self._trusted
+            return solution.array_r.copy(), residual.norm() / max(right.norm(), np.finfo(float).tiny)
         finally:
-            free(model.comm, right, solution, residual)
+            free(self._model.comm, right, solution, residual)
 
     def _respond(self, rows: np.ndarray) -> None:
         """Answers of the factor to the further borders of some rows."""

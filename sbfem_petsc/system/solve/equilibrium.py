@@ -1,10 +1,12 @@
-"""Static equilibrium with contact: one or two linear solves and a small complementarity problem."""
+"""Static equilibrium with contact: one or two linear solves and a small complementarity problem, or, where
+many rows may close, one factorisation with those that are expected to.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from ...contact.law import RowLaws
 from ...petsc import free, stage
 from ..boundary import LoadColumns
 from ..contact import bordered_contact, dual_contact
+from ..contact.expected_contact import expected_contact
 from ..model import Model
 
 
@@ -74,45 +77,94 @@ def equilibrium(
     memory : Memory, optional
         Of the state before; default: faces that have never been loaded.
     """
+    found = None
+    if contact and solve is solve_complementarity and model.gap_operator.friction is None:
+        found = _at_once(model, load)
+    return _from_free_gaps(model, load, contact, solve, memory) if found is None else found
+
+
+def _from_free_gaps(
+    model: Model,
+    load: LoadColumns,
+    contact: bool,
+    solve: Callable[[np.ndarray, np.ndarray, RowLaws], Complementarity],
+    memory: Memory | None,
+) -> Equilibrium:
+    """The linear solution, what contact does to its gaps, and the solution with the contact forces."""
     gap_operator, solver = model.gap_operator, model.solver
-    forces = model.stiffness.createVecRight()
-    forces.array = load.forces[:, 0]
-    solution, right, residual = forces.duplicate(), forces.copy(), forces.duplicate()
+    right, solution = model.stiffness.createVecs()
     try:
-        solver.solve(forces, solution, "static")
+        right.array = load.forces[:, 0]
+        solver.solve(right, solution, "static")
         gap = gap_operator.rows(solution.array_r) + load.gaps[:, 0] + gap_operator.initial
-        force, active, iterations = np.zeros(len(gap)), np.zeros(len(gap), dtype=bool), 0
-        result: Complementarity | None
+        result: Complementarity | None = None
         laws, friction, lost = gap_operator.laws, gap_operator.friction, 0.0
         touching = contact and laws.touched(gap[: len(laws)]).any()
         if friction is not None:
-            memory = Memory.none(laws, friction) if memory is None else memory
-            result = Complementarity(force, gap, active.astype(np.int8), 0)
+            former = Memory.none(laws, friction) if memory is None else memory
             if touching:
-                result = solve_friction(model.compliance.gaps, gap, laws, friction, memory)
-            force, gap, active, iterations = result.force, result.gap, result.active, result.iterations
-            former, memory = memory, Memory.of(result, len(laws))
-            lost = memory.lost_since(former, friction)
+                result = solve_friction(model.compliance.gaps, gap, laws, friction, former)
         elif touching:
             result = _without_flexibility(model, gap) if solve is solve_complementarity else None
             if result is None:
                 result = solve(model.compliance.gaps, gap, laws)
-            force, gap, active, iterations = result.force, result.gap, result.active, result.iterations
-        if touching:
-            gap_operator.rows.add_to(right, force)
+        if result is None:
+            result = Complementarity(np.zeros(len(gap)), gap, np.zeros(len(gap), dtype=np.int8), 0)
+        else:
+            gap_operator.rows.add_to(right, result.force)
             solver.solve(right, solution, "static")
+        if friction is not None:
+            memory = Memory.of(result, len(laws))
+            lost = memory.lost_since(former, friction)
+        owned = solution.array_r.copy()
+    finally:
+        free(model.comm, right, solution)
+    found = _completed(model, load, owned, result, refined=True)
+    return found if friction is None else replace(found, memory=memory, friction_loss=lost)
+
+
+@stage("Contact")
+def _at_once(model: Model, load: LoadColumns) -> Equilibrium | None:
+    """By the stiffness bordered with the rows that are expected to close, itself not factorised; None where
+    that costs more, nothing is expected to close, or it is not solved to round-off.
+    """
+    gap_operator, forces = model.gap_operator, load.forces[:, 0]
+    if model.solver.factorised or _backend(model, len(gap_operator)) is not bordered_contact.Bordered:
+        return None
+    rest = load.gaps[:, 0] + gap_operator.initial
+    start = expected_contact(model, forces, rest)
+    if start is None:
+        return None
+    with closing(bordered_contact.Bordered(model, forces)) as backend:
+        result = active_set(backend, rest, gap_operator.laws, start)[0]
+        if result is None:
+            return None
+        owned = backend.displacements(result.force, result.gap - rest)
+    return _completed(model, load, owned, result, refined=False)
+
+
+def _completed(
+    model: Model, load: LoadColumns, owned: np.ndarray, result: Complementarity, *, refined: bool
+) -> Equilibrium:
+    """With the stress intensity factors, and how well forces are in balance."""
+    solution, right = model.stiffness.createVecs()
+    residual = right.duplicate()
+    try:
+        right.array, solution.array = load.forces[:, 0], owned
+        scale = right.norm()
+        model.gap_operator.rows.add_to(right, result.force)
         model.stiffness.mult(solution, residual)
         residual.axpy(-1.0, right)
-        scale = forces.norm()
         relative = residual.norm() / scale if scale > 0 else 0.0
-        if solver.refinement.needed(right.norm(), solution.norm()):
+        if refined and model.refinement.needed(right.norm(), solution.norm()):
             # the product with the assembled stiffness is round-off; what refinement still moves tells
-            relative = solver.refinement.correction
-        owned = solution.array_r.copy()
-        intensities = model.tips.evaluate(owned, load.tips[:, 0] + model.tips.contact @ force)
-        return Equilibrium(owned, force, gap, active, intensities, iterations, relative, memory, lost)
+            relative = model.refinement.correction
     finally:
-        free(model.comm, forces, solution, right, residual)
+        free(model.comm, solution, right, residual)
+    intensities = model.tips.evaluate(owned, load.tips[:, 0] + model.tips.contact @ result.force)
+    return Equilibrium(
+        owned, result.force, result.gap, result.active, intensities, result.iterations, relative
+    )
 
 
 @stage("Contact")
@@ -120,8 +172,16 @@ def _without_flexibility(model: Model, free_gap: np.ndarray) -> Complementarity 
     """Contact of so many rows that their flexibility costs more than the forces; None where it does not, and
     where the active set runs into a cycle or is not solved to round-off.
     """
+    kind = _backend(model, len(free_gap))
+    if kind is None:
+        return None
+    with closing(kind(model)) as backend:
+        return active_set(backend, free_gap, model.gap_operator.laws)[0]
+
+
+def _backend(model: Model, rows: int) -> type[dual_contact.Dual] | type[bordered_contact.Bordered] | None:
+    """What solves contact of so many rows without their flexibility; None where that costs more."""
     for kind in (dual_contact.Dual, bordered_contact.Bordered):
-        if kind.worthwhile(model, len(free_gap)):
-            with closing(kind(model)) as backend:
-                return active_set(backend, free_gap, model.gap_operator.laws)[0]
+        if kind.worthwhile(model, rows):
+            return kind
     return None

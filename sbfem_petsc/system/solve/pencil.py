@@ -294,7 +294,7 @@ class CondensedSolve:
         definite = shift <= 0.0
         if definite and pencil.small and not chosen:
             self.ksp = make_ksp(self.matrix, prefix, small=True)
-        elif shift == 0.0 and solver is not None and solver.direct and not chosen:
+        elif shift == 0.0 and solver is not None and solver.factorised and solver.direct and not chosen:
             self.ksp = copy.copy(solver.ksp)  # the stiffness is factorised
         else:
             self.ksp = make_ksp(self.matrix, prefix, definite)

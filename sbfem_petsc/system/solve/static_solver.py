@@ -11,7 +11,7 @@ import numpy as np
 from meshing.warnings import SolverWarning
 
 from ...errors import caller_level
-from ...petsc import PETSc, free, make_ksp, solver_name, stage
+from ...petsc import PETSc, free, make_ksp, set_up, solver_name, stage
 from ..layout.rows import Rows
 from .linear_solver import LinearSolver
 
@@ -36,11 +36,15 @@ def block_width(model: Structure) -> int:
 
 
 class StaticSolver:
-    """K^-1 for one and for many right-hand sides.
+    """K^-1 for one and for many right-hand sides, factorised when it is first asked for.
 
     Parameters
     ----------
     model : Structure
+
+    Attributes
+    ----------
+    factorised : bool
 
     Notes
     -----
@@ -51,7 +55,8 @@ class StaticSolver:
     def __init__(self, model: Structure):
         self.matrix, self.refinement = model.stiffness, model.refinement
         self._comm = self.matrix.comm.tompi4py()
-        self.ksp = make_ksp(self.matrix, "static_", by_ranks=model.stiffness_by_ranks)
+        self.ksp = make_ksp(self.matrix, "static_", by_ranks=model.stiffness_by_ranks, later=True)
+        self.factorised = False
         # the stiffness never changes, though it becomes a block of bordered matrices
         self.ksp.getPC().setReusePreconditioner(True)
         self.name = solver_name(self.ksp)
@@ -88,8 +93,14 @@ class StaticSolver:
                 stacklevel=caller_level(),
             )
 
+    def _set_up(self) -> None:
+        if not self.factorised:
+            set_up(self.ksp)
+            self.factorised = True
+
     def solve(self, right: PETSc.Vec, solution: PETSc.Vec, what: str) -> None:
         """solution = K^-1 right; `what` names the solve in its error."""
+        self._set_up()
         self._unrefined.solve(right, solution, what)
         if not self.refinement.needed(right.norm(), solution.norm()):
             return
@@ -107,10 +118,12 @@ class StaticSolver:
 
     def columns(self, right: np.ndarray, what: str) -> np.ndarray:
         """K^-1 of (owned, k) columns, (owned, k)."""
+        self._set_up()
         return self._refined(right, self._unrefined.columns(right, what), what)
 
     def of_rows(self, rows: Rows, chosen: slice, what: str) -> np.ndarray:
         """K^-1 of the transposes of some rows, (owned, k)."""
+        self._set_up()
         return self._refined(rows.columns(chosen), self._unrefined.of_rows(rows, chosen, what), what)
 
     def _refined(self, right: np.ndarray, solution: np.ndarray, what: str) -> np.ndarray:
