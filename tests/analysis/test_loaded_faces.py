@@ -168,9 +168,11 @@ def test_notch(kind, tilt, tmp_path):
 def test_both_placements_are_met():
     """Of tip elements that are symmetric to round-off, rounding decides which are reflected shapes."""
     turns = set()
-    for end in SENSES:
+    for end in SENSES[::-1]:
         model = sb.Model(wide_plate(end, 0.01), ALUMINIUM, clamped="edge1")
         turns |= {round(float(np.linalg.det(faces.rotation))) for faces in model.tip_faces}
+        if len(turns) > 1:
+            break
     assert turns == {-1, 1}
 
 

@@ -266,7 +266,12 @@ def test_refused_geometry(tmp_path, change, says):
     with pytest.raises(ValueError) as caught:
         read_gmsh(write(tmp_path, PLATE.replace(*change)), order=3)
     assert says in str(caught.value) and "\n" not in str(caught.value)
-    # gmsh's parser keeps what follows an error for the next file; that must not show.
+
+
+def test_what_follows_an_error_does_not_show(tmp_path):
+    """gmsh's parser keeps it for the next file."""
+    with pytest.raises(ValueError, match="cannot read or mesh it"):
+        read_gmsh(write(tmp_path, PLATE.replace("Plane Surface(2)={3};", "Plane Surface(2)={3")), order=3)
     assert len(read_gmsh(write(tmp_path, PLATE), order=3).tips) == 1
 
 
