@@ -20,7 +20,7 @@ from ..motion.states import Point
 from ..petsc import MPI
 from ..record.units import frequency_unit, length_unit
 from .drawing import BLACK, BLUE, CYCLE, DASHED, GREEN, GREY, VERMILION, Sheet, above
-from .picture import divisors, named, picture, place_name
+from .picture import divisors, named, picture, place_name, symbol
 
 KINDS = {"fold": "o", "period doubling": "s", "Neimark-Sacker": "^", "branch point": "D", "grazing": "v"}
 # Lines between two points of a branch.
@@ -64,11 +64,10 @@ class Height:
             return orbit.amplitude(self.point, self.direction)
         return float(np.abs(orbit.harmonics(self.point, self.direction)[self.harmonic]))
 
-    @property
-    def label(self) -> str:
+    def label(self, curves: Mapping[str, Branch]) -> str:
         """In words, for an axis."""
         what = "amplitude" if self.harmonic is None else f"harmonic {self.harmonic}"
-        return f"{what} of $u_{self.direction}$({place_name(self.point)})"
+        return f"{what} of ${symbol(curves, self.direction)}$({place_name(self.point)})"
 
 
 @picture(Branch, several=True)
@@ -153,7 +152,7 @@ def plot_branches(
     values = np.concatenate([curve.value for curve in curves.values()])
     start, stop = window or (float(values.min()), float(values.max()))
     axes.set(xlim=(start * along, stop * along), xlabel=label, ylim=(0.0, top))
-    axes.set_ylabel(shown.label + (f" ({unit})" if forces is None else f" / force ({unit}/N)"))
+    axes.set_ylabel(shown.label(curves) + (f" ({unit})" if forces is None else f" / force ({unit}/N)"))
     if any(curves) or broken or kinds:
         axes.legend()
     return axes

@@ -17,7 +17,7 @@ from ..motion.states import Point
 from ..petsc import MPI
 from ..record.units import force_unit, frequency_unit, length_unit, stress_unit, time_unit
 from .drawing import BLACK, CYCLE, Sheet, above
-from .picture import CHECKS, a_text, curve, optional, picture, place_name, table_of, two_numbers
+from .picture import CHECKS, a_text, curve, optional, picture, place_name, symbol, table_of, two_numbers
 
 # Above this many samples in a panel, the least and the greatest of each column of pixels are drawn.
 COLUMNS = 2000
@@ -182,10 +182,11 @@ def _displacement(
 ) -> Panel:
     """One displacement of a point over time, or both."""
     u = motion.displacement(point)
-    shown = {axis: u[:, "xy".index(axis)] for axis in (direction or "yx")}
+    axes = direction or ("y" if motion.of_rows else "yx")
+    shown = {axis: u[:, "xy".index(axis)] for axis in axes}
     scale, unit = length_unit(max(float(np.abs(values).max()) for values in shown.values()))
-    curves = {f"$u_{axis}$": (motion.time, values) for axis, values in shown.items()}
-    name = "displacement" if direction is None else f"$u_{direction}$"
+    curves = {f"${symbol(motion, axis)}$": (motion.time, values) for axis, values in shown.items()}
+    name = "displacement" if direction is None else f"${symbol(motion, direction)}$"
     return Panel(f"{name} of {place_name(point)} ({unit})", curves, scale, window)
 
 

@@ -16,7 +16,7 @@ from ..petsc import MPI
 from ..record.units import force_unit, length_unit
 from .branches import draw_growth
 from .drawing import BLACK, BLUE, CYCLE, DASHED, GREY, VERMILION, Sheet, above, finish_stems, stems
-from .picture import divisors, named, picture, place_name
+from .picture import divisors, named, picture, place_name, symbol
 
 LIGHT = "#BBBBBB"
 # Growth a period below which the scale of multipliers is linear, else logarithmic.
@@ -91,7 +91,8 @@ def plot_harmonics(
     axes.set(yscale="log", xlim=(-0.6, count + 0.6), ylim=(floor, 4.0 * top), xticks=range(count + 1))
     axes.set(
         xlabel="harmonic number",
-        ylabel=f"$|u_{direction}|$({place_name(point)})" + (" (m)" if forces is None else " / force (m/N)"),
+        ylabel=f"$|{symbol(orbits, direction)}|$({place_name(point)})"
+        + (" (m)" if forces is None else " / force (m/N)"),
     )
     finish_stems(axes, found)
     return axes
@@ -140,7 +141,7 @@ def plot_orbit(
     u, v = _around(orbit.displacement(point)[:, axis]), _around(orbit.velocity(point)[:, axis])
     factor, unit = length_unit(float(np.abs(u).max()))
     speed, speed_unit = length_unit(float(np.abs(v).max()))
-    labels = f"$u_{direction}$({place_name(point)}) ({unit})", f"velocity ({speed_unit}/s)"
+    labels = f"${symbol(orbit, direction)}$({place_name(point)}) ({unit})", f"velocity ({speed_unit}/s)"
     layout = [["phase", "upper"], ["phase", "lower"]]
     panels = phase, upper, lower = Sheet.of(ax).panels(layout, 3.0, width_ratios=(1.0, 1.25))
     phase.plot(u * factor, v * speed, color=BLUE, linewidth=1.1)

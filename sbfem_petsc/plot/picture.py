@@ -13,6 +13,7 @@ from mpi4py import MPI
 
 from ..checks import Bounds, choice, flag, instance, integer, numbers_of, positive, real, shown
 from ..ranks.parallel import agreed, checked_communicator, collective, on_root, ranks_of
+from ..record.record import Record
 from ..system.fields.places import checked_place
 from .drawing import STYLE, Sheet
 
@@ -129,6 +130,14 @@ def _point(owner: str, name: str, value: Any) -> str | tuple[float, float]:
 def place_name(point: str | tuple[float, float]) -> str:
     """What a point is called in labels: its name, or its coordinates."""
     return point if isinstance(point, str) else f"{point[0]:.6g} m, {point[1]:.6g} m"
+
+
+def symbol(motions: Record | Mapping[str, Record], direction: str) -> str:
+    """Of a displacement in formulas: of a row, which has a direction of its own in the place of y, without
+    one.
+    """
+    first = next(iter(motions.values())) if isinstance(motions, Mapping) else motions
+    return "u" if first.of_rows and direction == "y" else f"u_{direction}"
 
 
 def named_point(owner: str, name: str, value: Any) -> str:

@@ -14,7 +14,7 @@ from ..petsc import MPI
 from ..record.units import frequency_unit, length_unit
 from .branches import Height, draw_parts, marks_of, name_verdicts, smooth, split
 from .drawing import BLACK, BLUE, GREEN, VERMILION, Sheet
-from .picture import named_point, picture
+from .picture import named_point, picture, symbol
 
 
 @picture(point=named_point)
@@ -87,7 +87,7 @@ def plot_swept(
                     (jump.frequency * along, jump.before * factor),
                     arrowprops={"arrowstyle": "->", "color": GREEN, "linewidth": 1.2},
                 )
-    axes.set(xlabel=f"frequency ({name})", ylabel=f"amplitude of $u_y$({point}) ({unit})")
+    axes.set(xlabel=f"frequency ({name})", ylabel=f"amplitude of ${symbol(shown[0], 'y')}$({point}) ({unit})")
     axes.set_ylim(bottom=0.0)
     axes.legend()
     return axes

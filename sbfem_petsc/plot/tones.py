@@ -15,7 +15,7 @@ from ..petsc import MPI
 from ..record.units import frequency_unit, length_unit
 from .branches import draw_parts, name_verdicts, split
 from .drawing import CYCLE, Sheet, finish_stems, stems
-from .picture import named, named_point, picture
+from .picture import named, named_point, picture, symbol
 
 # Orders up to which a line is named in the picture.
 NAMED = 2
@@ -83,7 +83,7 @@ def plot_lines(
         )
     axes.set(yscale="log", ylim=(floor, 40.0 * top * factor), xlabel=f"frequency ({name_of_unit})")
     axes.set_xlim(left=0.0)
-    axes.set_ylabel(f"$|u_{direction}|$({point}) ({unit})")
+    axes.set_ylabel(f"$|{symbol(motions, direction)}|$({point}) ({unit})")
     finish_stems(axes, found)
     return axes
 

@@ -13,7 +13,7 @@ from ..petsc import MPI
 from ..record.units import frequency_unit, length_unit
 from .branches import draw_parts, name_verdicts, smooth, split
 from .drawing import CYCLE, Sheet
-from .picture import named, named_point, picture
+from .picture import named, named_point, picture, symbol
 
 
 @picture(QuasiPeriodicBranch, several=True, point=named_point)
@@ -64,7 +64,10 @@ def plot_quasi_periodic(
             broken |= draw_parts(axes, smooth(split(x, values, branch.stable)), colour, 1.2)
             axes.plot(x, values, color=colour, linestyle="none", marker=".", markersize=3)
     name_verdicts(panels[0], broken)
-    panels[0].set(xlabel=label, ylabel=f"own tone of $u_{direction}$({point}) ({unit})")
+    panels[0].set(
+        xlabel=label,
+        ylabel=f"own tone of ${symbol(curves, direction)}$({point}) ({unit})",
+    )
     panels[1].set(xlabel=label, ylabel=f"its frequency ({unit_of_tone})")
     panels[0].set_ylim(bottom=0.0)
     if any(curves) or broken:

@@ -100,7 +100,7 @@ class ReducedLoadHistory(Record):
 
 def require_rows(owner: str, reduced: ReducedModel) -> None:
     """Refuse the reduced model of a Model, whose points have two components and whose fields tell more."""
-    if reduced.translation.any():
+    if not reduced.of_rows:
         raise ValueError(f"{owner}: {reduced!r} is that of a Model; give the Model itself")
 
 

@@ -106,6 +106,11 @@ class ReducedModel(Record):
         """Whether motions of any size are alike: neither gaps nor laws of contact have a length."""
         return not self.initial_gap.any() and self.contact_laws.homogeneous
 
+    @property
+    def of_rows(self) -> bool:
+        """Whether it was made of a body or of matrices: a Model has a mass that moves along x and y."""
+        return not self.translation.any()
+
     @functools.cached_property
     def omega(self) -> np.ndarray:
         """(m,): rad/s."""

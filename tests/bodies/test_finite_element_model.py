@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import csv
+
 import numpy as np
 import pytest
 import scipy.linalg
 import scipy.sparse
 
 import sbfem_petsc as sb
+from sbfem_petsc import plot
 
 
 @pytest.fixture(scope="module")
@@ -185,6 +188,27 @@ def test_modal_is_what_is_kept(parts, cracked):
 def test_wrong_questions(cracked, call, sentence):
     with pytest.raises((ValueError, TypeError, KeyError), match=sentence):
         call(cracked)
+
+
+def test_points_stand_by_their_names(cracked, tmp_path):
+    """A point of a body is one number, in tables, summaries, xarray and pictures; no x or y is made up."""
+    orbit = sb.periodic(cracked, [10.0, 0.0], 300.0, steps=64)
+    u = orbit.displacement("tip")[:, 1]
+    files = orbit.to_csv(str(tmp_path / "orbit.csv"))
+    with open(files[0], newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["displacement_tip [m]"]) for row in rows] == u.tolist()
+    assert not [name for name in rows[0] if name.endswith(("_x [m]", "_y [m]"))]
+    assert orbit.summary()["harmonics"]["tip"]["magnitude"][1] == pytest.approx(
+        abs(orbit.harmonics("tip")[1]), rel=1e-12
+    )
+    sb.save(tmp_path / "orbit.h5", orbit)
+    again = sb.read(tmp_path / "orbit.h5")
+    assert again.tables()["time"]["displacement_tip [m]"].tolist() == u.tolist()
+    (axes, *_) = plot.plot_history(orbit, "tip")
+    assert [line.get_label() for line in axes.get_lines()][0] == "$u$"
+    assert not [line.get_label() for line in axes.get_lines() if "u_" in line.get_label()]
+    assert plot.plot_harmonics(orbit, "tip").get_ylabel() == "$|u|$(tip) (m)"
 
 
 def test_gaps_walls_and_sums(body):

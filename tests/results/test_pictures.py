@@ -117,7 +117,7 @@ def test_directions_and_harmonics():
     axes = plot.plot_branches({"a": branch}, harmonic=1)
     x, y = max((line.get_data() for line in axes.get_lines()), key=lambda data: len(data[0]))
     scale = {"mm": 1e3, "m": 1.0, "µm": 1e6}[axes.get_ylabel().split("(")[-1][:-1]]
-    assert axes.get_ylabel().startswith("harmonic 1 of $u_y$(A)")
+    assert axes.get_ylabel().startswith("harmonic 1 of $u$(A)")  # a row of matrices
     for value, height in zip(branch.value, np.abs(branch.harmonics("A")[:, 1])):
         assert np.hypot(x - value, y / scale / height - 1.0).min() < 1e-9
     (alone,) = plot.plot_history(orbit, direction="x")[:1]
