@@ -14,6 +14,11 @@ PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "VALIDATION.md
 PAGES += sorted((ROOT / "docs").glob("*.md"))
 
 
+def program() -> str:
+    """The README's."""
+    return re.search(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.S)[1]
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_to_files(page):
     links = re.findall(r"\]\(([^)#]+)\)", page.read_text())
@@ -25,11 +30,27 @@ def test_the_readme_is_short():
 
 
 def test_names_in_the_readmes_program_exist():
-    program = re.search(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.S)
-    tree = ast.parse(program[1])
+    tree = ast.parse(program())
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom):
             module = importlib.import_module(node.module)
             assert all(hasattr(module, alias.name) for alias in node.names)
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "sb":
             assert node.attr in sbfem_petsc.__all__
+
+
+@pytest.mark.long
+def test_the_readmes_program_prints_what_stands_there(tmp_path, monkeypatch, capsys):
+    """Piece by piece between its dots, numbers to the digits of all machines, and draws its picture."""
+    monkeypatch.chdir(tmp_path)
+    exec(compile(program(), "README.md", "exec"), {})
+    printed, number = capsys.readouterr().out, r"(-?\d+(?:\.\d+)?(?:e[+-]\d+)?)"
+    shown = re.search(r"It prints\n\n```\n(.*?)```", (ROOT / "README.md").read_text(), re.S)[1]
+    for piece in filter(None, (piece.strip(" ;)") for piece in re.split(r"\.\.\.|\n", shown))):
+        words = re.split(number, piece)[::2]
+        found = re.search(number.join(map(re.escape, words)), printed)
+        assert found, piece
+        values = [list(map(float, numbers)) for numbers in (found.groups(), re.findall(number, piece))]
+        assert values[0] == pytest.approx(values[1], rel=1e-5)
+        printed = printed[found.start() :]
+    assert (tmp_path / "response.png").stat().st_size > 10_000
