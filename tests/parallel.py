@@ -33,7 +33,7 @@ def all_cores() -> Iterator[None]:
 
 
 def on_ranks(
-    ranks: int, script: str | os.PathLike[str], *arguments: str, check: bool = True, timeout: float = 120
+    ranks: int, script: str | os.PathLike[str], *arguments: str, check: bool = True, timeout: float = 300
 ) -> subprocess.CompletedProcess[str]:
     """Run `script`, a file or a program's text, on `ranks` ranks with the project importable; a missing
     mpiexec skips the test.

@@ -221,7 +221,7 @@ def test_hardly_any_address_space(when, kind, told):
     """A sentence from each analysis, where the compiler would end in errors of its own or the process."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-c", SCARCE, when]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
     lines = done.stdout.splitlines()
     assert [line.split()[:2] for line in lines] == [[n, kind] for n in ("transient", "periodic", "backbone")]
     assert all(told in line for line in lines) and done.returncode == 0, done.stderr

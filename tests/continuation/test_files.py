@@ -48,7 +48,7 @@ def left(tmp_path_factory):
     cases = [f"{kind}-{after}" for kind, after in CASES]
     cases += [f"{kind}-{uninterrupted(kind)[2]}" for kind in TO_THEIR_ENDS]
     run = [sys.executable, "-c", KILLED, str(folder), *cases]
-    done = subprocess.run(run, cwd=ROOT, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(run, cwd=ROOT, capture_output=True, text=True)
     assert done.stdout.splitlines() == [f"{case} {-signal.SIGKILL}" for case in cases], done.stderr
     return folder
 

@@ -54,7 +54,7 @@ def test_no_options_file_is_read(program, tmp_path):
         env=environment,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
     )
     said = done.stdout + done.stderr
     assert os.listdir(spare) == [] and "no_such_option" not in said, said
@@ -81,7 +81,7 @@ def test_no_options_file_is_read_by_the_petsc_inside_gmsh(program, tmp_path):
         env=environment,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
     )
     assert done.returncode == 0, done.stderr
     assert bool(os.listdir(spare)) == (program == "gmsh alone")
@@ -126,7 +126,7 @@ def test_no_settings_of_libraries_are_read(name, tmp_path):
         env=environment,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
     )
     said = done.stdout + done.stderr
     assert "Traceback" not in said and "evil" not in said and "Bad value" not in said, said

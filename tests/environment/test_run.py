@@ -53,7 +53,7 @@ class Project:
             env={**self.environment, **(variables or {})},
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=300,
             **options,
         )
 

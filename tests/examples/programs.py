@@ -21,7 +21,7 @@ def run(
     arguments = [str(a) for a in arguments]
     script = str(EXAMPLES / example)
     if ranks > 1:
-        return on_ranks(ranks, script, *arguments, check=check, timeout=120)
+        return on_ranks(ranks, script, *arguments, check=check, timeout=300)
     environment = {"OMP_NUM_THREADS": "1", **os.environ}
     done = subprocess.run(
         [sys.executable, script, *arguments],
@@ -29,7 +29,7 @@ def run(
         env=environment,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
     )
     if check:
         assert done.returncode == 0, done.stdout + done.stderr

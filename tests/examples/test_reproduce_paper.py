@@ -20,7 +20,7 @@ FAST = ("eq1", "table2", "table4", "table6", "fig12")
 POINTS = ("A", "B", "C")
 
 
-def report(folder, *arguments, ranks=1, check=True, timeout=120):
+def report(folder, *arguments, ranks=1, check=True, timeout=300):
     """Run the program; what it prints, and numbers.json."""
     done = (
         on_ranks(

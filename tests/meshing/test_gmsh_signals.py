@@ -17,6 +17,6 @@ os.kill(os.getpid(), signal.SIGTERM)
 def test_handlers_stand_after_a_mesh():
     """The PETSc inside gmsh takes them away, so that SIGTERM ended a program without its own word."""
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM], cwd=ROOT, capture_output=True, text=True, timeout=120
+        [sys.executable, "-c", PROGRAM], cwd=ROOT, capture_output=True, text=True, timeout=300
     )
     assert (done.returncode, done.stdout) == (0, "met\n"), done.stderr

@@ -609,7 +609,7 @@ def test_the_child_goes_with_its_parent(tmp_path, by):
         pid = int(parent.stdout.readline())
         time.sleep(0.5)
         parent.send_signal(by)
-        said, _ = parent.communicate(timeout=20)
+        said, _ = parent.communicate(timeout=300)
     assert "interrupted" in said or by == signal.SIGKILL
     for _ in range(600):
         try:

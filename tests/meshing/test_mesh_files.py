@@ -252,7 +252,11 @@ for method, target in ((mesh.save, "mesh.h5"), (mesh.save, "new.h5"), (mesh.expo
 def test_a_full_disk_leaves_nothing_behind(saved):
     before = saved.read_bytes()
     run = subprocess.run(
-        [sys.executable, "-c", FULL, str(saved)], cwd=saved.parent, capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", FULL, str(saved)],
+        cwd=saved.parent,
+        capture_output=True,
+        text=True,
+        timeout=300,
     )
     said = run.stdout.splitlines()
     assert len(said) == 3 and run.stderr == ""

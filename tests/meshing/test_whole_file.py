@@ -96,7 +96,7 @@ def test_a_kill_leaves_the_former_file_and_a_folder_that_is_known_by_its_name(tm
     path = tmp_path / "table.csv"
     path.write_text("first")
     for _ in range(2):
-        run = subprocess.run([sys.executable, "-c", KILLED, str(path)], timeout=60)
+        run = subprocess.run([sys.executable, "-c", KILLED, str(path)], timeout=300)
         assert run.returncode == -signal.SIGKILL
     left = [name for name in os.listdir(tmp_path) if name != "table.csv"]
     assert len(left) == 2 and all(UNFINISHED.fullmatch(name)[1] == "table.csv" for name in left)

@@ -22,7 +22,7 @@ def on_ranks(ranks: int, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run this file with `arguments` on several ranks."""
     from tests.parallel import on_ranks as run
 
-    return run(ranks, __file__, *arguments, check=False, timeout=120)
+    return run(ranks, __file__, *arguments, check=False, timeout=300)
 
 
 def build():

@@ -127,7 +127,7 @@ def test_killed_and_restarted(model, whole, small_chunks, tmp_path, kind):
     for _ in range(7):
         assert run.stdout.readline().startswith("done"), run.stderr.read()
     run.send_signal(kind)
-    errors = run.communicate(timeout=30)[1]
+    errors = run.communicate(timeout=300)[1]
     assert run.returncode != 0 and ("KeyboardInterrupt" in errors) == (kind == signal.SIGINT)
     with pytest.warns(IncompleteHistory, match="resume=True"):
         part = sb.read(path)
@@ -377,7 +377,7 @@ def test_a_frame_and_a_state_half_written(model, whole, small_chunks, tmp_path):
 @pytest.mark.slow
 def test_error_of_rank_0_on_both_ranks(tmp_path):
     """Both ranks end, neither by the other's abort, and the sentence is printed once."""
-    done = on_ranks(2, PROGRAM, str(tmp_path / "missing" / "h.h5"), "go", "new", check=False, timeout=60)
+    done = on_ranks(2, PROGRAM, str(tmp_path / "missing" / "h.h5"), "go", "new", check=False, timeout=300)
     sentences = [line for line in done.stderr.splitlines() if line.startswith("ValueError: history file")]
     assert done.returncode != 0 and len(sentences) == 1 and "cannot be written" in sentences[0]
     assert "all ranks are stopped" not in done.stderr

@@ -161,7 +161,7 @@ def on_rank() -> None:
 
 @pytest.mark.slow
 def test_a_place_on_two_ranks():
-    done = on_ranks(2, __file__, check=True, timeout=120)
+    done = on_ranks(2, __file__, check=True, timeout=300)
     first = next(line for line in done.stdout.splitlines() if line.startswith("["))
     heights = json.loads(first)
     half = len(heights) // 2

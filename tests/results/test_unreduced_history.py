@@ -121,7 +121,7 @@ def test_killed_and_restarted(model, whole, tmp_path, kind):
     for _ in range(3):
         assert run.stdout.readline().startswith("done"), run.stderr.read()
     run.send_signal(kind)
-    run.communicate(timeout=30)
+    run.communicate(timeout=300)
     assert run.returncode != 0
     with pytest.warns(IncompleteHistory, match="resume=True"):
         part = sb.read(path)
@@ -146,7 +146,7 @@ def near(found, whole):
 def test_two_ranks_killed_and_restarted(model, whole, tmp_path):
     """Each rank continues from its own part; one continues what two have left, and two what one has."""
     path = tmp_path / "h.h5"
-    assert on_ranks(2, PROGRAM, str(path), "go", "new", "kill", check=False, timeout=120).returncode != 0
+    assert on_ranks(2, PROGRAM, str(path), "go", "new", "kill", check=False, timeout=300).returncode != 0
     with pytest.warns(IncompleteHistory):
         part = sb.read(path)
     assert 0.4 * COUNT // 5 < len(part.time) < COUNT // 5

@@ -148,7 +148,7 @@ def stopped_sweep(number: int, path: pathlib.Path, out: pathlib.Path) -> tuple[i
             raise AssertionError(process.communicate()[1])
         time.sleep(0.01)
     process.send_signal(number)
-    errors = process.communicate(timeout=60)[1]
+    errors = process.communicate(timeout=300)[1]
     return process.returncode, errors
 
 

@@ -80,7 +80,7 @@ def test_words_are_completed(typed, found):
         f"{sbfem('completion').out}\nCOMP_WORDS=({quoted}) COMP_CWORD={len(words) - 1}\n"
         '_sbfem\nprintf %s "${COMPREPLY[*]}"\ncomplete -p sbfem >&2'
     )
-    done = subprocess.run(["bash", "-c", program], capture_output=True, text=True, timeout=60)
+    done = subprocess.run(["bash", "-c", program], capture_output=True, text=True, timeout=300)
     assert (done.stdout, done.stderr) == (found, "complete -o default -F _sbfem sbfem\n")
 
 
@@ -281,7 +281,7 @@ def test_package_that_is_missing(missing, tmp_path):
 
     def said(*arguments):
         command = [sys.executable, "-m", "sbfem_petsc", *arguments]
-        return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=60)
+        return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=300)
 
     done = said("run", "case.toml")
     assert done.returncode == 1 and done.stdout == "" and "Traceback" not in done.stderr
@@ -329,7 +329,7 @@ def test_interrupt_and_termination(tmp_path):
         while not list(out.glob("analyses/*.history.journal")) and time.monotonic() < limit:
             time.sleep(0.05)
         process.send_signal(number)
-        _, err = process.communicate(timeout=120)
+        _, err = process.communicate(timeout=300)
         assert process.returncode == code and "goes on where it was" in err
 
 
@@ -348,7 +348,7 @@ sys.meta_path.insert(0, Ending())
 main(["doctor"])
 """
     done = subprocess.run(
-        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=300
     )
     assert done.returncode == 143 and "goes on where it was" in done.stderr
     assert "Traceback" not in done.stderr
@@ -374,7 +374,7 @@ with _no_signal_lost():
         print("heard")
 """
     done = subprocess.run(
-        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=60, check=True
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=300, check=True
     )
     assert done.stdout.split() == ["heard"]
 

@@ -38,5 +38,5 @@ def test_the_command(tmp_path):
 
 def test_names_of_pictures_say_what_is_missing():
     program = "import sys; sys.modules['matplotlib'] = None; from sbfem_petsc.plot import plot_modes"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=100)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300)
     assert done.returncode == 1 and f"ImportError: {MISSING}" in done.stderr

@@ -127,7 +127,7 @@ from meshing import Beam
 mesh = Beam(0.4, 0.005).mesh(order=2)
 sb.Model(mesh, sb.Material(1.0, 0.3, 1.0), damping=0.0 if MPI.COMM_WORLD.rank == 0 else 2.0)
 """
-    done = on_ranks(2, program, check=False, timeout=60)
+    done = on_ranks(2, program, check=False, timeout=300)
     assert done.returncode != 0
     assert "damping" in done.stderr
 
@@ -142,7 +142,7 @@ if MPI.COMM_WORLD.rank == 1:
     raise RuntimeError("the user's own mistake")
 MPI.COMM_WORLD.barrier()
 """
-    done = on_ranks(2, program, check=False, timeout=60)
+    done = on_ranks(2, program, check=False, timeout=300)
     assert done.returncode != 0
     assert "the user's own mistake" in done.stderr
 
@@ -162,7 +162,7 @@ MPI.COMM_WORLD.barrier()
 def test_example_ends_with_one_sentence(arguments, sentence, ranks, tmp_path):
     """The example prints the sentence once, no traceback, and ends with an exit code other than 0."""
     folder = [] if "--output" in arguments else ["--output", str(tmp_path)]
-    done = on_ranks(ranks, "examples/beam_notch.py", *folder, *arguments, check=False, timeout=60)
+    done = on_ranks(ranks, "examples/beam_notch.py", *folder, *arguments, check=False, timeout=300)
     assert done.returncode != 0
     errors = [line for line in done.stderr.splitlines() if "error:" in line and "mpiexec" not in line]
     assert len(errors) == 1 and sentence in errors[0], done.stderr

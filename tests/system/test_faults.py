@@ -132,7 +132,7 @@ def test_ended_and_continued(kind, ranks, number, undisturbed, tmp_path):
             if ranks > 1 and words[:2] == ["rank", "1"]:
                 victim = int(words[3])
         os.kill(victim, number)
-        process.communicate(timeout=60)
+        process.communicate(timeout=300)
     finally:
         kill_all(process)
     assert process.returncode != 0
@@ -163,7 +163,7 @@ sys.exit(main(["run", sys.argv[1], "--output", sys.argv[2], "--quiet"]))
 @pytest.mark.long
 def test_memory_that_one_rank_lacks(tmp_path):
     """The other one, which waits for it in an assembly, ends too."""
-    done = on_ranks(2, SCARCE, str(written(tmp_path, CASE)), str(tmp_path / "out"), check=False, timeout=60)
+    done = on_ranks(2, SCARCE, str(written(tmp_path, CASE)), str(tmp_path / "out"), check=False, timeout=300)
     assert done.returncode != 0 and "not enough memory" in done.stderr
 
 
@@ -190,7 +190,7 @@ def test_sweep_on_a_full_disk(size, tmp_path):
     path, out = written(tmp_path, CASE + SWEEP), tmp_path / "out"
     command = [sys.executable, "-m", "sbfem_petsc", "sweep", str(path), "--output", str(out), "--quiet"]
     done = subprocess.run(
-        command, cwd=ROOT, capture_output=True, text=True, preexec_fn=full(size), timeout=120
+        command, cwd=ROOT, capture_output=True, text=True, preexec_fn=full(size), timeout=300
     )
     assert done.returncode != 0
     assert (
@@ -283,7 +283,7 @@ def test_report_on_a_full_disk(kind, share, files, tmp_path):
     before = page.read_bytes()
     command = [sys.executable, "-m", "sbfem_petsc", *arguments]
     limit = full(int(share * len(before)))
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, preexec_fn=limit, timeout=120)
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, preexec_fn=limit, timeout=300)
     assert done.returncode == 2 and done.stderr.count("error:") == 1 and "Traceback" not in done.stderr
     assert "cannot be written: File too large" in done.stderr and str(page) in done.stderr
     assert page.read_bytes() == before and os.listdir(tmp_path) == [page.name]
@@ -347,7 +347,7 @@ def test_folder_that_takes_no_files_on_two_ranks(command, place, files, tmp_path
     formats = ["--csv"] if command == "export" else []
     where = place if place.startswith("/") else str(tmp_path / place)
     given = (command, str(source), *formats, "--output", where)
-    done = on_ranks(2, COMMAND, *given, check=False, timeout=60)
+    done = on_ranks(2, COMMAND, *given, check=False, timeout=300)
     assert done.returncode == 2 and "Traceback" not in done.stderr, done.stderr
     assert done.stderr.count("error:") == 1 and where in done.stderr
     assert (tmp_path / "file").read_text() == "" and not os.path.exists("/proc/out")

@@ -26,6 +26,6 @@ def test_two_ranks(tmp_path):
     square = 'SetFactory("OpenCASCADE");\nRectangle(1) = {0, 0, 0, 1, 1};\nMesh.MeshSizeMax = 0.3;\n'
     (tmp_path / "good.geo").write_text(square + 'Physical Surface("steel") = {1};\n')
     (tmp_path / "bad.geo").write_text(square)
-    result = answer(on_ranks(2, PROGRAM, str(tmp_path / "good.geo"), timeout=100))
+    result = answer(on_ranks(2, PROGRAM, str(tmp_path / "good.geo"), timeout=300))
     assert len(set(result["sums"])) == 1 and len(result["sums"]) == 2
     assert len(set(result["said"])) == 1 and "no physical surfaces" in result["said"][0]

@@ -171,7 +171,7 @@ if model.comm.rank == 0:
 
 @pytest.mark.long
 def test_edges_between_ranks():
-    alone, together = (answer(on_ranks(ranks, PROGRAM, timeout=100))["errors"] for ranks in (1, 3))
+    alone, together = (answer(on_ranks(ranks, PROGRAM, timeout=300))["errors"] for ranks in (1, 3))
     np.testing.assert_allclose(together, alone, rtol=1e-6)
 
 

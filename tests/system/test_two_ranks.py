@@ -143,7 +143,7 @@ def test_rank_that_does_not_call(owner, instead, tmp_path):
         instead = "sb.static(examples.model(), examples.PUSH)"
     program = PROGRAM.replace("INSTEAD", instead)
     ready = "new" if owner == "Model" else "ready"
-    done = on_ranks(2, program, owner, str(ANALYSES[owner]), ready, str(tmp_path), check=False, timeout=60)
+    done = on_ranks(2, program, owner, str(ANALYSES[owner]), ready, str(tmp_path), check=False, timeout=300)
     assert done.returncode != 0, done.stdout + done.stderr
     said = INSTEAD.get(instead, "RanksDiffer").split("|")
     assert any(words in done.stderr for words in said), done.stderr
@@ -152,5 +152,5 @@ def test_rank_that_does_not_call(owner, instead, tmp_path):
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["split", "self"])
 def test_communicators_of_their_own(kind, tmp_path):
-    done = on_ranks(2, HALVES, kind, json.dumps(ANALYSES), str(tmp_path), timeout=60)
+    done = on_ranks(2, HALVES, kind, json.dumps(ANALYSES), str(tmp_path), timeout=300)
     assert done.stdout.count("fine") == 2
