@@ -157,7 +157,7 @@ r = sb.reduce_matrices(np.eye(3), stiffness, *gap, loads=load, sensors={"x": 0},
 def tell(done):
     if done < 1e-4:
         print(flush=True)
-sb.transient(r, [sb.Harmonic(1.0, 0.1)], 1000.0, 0.01, file=sys.argv[1], progress=tell)
+sb.transient(r, [sb.Harmonic(1.0, 0.1)], 10_000.0, 0.01, file=sys.argv[1], progress=tell)
 """
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
     runs = [
