@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from ..checks import choice, instance, integer, names_of, real, real_array, shown
+from ..checks import choice, flag, instance, integer, names_of, real, real_array, shown
 from ..errors import UnknownName, listed
 from .rows import Contact, Row
 from .units import UNITS, tree_of, warn_of_units
@@ -141,8 +141,9 @@ class FiniteElementModel:
         *,
         normal: Any = None,
         gap: float | np.ndarray | Callable | None = None,
+        matching: bool = True,
     ) -> Contact:
-        """Contact between two faces whose nodes match, or of one face with a rigid wall.
+        """Contact between two faces, or of one face with a rigid wall.
 
         Parameters
         ----------
@@ -153,28 +154,36 @@ class FiniteElementModel:
             the faces are apart.
         gap : float, (left,) array or function of (x, y, z), optional
             m; a function is given arrays of the left nodes. Default: the distance of the nodes, 0 at a wall.
+        matching : bool
+            Whether each left node has a right one before it. False: left nodes, of the finer mesh, meet the
+            surface between the right ones, linear on triangles of these; a force goes to their corners with
+            the same weights.
 
         Raises
         ------
         KeyError
             If there is no such node or set.
         ValueError
-            If nodes have no partner, if the normal is not known, if faces overlap, or if nothing moves.
+            If nodes have no partner or lie beside the right face, if the normal is not known, if faces
+            overlap, or if nothing moves.
         """
+        flag("contact", "matching", matching)
         one = self._face("left", left)
         x = self.places[[self._node[a] for a in one]]
         other = None if right is None else self._face("right", right)
         if normal is not None:
             vector = _vector("contact", "normal", normal)
         elif other is not None:
-            vector = self._normal(x, self.places[[self._node[a] for a in other]])
+            vector = _normal(x, self.places[[self._node[a] for a in other]])
         else:
             raise ValueError("contact: a wall needs a normal, from the body to the wall")
         rows, distance = -self._rows(one, vector), np.zeros(len(one))
         if other is not None:
-            partner = self._partners(one, other, vector)
-            rows = rows + self._rows(partner, vector)
-            distance = (self.places[[self._node[a] for a in partner]] - x) @ vector
+            y = self.places[[self._node[a] for a in other]]
+            share = (_partners if matching else _between)(one, x, y, vector)
+            met = np.unique(share.indices)
+            rows = rows + share[:, met] @ self._rows([other[k] for k in met], vector)
+            distance = share @ (y @ vector) - x @ vector
             distance[np.abs(distance) < APART * 1e-6 * np.ptp(x, axis=0).max()] = 0.0
         if gap is not None:
             values = _gap_at(gap, x) if callable(gap) else gap
@@ -267,31 +276,56 @@ class FiniteElementModel:
         shape = (len(labels), len(self.unknowns))
         return sparse.csr_matrix((values, (row.astype(int), column.astype(int))), shape)
 
-    def _partners(self, left: list[int], right: list[int], normal: np.ndarray) -> list[int]:
-        """The right node that faces each left one along the normal."""
-        flat = np.eye(3) - np.outer(normal, normal)
-        x, y = (self.places[[self._node[a] for a in face]] @ flat for face in (left, right))
-        far, nearest = tree_of(y).query(x)
-        size = np.ptp(x, axis=0).max() if len(x) == 1 else np.median(tree_of(x).query(x, 2)[0][:, 1])
-        away = far > APART * size + 1e-12
-        if away.any():
-            raise ValueError(
-                f"contact: {away.sum()} of {len(left)} left nodes have no partner "
-                f"(node {left[away.argmax()]} is {far[away.argmax()]:g} m off); the faces' meshes must match"
-            )
-        if len(set(nearest)) < len(left):
-            raise ValueError("contact: two left nodes share a right one; the faces' meshes must match")
-        return [right[k] for k in nearest]
 
-    @staticmethod
-    def _normal(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        vector = np.linalg.svd(x - x.mean(axis=0))[2][2]
-        towards = (y.mean(axis=0) - x.mean(axis=0)) @ vector
-        if len(x) < 3 or abs(towards) < 1e-9 * np.ptp(x, axis=0).max():
-            raise ValueError(
-                "contact: coincident faces do not tell their side; give the normal, left to right"
-            )
-        return vector * np.sign(towards)
+def _partners(left: list[int], x: np.ndarray, y: np.ndarray, normal: np.ndarray) -> sparse.csr_matrix:
+    """(left, right): 1 for the right node that faces each left one along the normal."""
+    flat = np.eye(3) - np.outer(normal, normal)
+    x, y = x @ flat, y @ flat
+    far, nearest = tree_of(y).query(x)
+    size = np.ptp(x, axis=0).max() if len(x) == 1 else np.median(tree_of(x).query(x, 2)[0][:, 1])
+    away = far > APART * size + 1e-12
+    if away.any():
+        raise ValueError(
+            f"contact: {away.sum()} of {len(left)} left nodes have no partner (node {left[away.argmax()]} is "
+            f"{far[away.argmax()]:g} m off); if the faces' meshes do not match, say matching=False"
+        )
+    if len(set(nearest)) < len(left):
+        raise ValueError("contact: two left nodes share a right one; the faces' meshes must match")
+    return sparse.csr_matrix((np.ones(len(x)), (np.arange(len(x)), nearest)), (len(x), len(y)))
+
+
+def _between(left: list[int], x: np.ndarray, y: np.ndarray, normal: np.ndarray) -> sparse.csr_matrix:
+    """(left, right): weights of the right nodes at the point before each left one."""
+    from scipy.spatial import Delaunay, QhullError
+
+    along = np.linalg.svd(normal[None])[2][1:].T
+    x, y = x @ along, y @ along
+    try:
+        triangles = Delaunay(y)
+    except (QhullError, ValueError):
+        raise ValueError(
+            f"contact: the {len(y)} right nodes span no surface across the normal; give those of a face"
+        ) from None
+    inside = triangles.find_simplex(x, tol=APART)
+    if (inside < 0).any():
+        raise ValueError(
+            f"contact: {(inside < 0).sum()} of {len(left)} left nodes, node {left[inside.argmin()]} say, lie "
+            "beside the right face; leave them out, or exchange the faces"
+        )
+    corners, forms = triangles.simplices[inside], triangles.transform[inside]
+    weights = np.einsum("nij,nj->ni", forms[:, :2], x - forms[:, 2])
+    weights = np.column_stack([weights, 1.0 - weights.sum(axis=1)])
+    place = np.repeat(np.arange(len(x)), 3), corners.ravel()
+    return sparse.csr_matrix((weights.ravel(), place), (len(x), len(y)))
+
+
+def _normal(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Of the plane through the left face, towards the right one."""
+    vector = np.linalg.svd(x - x.mean(axis=0))[2][2]
+    towards = (y.mean(axis=0) - x.mean(axis=0)) @ vector
+    if len(x) < 3 or abs(towards) < 1e-9 * np.ptp(x, axis=0).max():
+        raise ValueError("contact: coincident faces do not tell their side; give the normal, left to right")
+    return vector * np.sign(towards)
 
 
 def _matrix(name: str, value: Any, factor: float) -> sparse.csr_matrix:

@@ -870,6 +870,7 @@ ARGUMENTS: Arguments = {
     "FiniteElementModel.contact.right": None,
     "FiniteElementModel.contact.normal": "x",
     "FiniteElementModel.contact.gap": 1e-3,
+    "FiniteElementModel.contact.matching": True,
     "Samples.from_csv.path": "given/wave.csv",
     "BoundaryMesh.load.path": "given/mesh.h5",
     "BoundaryMesh.with_gap.gap": 1e-6,
