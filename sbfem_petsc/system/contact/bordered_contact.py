@@ -78,10 +78,10 @@ class Bordered:
             self._factorised = _Factorised(self._model, active, self._forces)
         return self._factorised.closed(active, gap)
 
-    def displacements(self, force: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        """(owned,) of the last set's forces, which with the load have moved the gaps so far."""
+    def displacements(self, active: np.ndarray, force: np.ndarray, moved: np.ndarray) -> np.ndarray:
+        """(owned,) of the last set and its forces, which with the load have moved the gaps so far."""
         assert self._factorised is not None
-        return self._factorised.displacements(force, moved)
+        return self._factorised.displacements(active, force, moved)
 
     def sharpen(self) -> bool:
         """The solves are exact."""
@@ -170,10 +170,12 @@ class _Factorised:
         off = np.abs((moved + given)[active]).max(initial=0.0)
         return (force, moved) if off <= _TRUSTED * max(np.abs(given).max(), self._moved) else None
 
-    def displacements(self, force: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        """(owned,) of forces that with the load have moved the gaps so far: rows of the factorised set have
-        their gaps, the forces of others are given.
+    def displacements(self, active: np.ndarray, force: np.ndarray, moved: np.ndarray) -> np.ndarray:
+        """(owned,) of the last set's forces, which with the load have moved the gaps so far: rows of the
+        factorised set have their gaps, the forces of others are given.
         """
+        if np.array_equal(active, self._active):
+            return self._first
         operator = self._model.gap_operator
         other = force.copy()
         other[self._index] = 0.0
@@ -190,8 +192,9 @@ class _Factorised:
         self._own = given
         solution, missed = self._solve(self._load, given)
         self._first_gap, self._first_force = self._parts(solution)
+        self._first = solution[: self._owned]
         if self._loaded:
-            most = np.abs(solution[: self._owned]).max(initial=0.0)
+            most = np.abs(self._first).max(initial=0.0)
             self._moved = self._model.comm.allreduce(float(most), MPI.MAX)
         self._trusted = missed <= _TRUSTED
         return self._trusted

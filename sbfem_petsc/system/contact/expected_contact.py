@@ -1,5 +1,5 @@
 """Rows that a load may close, before the stiffness is factorised: those that touch in the linear solution of
-a coarse model, whose displacements are linear along each edge: of order 5 a fifth of the unknowns.
+a coarse model, whose displacements are linear along each edge: of order 5 a ninth of the unknowns.
 """
 
 from __future__ import annotations

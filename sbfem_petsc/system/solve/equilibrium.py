@@ -139,7 +139,7 @@ def _at_once(model: Model, load: LoadColumns) -> Equilibrium | None:
         result = active_set(backend, rest, gap_operator.laws, start)[0]
         if result is None:
             return None
-        owned = backend.displacements(result.force, result.gap - rest)
+        owned = backend.displacements(result.active, result.force, result.gap - rest)
     return _completed(model, load, owned, result, refined=False)
 
 
