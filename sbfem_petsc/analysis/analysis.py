@@ -15,6 +15,7 @@ from ..checks import flag, path
 from ..checks import progress as check_progress
 from ..options import Options
 from ..ranks.parallel import agreed, collective, ranks_of
+from ..reduction.reduced_model import ReducedModel
 from ..system.elements.plausibility import warn_if_large
 from ..system.model import Model
 
@@ -53,9 +54,11 @@ def analysis(
                 asked = options.checked(owner, {name: given[name] for name in options.model_fields})
                 _check_recording(owner, given)
             given.update((name, getattr(asked, name)) for name in options.model_fields)
-            body = _body(next(iter(given.values())))
-            if body is not None and not rubs:
-                body.require_frictionless(owner)
+            system = next(iter(given.values()))
+            system = getattr(system, "reduced", system)
+            if not rubs and isinstance(system, (Model, ReducedModel)):
+                system.require_frictionless(owner)
+            body = _body(system)
             outermost, token = not _within.get(), _within.set(True)
             try:
                 result = function(*bound.args, **bound.kwargs)
@@ -72,8 +75,7 @@ def analysis(
 
 
 def _body(system: Any) -> Model | None:
-    """The model that an analysis is of, by its first argument: a model, a reduced one, or motions of one."""
-    system = getattr(system, "reduced", system)
+    """The model that an analysis is of: itself or a reduced one."""
     found = system if isinstance(system, Model) else getattr(system, "model", None)
     return found if isinstance(found, Model) else None
 

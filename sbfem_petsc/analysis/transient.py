@@ -39,7 +39,7 @@ from .options import TransientOptions
 WORKED = 1e-4
 
 
-@analysis(TransientOptions)
+@analysis(TransientOptions, rubs=True)
 def transient(
     model: Model | ReducedModel,
     load,
@@ -64,6 +64,7 @@ def transient(
     model : Model or ReducedModel
         Its `damping` is the modal damping ratio of all modes, to which `rayleigh` adds a / (2 omega) + b
         omega / 2. A model is reduced once for the places of its loads, and kept so for further analyses.
+        Faces that rub (`Coulomb`) have never been loaded before t = 0; the unreduced model has none.
     load : PointForce, EdgeLoad, SupportMotion, a sum or a sequence of them
         For a system of matrices a number or signal for each of its unit loads.
         Components are numbers (constant from t = 0) or signals.
@@ -84,9 +85,9 @@ def transient(
         of its ends; "newmark": average acceleration, with a period error of (omega h)^2 / 12; "paper": eqs.
         (28)-(34) on the unreduced model, which stops when its energy runs away. In the first two contact
         works precisely by mean force times change of gap: nothing in steps in which no pair changes sides,
-        in the others what they are in error, of either sign. Where that is more than 1e-6 of the modes'
-        energy the step is taken as two halves, and these as halves again, ten times at most; only the ends of
-        the equal steps are kept.
+        in the others what they are in error, of either sign, beside what friction takes. Where the error is
+        more than 1e-6 of the modes' energy the step is taken as two halves, and these as halves again, ten
+        times at most; only the ends of the equal steps are kept.
     initial : {"rest", "equilibrium"}, (displacement, velocity) or (q, v)
         The state at t = 0: zero displacement and velocity; static equilibrium, contact included, under the
         loads there; functions of x and y (m, arrays) that give (u_x, u_y) in m and m/s, None for zero; or
@@ -143,6 +144,8 @@ def transient(
                 "transient: in_memory = False needs a file to hold the history, file = 'history.journal'"
             )
         check_initial(initial, unreduced)
+        if unreduced and isinstance(model, Model):
+            model.require_frictionless("transient of the unreduced model")
         loads = loading("transient", model, load)
         loads = loads.over(duration, isinstance(initial, str) and initial == "rest")
     require_compiler("transient", comm)

@@ -12,13 +12,15 @@ several: it is then one of them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import SolveError, on_all_ranks
-from .complementarity import Complementarity
-from .law import FREE, PRESSED, PULLED, ROUND_OFF, RowLaws
+from ..record.record import Record, described, quantity
+from .complementarity import Complementarity, solve_complementarity
+from .law import FREE, PRESSED, PULLED, ROUND_OFF, ContactLaw, RowLaws
 
 # States of a tangential row: apart as FREE, sticking, slipping under friction along t and against it.
 STICKS, ALONG, AGAINST = 1, 2, 3
@@ -30,20 +32,36 @@ _SWEEPS, _ROUNDS = 20, 20
 _LEAST = 1e-11
 
 
-class Friction(NamedTuple):
-    """The tangential rows, which stand behind the normal ones.
+@described
+class Friction(Record):
+    """The tangential rows, which stand behind the normal ones."""
 
-    Attributes
-    ----------
-    rows : (k,) int array
-        The normal row of each.
-    kinetic, static : (k,) arrays
-        Coefficients of rows that slip, and up to which they stick.
-    """
+    rows: np.ndarray = quantity(
+        "1", "number of the normal row of each", "tangential_row", kinds="iu", least=0
+    )
+    kinetic: np.ndarray = quantity("1", "coefficients of rows that slip", "tangential_row", least=0.0)
+    static: np.ndarray = quantity("1", "coefficients up to which rows stick", "tangential_row", least=0.0)
 
-    rows: np.ndarray
-    kinetic: np.ndarray
-    static: np.ndarray
+    @classmethod
+    def of(cls, laws: Sequence[ContactLaw], rows: np.ndarray) -> Friction:
+        """Of normal rows with these laws, those that rub and others."""
+        found = [[getattr(laws[k], name, 0.0) for k in rows] for name in ("friction", "static_friction")]
+        return cls(rows, *np.array(found, dtype=float).reshape(2, len(rows)))
+
+    def same(self, other: Friction | None) -> bool:
+        """Whether these are the same rows and coefficients."""
+        mine = (self.rows, self.kinetic, self.static)
+        return other is not None and all(map(np.array_equal, mine, (other.rows, other.kinetic, other.static)))
+
+
+def refuse_friction(owner: str, rubs: str) -> None:
+    """Raise ValueError, on all ranks, for what rubs."""
+    raise on_all_ranks(
+        ValueError(
+            f"{owner} knows no friction yet, and {rubs}; use transient in modes, static or load_history of a "
+            "Model, or contact_laws = Unilateral()"
+        )
+    )
 
 
 class Memory(NamedTuple):
@@ -86,6 +104,20 @@ class Memory(NamedTuple):
         state = found.state
         normal, along = found.force[:count], found.force[count:]
         return cls(found.gap[count:], along, normal, state[:count], state[count:])
+
+
+def solve_contact(
+    flexibility: np.ndarray,
+    free_gap: np.ndarray,
+    laws: RowLaws,
+    friction: Friction | None,
+    memory: Memory | None = None,
+) -> Complementarity:
+    """Contact of rows without or with friction, then from a memory; default: of faces never loaded."""
+    if friction is None:
+        return solve_complementarity(flexibility, free_gap, laws)
+    memory = Memory.none(laws, friction) if memory is None else memory
+    return solve_friction(flexibility, free_gap, laws, friction, memory)
 
 
 def solve_friction(

@@ -236,15 +236,19 @@ class RowLaws(Record):
         text="whether any of them may take energy out of the structure", default=False
     )
 
-    @derived("m", "gaps that free, pressed and pulled rows keep", "law row", back=True, finite=False)
+    @derived("m", "gaps that free, pressed and pulled rows keep", "law normal_row", back=True, finite=False)
     def place(self) -> np.ndarray:
         return self.table.place
 
-    @derived("SI", "least force, or gap of a free row, in each state", "law row", back=True, finite=False)
+    @derived(
+        "SI", "least force, or gap of a free row, in each state", "law normal_row", back=True, finite=False
+    )
     def least(self) -> np.ndarray:
         return self.table.least
 
-    @derived("SI", "largest force, or gap of a free row, in each state", "law row", back=True, finite=False)
+    @derived(
+        "SI", "largest force, or gap of a free row, in each state", "law normal_row", back=True, finite=False
+    )
     def most(self) -> np.ndarray:
         return self.table.most
 
@@ -357,7 +361,9 @@ class RowLaws(Record):
         return np.where(force < 0.0, pulled - gap, gap - pressed)
 
 
-def row_laws(laws: ContactLaw | Sequence[ContactLaw] | None, count: int, owner: str) -> RowLaws:
+def row_laws(
+    laws: ContactLaw | Sequence[ContactLaw] | None, count: int, owner: str
+) -> tuple[ContactLaw, ...]:
     """The laws of so many rows without faces from one for all, one for each, or None: unilateral contact.
 
     Raises
@@ -366,7 +372,7 @@ def row_laws(laws: ContactLaw | Sequence[ContactLaw] | None, count: int, owner: 
         If they are no laws, or not as many as rows, or have a layer, which is one of a face's area.
     """
     if laws is None:
-        return RowLaws.unilateral(count)
+        return (Unilateral(),) * count
     given = (laws,) * count if isinstance(laws, ContactLaw) else laws
     if isinstance(given, str) or not isinstance(given, Sequence):
         raise TypeError(
@@ -374,12 +380,7 @@ def row_laws(laws: ContactLaw | Sequence[ContactLaw] | None, count: int, owner: 
         )
     for k, law in enumerate(given):
         check_law(owner, f"contact_laws[{k}]", law)
-        if law.rubs:
-            raise ValueError(
-                f"{owner}: contact_laws[{k}] = {law!r} rubs, which static and load_history of a Model alone "
-                "take; give Unilateral()"
-            )
-        if law.compliance:
+        if law.compliance or getattr(law, "tangential_compliance", 0.0):
             raise ValueError(
                 f"{owner}: contact_laws[{k}] = {law!r} is a layer in m^3/N of a face's area, which a row of "
                 "matrices has not; give compliance = [...] in m/N of each row"
@@ -388,7 +389,7 @@ def row_laws(laws: ContactLaw | Sequence[ContactLaw] | None, count: int, owner: 
         raise ValueError(
             f"{owner}: contact_laws has {len(given)} laws for {count} contact rows; give as many"
         )
-    return RowLaws.of(given)
+    return tuple(given)
 
 
 # Solvers read of a law what stands in `RowLaws` alone: any other class would be one of these under its name.

@@ -4,7 +4,8 @@ One step is linear in the modal forces: with per-mode coefficients the state adv
 q1 = aqq q + aqv v + bq p0 + dq p1 + cq (r0 + r1), v1 = avq q + avv v + bv p0 + dv p1 + cv (r0 + r1), where p
 are the modal forces of the loads at both ends and r = C^T force those of contact. The gap at the step's end
 is W force + free gap with the constant W = C diag(cq) C^T + R, its contact problem is solved by `pivoting`,
-where it is told how kernels are written.
+where it is told how kernels are written, with friction by `rubbing`: there tangential rows stand behind the
+normal ones, and of the step before their slips count too.
 """
 
 from __future__ import annotations
@@ -16,13 +17,16 @@ from typing import NamedTuple
 import numpy as np
 
 from .compiled import compiled_loops, inner_loops, inner_sums
+from .friction import STICKS
 from .law import FREE, RowLaws, Table
 from .pivoting import Factor, add_rows, contact_forces, empty_factor, products
+from .rubbing import Rubbing, Sets, rubbing_forces, rubbing_of, rubbing_room
 
 
 class Halving(NamedTuple):
     """Which steps are taken as two halves, and these as halves again, as far as there are constants: those in
-    which the faces' contact, which does no work in the exact motion, does more of it than so much.
+    which the faces' contact, which does no work in the exact motion but for what friction takes, does more of
+    it than so much.
 
     Attributes
     ----------
@@ -53,6 +57,8 @@ class StepConstants(NamedTuple):
     residual : (pairs, pairs) array
         R, which alone gives the forces of a state from which no step leads back.
     laws : Table
+        Of the normal rows.
+    rubbing : Rubbing
     stiffness : (m,) array
         omega^2, of the energy that the work of contact is compared with.
     halving : Halving
@@ -64,6 +70,7 @@ class StepConstants(NamedTuple):
     flexibility: np.ndarray
     residual: np.ndarray
     laws: Table
+    rubbing: Rubbing
     stiffness: np.ndarray
     halving: Halving
 
@@ -96,13 +103,16 @@ class StepState(NamedTuple):
     force : (pairs,) array
         Of contact, N.
     rows : (pairs,) int8 array
-        States of the contact rows, see `law`.
+        States of the contact rows, see `law` and `friction`.
+    slip : (k,) array
+        Of the tangential rows, m: what faces that rub remember.
     """
 
     q: np.ndarray
     v: np.ndarray
     force: np.ndarray
     rows: np.ndarray
+    slip: np.ndarray = np.empty(0)
 
 
 class StepHistory(NamedTuple):
@@ -113,9 +123,12 @@ class StepHistory(NamedTuple):
     states, velocities, forces : (n, m), (n, m), (n, pairs) arrays
         q, v and the contact forces after each step.
     work : (n,) array
-        Of the contact forces in each, J: mean force times change of the gap, of its parts one by one.
+        Of the contact forces in each, J: mean force times change of the gap, of its parts one by one, but for
+        what is lost to friction.
     parts : (n 2^(levels - 1) + 1,) or (0,) int8 array
         Levels of the steps as they were taken, whose number is told; not kept in an empty one.
+    lost : (n,) or (0,) array
+        To friction in each, J; not kept in an empty one.
     """
 
     states: np.ndarray
@@ -123,6 +136,7 @@ class StepHistory(NamedTuple):
     forces: np.ndarray
     work: np.ndarray
     parts: np.ndarray = np.empty(0, dtype=np.int8)
+    lost: np.ndarray = np.empty(0)
 
 
 class Marched(NamedTuple):
@@ -158,11 +172,16 @@ class _End(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Room for steps: the factors of each level, both ends of a step and gaps in the thin space (r,)."""
+    """Room for steps: the factors of each level, with friction those of `sets` and their states and orders;
+    both ends of a step and gaps in the thin space (r,).
+    """
 
     inverses: np.ndarray
     members: np.ndarray
     factor: Factor
+    known: np.ndarray
+    orders: np.ndarray
+    sets: Sets
     before: _End
     after: _End
     thin: np.ndarray
@@ -177,7 +196,7 @@ def step_constants(
     halving: Halving = NEVER,
 ) -> StepConstants:
     """`StepConstants` from coefficients (10, m) of a step and of its halves, quarters .. and arrays in any
-    layout: the factors U (pairs, r) and V (m, r), see `closed_sets.thin_factors`, and R.
+    layout: the factors U (pairs, r) and V (m, r), see `closed_sets.thin_factors`, and R; nothing rubs.
     """
     left, right = factors
     flexibility = [left @ ((right.T * each[4]) @ right) @ left.T + residual for each in coefficients]
@@ -188,6 +207,7 @@ def step_constants(
         flexibility=np.ascontiguousarray(flexibility),
         residual=np.ascontiguousarray(residual),
         laws=laws.table,
+        rubbing=rubbing_of(None, residual, len(laws)),
         stiffness=omega**2,
         halving=halving,
     )
@@ -202,8 +222,13 @@ def empty_room(step: StepConstants) -> Room:
         q, v, pull, force, gap = (np.empty(size) for size in (modes, modes, modes, pairs, pairs))
         return _End(q, v, pull, force, gap, np.empty(pairs, dtype=np.int8))
 
-    members = np.full((levels, pairs + 1), -1)
-    return Room(np.empty((levels, pairs, pairs)), members, empty_factor(pairs), end(), end(), np.empty(rank))
+    members, inverses = np.full((levels, pairs + 1), -1), np.empty((levels, pairs, pairs))
+    known, orders = (
+        np.zeros((levels, pairs + 1), dtype=np.int8),
+        np.zeros((levels, pairs + 2), dtype=np.int64),
+    )
+    sets = Sets(inverses[0], known[0], orders[0], members[0], *rubbing_room(pairs))
+    return Room(inverses, members, empty_factor(pairs), known, orders, sets, end(), end(), np.empty(rank))
 
 
 def march(step: StepConstants, loads: StepLoads, state: StepState, history: StepHistory) -> Marched:
@@ -218,8 +243,9 @@ def _begin(step: StepConstants, loads: StepLoads, state: StepState, room: Room) 
     """The first end of the first step."""
     rank, pairs = step.left.shape
     every, end = room.factor.every, room.before
+    count = step.rubbing.beside.size
     for level in range(room.members.shape[0]):
-        room.members[level, pairs] = -1
+        room.members[level, pairs], room.known[level, pairs] = -1, 0
     for j in range(end.q.size):
         end.q[j], end.v[j], end.pull[j] = state.q[j], state.v[j], 0.0
     for i in range(pairs):
@@ -229,9 +255,47 @@ def _begin(step: StepConstants, loads: StepLoads, state: StepState, room: Room) 
     products(step.right, end.q, rank, (end.q.size, end.q.size), room.thin)
     add_rows(step.left, every, room.thin, rank, (pairs, pairs), end.gap)
     add_rows(step.residual, every, end.force, pairs, (pairs, pairs), end.gap)
-    for i in range(pairs):
+    for i in range(count):
         if end.rows[i] != FREE:
             end.gap[i] = step.laws.place[end.rows[i], i]
+    for i in range(count, pairs):
+        end.gap[i] = state.slip[i - count]
+
+
+@inner_loops
+def _contact(step: StepConstants, level: int, before: _End, after: _End, room: Room) -> int:
+    """Forces and gaps at the end of a step from the gaps without forces; returns the exchanges."""
+    pairs, count = after.gap.size, step.rubbing.beside.size
+    if count == pairs:
+        given = room.factor
+        factor = Factor(room.inverses[level], room.members[level], given.solved, given.free, given.every)
+        exchange = contact_forces(
+            step.flexibility[level], after.gap, step.laws, after.rows, factor, after.force
+        )
+        for i in range(pairs):
+            rest = after.rows[i]
+            after.gap[i] = factor.free[i] if rest == FREE else step.laws.place[rest, i]
+        return exchange
+    of = room.sets
+    sets = Sets(
+        room.inverses[level],
+        room.known[level],
+        room.orders[level],
+        room.members[level],
+        of.right,
+        of.free,
+        of.following,
+        of.swept,
+        of.seen,
+    )
+    held = (step.laws, step.rubbing, after.rows)
+    exchange = rubbing_forces(step.flexibility[level], (after.gap, before.gap), held, sets, after.force)
+    for i in range(count):
+        rest = after.rows[i]
+        after.gap[i] = sets.free[i] if rest == FREE else step.laws.place[rest, i]
+    for i in range(count, pairs):
+        after.gap[i] = before.gap[i] if after.rows[i] == STICKS else sets.free[i]
+    return exchange
 
 
 @inner_loops
@@ -251,7 +315,7 @@ def _take(
     external, free_gap, _ = loads
     q, v, pull = after.q, after.v, after.pull
     rank, pairs = left.shape
-    m, every = q.size, room.factor.every
+    m, every, count = q.size, room.factor.every, step.rubbing.beside.size
     for j in range(m):
         q[j] = (
             coefficients[0, j] * before.q[j]
@@ -276,6 +340,7 @@ def _take(
     laws, pulled = step.laws, False
     for i in range(pairs):
         after.rows[i] = before.rows[i]
+    for i in range(count):
         pulled |= (
             (before.rows[i] != FREE)
             | (after.gap[i] < laws.least[FREE, i])
@@ -287,14 +352,9 @@ def _take(
         for i in range(pairs):
             after.force[i] = 0.0
         return 0
-    given = room.factor
-    factor = Factor(room.inverses[level], room.members[level], given.solved, given.free, every)
-    exchange = contact_forces(step.flexibility[level], after.gap, step.laws, after.rows, factor, after.force)
+    exchange = _contact(step, level, before, after, room)
     if exchange < 0:
         return exchange
-    for i in range(pairs):
-        rest = after.rows[i]
-        after.gap[i] = factor.free[i] if rest == FREE else step.laws.place[rest, i]
     products(left, after.force, rank, (pairs, pairs), room.thin)
     add_rows(right, every, room.thin, rank, (m, m), pull)
     for j in range(m):
@@ -312,6 +372,16 @@ def _work(before: _End, after: _End) -> float:
     return 0.5 * total
 
 
+@inner_loops
+def _lost(rubbing: Rubbing, before: _End, after: _End) -> float:
+    """To friction in a step: mean of what the pressures allow times the slips' changes."""
+    total, count = 0.0, rubbing.beside.size
+    for k in range(rubbing.rows.size):
+        pressing = max(before.force[rubbing.rows[k]], 0.0) + max(after.force[rubbing.rows[k]], 0.0)
+        total += rubbing.kinetic[k] * pressing * abs(after.gap[count + k] - before.gap[count + k])
+    return 0.5 * total
+
+
 @inner_sums
 def _energy(stiffness: np.ndarray, end: _End) -> float:
     """Of the modes."""
@@ -325,8 +395,8 @@ def _energy(stiffness: np.ndarray, end: _End) -> float:
 def _march(
     step: StepConstants, loads: StepLoads, state: StepState, history: StepHistory, room: Room
 ) -> tuple[int, int, int, int]:
-    states, velocities, forces, works, parts = history
-    halving, levels = step.halving, loads.levels
+    states, velocities, forces, works, parts, losses = history
+    halving, levels, rubbing = step.halving, loads.levels, step.rubbing
     steps, m = states.shape
     pairs, last = state.force.size, step.coefficients.shape[0] - 1
     exchanges = unresolved = taken = 0
@@ -334,6 +404,8 @@ def _march(
     before, after = room.before, room.after
     for done in range(steps):
         works[done] = 0.0
+        if losses.size > 0:
+            losses[done] = 0.0
         first: int = np.int64(levels[done])  # type: ignore[assignment]  # to numba no int8
         level, place, whole = first, 0, 1 << (last - first)
         while place < whole:
@@ -344,14 +416,17 @@ def _march(
             if exchange < 0:
                 return done, exchanges, unresolved, taken
             exchanges += exchange
+            lost = _lost(rubbing, before, after)
             if exchange > 0:  # where no row changes sides there is no work
-                work = _work(before, after)
+                work = _work(before, after) + lost
                 if abs(work) > halving.tolerance * (_energy(step.stiffness, after) + halving.floor):
                     if level < last:
                         level += 1
                         continue
                     unresolved += 1
                 works[done] += work
+            if losses.size > 0:
+                losses[done] += lost
             before, after = after, before
             place += size
             if parts.size > 0:
@@ -369,4 +444,6 @@ def _march(
         state.q[j], state.v[j] = before.q[j], before.v[j]
     for i in range(pairs):
         state.force[i], state.rows[i] = before.force[i], before.rows[i]
+    for k in range(rubbing.rows.size):
+        state.slip[k] = before.gap[rubbing.beside.size + k]
     return steps, exchanges, unresolved, taken

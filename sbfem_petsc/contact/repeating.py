@@ -115,7 +115,7 @@ def _settle(
     patience: Patience,
     room: _Repetition,
 ) -> tuple[int, int, int]:
-    q, v, force, rows = state
+    q, v, force, rows, _ = state
     recent, gap, thin, factor = room.recent, room.steps.before.gap, room.steps.thin, room.steps.factor
     steps, pairs, m = loads.free_gap.shape[0] - 1, gap.size, q.size
     rank, kept = thin.size, recent.shape[0]

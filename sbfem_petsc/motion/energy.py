@@ -17,8 +17,8 @@ WORK_LIMIT = 0.01
 
 @described
 class Energy(Record):
-    """Energies and work since the start. Contact works in the steps in which pairs close or open alone, where
-    it is the integrator's error, summed over the parts of halved steps.
+    """Energies and work since the start. Contact works, beside what friction takes, in the steps alone in
+    which pairs change sides, where it is the integrator's error, summed over the parts of halved steps.
     """
 
     kinetic: np.ndarray = quantity("J", "kinetic energy", "time")
@@ -27,7 +27,10 @@ class Energy(Record):
     )
     external: np.ndarray = quantity("J", "work of the loads", "time")
     damping: np.ndarray = quantity("J", "energy dissipated by damping", "time")
-    contact: np.ndarray = quantity("J", "work of the contact forces", "time")
+    contact: np.ndarray = quantity("J", "work of the contact forces, beside what is lost to friction", "time")
+    friction: np.ndarray | None = quantity(
+        "J", "energy lost to friction, where faces rub", "time", kinds="f", default=None
+    )
 
     @property
     def total(self) -> np.ndarray:
@@ -40,7 +43,8 @@ class Energy(Record):
         error.
         """
         gained = self.total - self.total[0]
-        return gained - (self.external + self.contact - self.damping)
+        lost = self.damping if self.friction is None else self.damping + self.friction
+        return gained - (self.external + self.contact - lost)
 
 
 class Ledger:
@@ -50,6 +54,8 @@ class Ledger:
         # average acceleration moves by the mean of the ends' forces, so the plain trapezoidal rule is its own
         # work
         self.r, self.smooth = reduction, smooth
+        # external, damping, contact, and friction
+        self.work = np.zeros(3 if reduction.friction is None else 4)
         self.stiffness, self.friction = reduction.omega**2, 2.0 * reduction.damping * reduction.omega
         self.ones, self._squares = np.ones(len(reduction.omega)), np.empty((0, len(reduction.omega)))
         # of the displacements of loads and contact under their own forces
@@ -61,17 +67,17 @@ class Ledger:
         )
 
     def start(self, q: np.ndarray, v: np.ndarray, amplitude: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """(5, 1) energies and work at t = 0."""
-        self.work = np.zeros(3)
+        """(5, 1) energies and work at t = 0; (6, 1) where faces rub, and so of the others."""
+        self.work[:] = 0.0
         self.last = self._instants(q[None], v[None], amplitude[None], force[None])
         self.supplied = float(self.last[2].sum())
-        return np.concatenate([self.last[2].T, np.zeros((3, 1))])
+        return np.concatenate([self.last[2].T, self.work[:, None]])
 
     def account(self, history: StepHistory, amplitudes: np.ndarray, step: float) -> np.ndarray:
         """(5, n): kinetic, strain, external, damping, contact after each step of a length (s); `amplitudes`
         (n + 1, loads) begins with the step before.
         """
-        states, velocities, forces, contact, _ = history
+        states, velocities, forces, contact, _, lost = history
         # of the loads and rows of contact that act meanwhile: mostly few of them
         loaded, touched = (amplitudes != 0.0).any(axis=0), (forces != 0.0).any(axis=0)
         drive, moved, stored, loss, rate = self._instants(
@@ -91,22 +97,33 @@ class Ledger:
         external = 0.5 * (drives[1:] + drives[:-1]) * np.diff(moves, axis=0)
         if self.smooth:
             external += np.diff(drives, axis=0) * np.diff(rates, axis=0) * (step / 12.0)
-        steps = np.stack([external.sum(axis=1), 0.5 * step * (losses[1:] + losses[:-1]), contact])
+        parts = [external.sum(axis=1), 0.5 * step * (losses[1:] + losses[:-1]), contact]
+        if len(self.work) > len(parts):
+            parts.append(lost if len(lost) else np.zeros(len(contact)))
+        steps = np.stack(parts)
         work = self.work[:, None] + np.cumsum(steps, axis=1)
         self.work = work[:, -1]
         self.last = self._instants(states[-1:], velocities[-1:], amplitudes[-1:], forces[-1:])
         return np.concatenate([stored.T, work])
 
     def jump(
-        self, q: np.ndarray, v: np.ndarray, amplitude: np.ndarray, before: np.ndarray, force: np.ndarray
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        amplitude: np.ndarray,
+        before: np.ndarray,
+        force: np.ndarray,
+        *,
+        lost: float,
     ) -> np.ndarray:
         """(5,): the same where loads have jumped to `amplitude`, and contact from `before` to `force`: what
-        moves with them has no inertia.
+        moves with them has no inertia; so much is lost to friction.
         """
         drives = np.concatenate([[self.last[0][0], amplitude], [before, force]], axis=1)
         work = drives.mean(axis=0) * (self.flexibility @ (drives[1] - drives[0]))
         loads = len(amplitude)
-        self.work = self.work + [work[:loads].sum(), 0.0, work[loads:].sum()]
+        done = np.array([work[:loads].sum(), 0.0, work[loads:].sum() + lost, lost])
+        self.work = self.work + done[: len(self.work)]
         self.last = self._instants(q[None], v[None], amplitude[None], force[None])
         return np.concatenate([self.last[2][0], self.work])
 

@@ -61,12 +61,29 @@ class Motion(Record):
     @derived("N", "sum of the contact forces, those inside tip elements included", "time")
     def contact_resultant(self) -> np.ndarray:
         """(n,): sum of all contact forces, those inside the tip elements included, N."""
-        return self.states.contact.sum(axis=1)
+        gaps = None if self.reduced is None else self.reduced.gaps
+        return self.states.contact[:, :gaps].sum(axis=1)
 
     @derived("m", "gaps of the contact pairs", "time pair", detail=True, stored=False)
     def gap(self) -> np.ndarray:
         """(n, pairs): gaps of the contact pairs, m."""
         return self.states.gap[:, : self.states.pairs]
+
+    @derived("m", "slips of the pairs, where faces of the model rub", "time pair", detail=True, stored=False)
+    def slip(self) -> np.ndarray | None:
+        """(n, pairs): m, of the right faces against the left ones, along the normal turned clockwise."""
+        return self._of_slips(self.states.gap)
+
+    @derived("N", "friction of the pairs", "time pair", detail=True, stored=False)
+    def friction_force(self) -> np.ndarray | None:
+        """(n, pairs): N, against the changes of the slips."""
+        return self._of_slips(self.states.contact)
+
+    def _of_slips(self, rows: np.ndarray) -> np.ndarray | None:
+        """The tangential rows of the pairs; None where nothing rubs."""
+        if self.reduced is None or self.reduced.friction is None:
+            return None
+        return rows[:, self.reduced.gaps :][:, : self.reduced.pairs]
 
     @derived(text="what K of the tips does not tell by itself", dims="note", kept=True)
     def notes(self) -> tuple[str, ...]:

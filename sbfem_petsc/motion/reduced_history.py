@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..contact.closed_sets import thin_factors
-from ..contact.complementarity import Complementarity, solve_complementarity
+from ..contact.complementarity import Complementarity
+from ..contact.friction import Memory, solve_contact
 from ..contact.marching import (
     Marched,
     StepConstants,
@@ -17,6 +18,7 @@ from ..contact.marching import (
     march,
     step_constants,
 )
+from ..contact.rubbing import rubbing_of
 from ..errors import SolveError, on_all_ranks
 from ..reduction.reduced_model import ReducedModel
 from ..signals.signal import Signal
@@ -71,14 +73,16 @@ class ReducedIntegrator:
         self.levels = lengths(r.contact_laws.first(self.rows))
         self.constants = _constants(r, steps, steps.step, self.levels)
         self.amplitude = self.drive(np.zeros(1))[0]
-        self.q, self.v, self.force, self.contact = _start(r, self.amplitude, steps.contact, initial)
+        self.q, self.v, self.force, self.contact, self.slip = _start(
+            r, self.amplitude, steps.contact, initial
+        )
         self.ledger = Ledger(r, smooth=steps.scheme != "newmark")
         self.exchanges = self.unresolved = 0
         # written anew in each chunk, for fresh memory takes longer than what is computed in it: states,
         # velocities and contact forces; modal forces and free gaps, which begin a step earlier
         modes, most = len(self.q), min(CHUNK, steps.count) + 1
         self._room = [np.empty((most, size)) for size in (modes, modes, self.rows, modes, self.rows)]
-        self._work = np.empty(most)
+        self._work, self._lost = np.empty(most), np.empty(most if len(self.slip) else 0)
         self.columns = reduced_columns(r)
         self.begun = initial if isinstance(initial, str) else "modal"
 
@@ -130,11 +134,12 @@ class ReducedIntegrator:
         amplitude, pieces = self.drive.pieces(done, steps)
         self.amplitude = amplitude[0]
         states, velocities, forces = (room[:steps] for room in self._room[:3])
-        energies = np.empty((5, steps))
+        energies = np.empty((2 + len(self.ledger.work), steps))
         for piece in pieces:
             rows = slice(piece.first, piece.first + piece.steps)
             self._jump(piece.amplitudes[0])
-            history = StepHistory(states[rows], velocities[rows], forces[rows], self._work[: piece.steps])
+            work, lost = self._work[: piece.steps], self._lost[: piece.steps]
+            history = StepHistory(states[rows], velocities[rows], forces[rows], work, lost=lost)
             marched = self._march(piece, history)
             if marched.steps < piece.steps:
                 failed = time[piece.first + marched.steps + 1]
@@ -160,7 +165,8 @@ class ReducedIntegrator:
 
     def _march(self, piece: Piece, history: StepHistory) -> Marched:
         """Take the steps of a piece; a part of a step, of its own length, is tried whole first."""
-        state, loads = StepState(self.q, self.v, self.force, self.contact), self._driven(piece.amplitudes)
+        state = StepState(self.q, self.v, self.force, self.contact, self.slip)
+        loads = self._driven(piece.amplitudes)
         if piece.length == self.steps.step:
             return march(self.constants, loads, state, history)
         before, counts = [part.copy() for part in state], (1, self.levels)
@@ -179,14 +185,20 @@ class ReducedIntegrator:
         """
         if (amplitude == self.amplitude).all():
             return None
-        self.amplitude, before = amplitude, self.force.copy()
+        self.amplitude, before, lost = amplitude, self.force.copy(), 0.0
         if self.rows:
-            found = _contact_at(self.reduced, self.q, amplitude)
-            self.force[:], self.contact[:] = found.force, found.state
-        return self.ledger.jump(self.q, self.v, amplitude, *self._padded(np.array([before, self.force])))
+            friction, gaps = self.reduced.friction, self.reduced.gaps
+            former = Memory(self.slip, before[gaps:], before[:gaps], self.contact[:gaps], self.contact[gaps:])
+            found = _contact_at(self.reduced, self.q, amplitude, former)
+            if friction is not None:
+                lost = Memory.of(found, gaps).lost_since(former, friction)
+            self.force[:], self.contact[:], self.slip[:] = found.force, found.state, found.gap[gaps:]
+        return self.ledger.jump(
+            self.q, self.v, amplitude, *self._padded(np.array([before, self.force])), lost=lost
+        )
 
     def checkpoint(self) -> np.ndarray:
-        """State, states of the rows and the energies' account; the number of exchanges comes first."""
+        """State, states of the rows, slips and the energies' account; the number of exchanges comes first."""
         ledger = self.ledger
         parts = [
             [self.exchanges, self.unresolved, ledger.supplied],
@@ -195,18 +207,20 @@ class ReducedIntegrator:
             self.v,
             self.force,
             self.contact,
+            self.slip,
         ]
         return np.concatenate([*parts, *(part.ravel() for part in ledger.last)]).astype(float)
 
     def restore(self, checkpoint: np.ndarray) -> None:
         """Go on from a checkpoint."""
         modes, loads = len(self.q), self.reduced.load_modes.shape[1]
-        sizes = (3, 3, modes, modes, self.rows, self.rows, loads, loads, 2, 1, loads)
-        head, work, q, v, force, contact, drive, moved, stored, loss, rates = np.split(
+        slips, works = len(self.slip), len(self.ledger.work)
+        sizes = (3, works, modes, modes, self.rows, self.rows, slips, loads, loads, 2, 1, loads)
+        head, work, q, v, force, contact, slip, drive, moved, stored, loss, rates = np.split(
             checkpoint, np.cumsum(sizes)[:-1]
         )
         self.exchanges, self.unresolved = int(head[0]), int(head[1])
-        self.q[:], self.v[:], self.force[:], self.contact[:] = q, v, force, contact
+        self.q[:], self.v[:], self.force[:], self.contact[:], self.slip[:] = q, v, force, contact, slip
         self.ledger.supplied, self.ledger.work = float(head[2]), work.copy()
         self.ledger.last = (drive[None], moved[None], stored[None], loss, rates[None])
 
@@ -218,15 +232,19 @@ class ReducedIntegrator:
 def reduced_columns(reduced: ReducedModel) -> dict[str, Column]:
     """What is kept of each instant."""
     modes, loads = reduced.load_modes.shape
+    energies = ["kinetic", "strain", "external", "damping", "contact"]
+    energies += [] if reduced.friction is None else ["friction"]
     return {
         "time": Column((), "s", "instants"),
         "modal_displacement": Column((modes,), "m sqrt(kg)", "modal coordinates q"),
         "modal_velocity": Column((modes,), "m sqrt(kg)/s", "derivative of q"),
         "amplitudes": Column((loads,), "unit of the load", "values of the load signals"),
         "contact_force": Column(
-            (len(reduced.initial_gap),), "N", "forces of the contact rows, compression positive"
+            (len(reduced.initial_gap),),
+            "N",
+            "forces of the contact rows, compression positive, then friction",
         ),
-        "energies": Column((5,), "J", "kinetic, strain, external, damping, contact"),
+        "energies": Column((len(energies),), "J", ", ".join(energies)),
     }
 
 
@@ -249,16 +267,18 @@ def reduced_history(
 def _constants(r: ReducedModel, steps: Steps, length: float, count: int) -> StepConstants:
     """Of steps of a length (s), of their halves ..: so many."""
     rows = len(r.initial_gap) if steps.contact else 0
-    laws, residual = r.contact_laws.first(rows), r.gap.contact[:rows, :rows]
+    laws = r.contact_laws if steps.contact else r.contact_laws.first(0)
+    friction, residual = r.friction if steps.contact else None, r.gap.contact[:rows, :rows]
     factors = r.thin_gaps if steps.contact else thin_factors(r.gap.modes[:rows])
     coefficients = halved_coefficients(r.omega, r.damping, length, steps.scheme, count)
-    return step_constants(coefficients, factors, residual, laws, r.omega, HALVING)
+    constants = step_constants(coefficients, factors, residual, laws, r.omega, HALVING)
+    return constants._replace(rubbing=rubbing_of(friction, residual, len(laws)))
 
 
 def _start(
     r: ReducedModel, amplitude: np.ndarray, contact: bool, initial: str | Sequence[np.ndarray]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """q, v, contact forces and states of the rows at t = 0."""
+) -> tuple[np.ndarray, ...]:
+    """q, v, contact forces, states of the rows and slips at t = 0; faces that rub have never been loaded."""
     q, v = np.zeros(len(r.omega)), np.zeros(len(r.omega))
     found = None
     if not isinstance(initial, str):
@@ -273,13 +293,15 @@ def _start(
     elif initial == "equilibrium":
         q, found = at_rest(r, amplitude, contact)
     if not contact:
-        return q, v, np.zeros(0), np.zeros(0, dtype=np.int8)
+        return q, v, np.zeros(0), np.zeros(0, dtype=np.int8), np.zeros(0)
     if found is None:
         found = _contact_at(r, q, amplitude)
-    return q, v, found.force.copy(), found.state.copy()
+    return q, v, found.force.copy(), found.state.copy(), found.gap[r.gaps :].copy()
 
 
-def _contact_at(r: ReducedModel, q: np.ndarray, amplitude: np.ndarray) -> Complementarity:
+def _contact_at(
+    r: ReducedModel, q: np.ndarray, amplitude: np.ndarray, former: Memory | None = None
+) -> Complementarity:
     """Contact of a state to which no step leads."""
     gap = r.gap.loads @ amplitude + r.gap.modes @ q + r.initial_gap
-    return solve_complementarity(r.gap.contact, gap, r.contact_laws)
+    return solve_contact(r.gap.contact, gap, r.contact_laws, r.friction, former)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..contact.complementarity import Complementarity, solve_complementarity
+from ..contact.complementarity import Complementarity
+from ..contact.friction import solve_contact
 from ..errors import SolveError, on_all_ranks
 from ..reduction.reduced_model import ReducedModel
 
@@ -38,10 +39,11 @@ def at_rest(
     loads = r.load_modes @ amplitudes
     rows = r.gap.modes if contact else r.gap.modes[:0]
     count = len(rows)
-    found = solve_complementarity(
+    found = solve_contact(
         (rows / stiffness) @ rows.T + r.gap.contact[:count, :count],
         (r.gap.loads @ amplitudes + r.initial_gap)[:count] + (rows / stiffness) @ loads,
-        r.contact_laws.first(count),
+        r.contact_laws if contact else r.contact_laws.first(0),
+        r.friction if contact else None,
     )
     q = (loads + rows.T @ found.force) / stiffness
     forces = np.abs(loads) + np.abs(rows).T @ np.abs(found.force)

@@ -127,6 +127,7 @@ def at_rest(owner: str, reduced: ReducedModel, amplitudes: np.ndarray, contact: 
     left out.
     """
     require_rows(owner, reduced)
+    reduced.require_frictionless(f"{owner} of a reduced model")
     if not reduced.omega.all():
         raise ValueError(
             f"{owner}: the reduced model has rigid-body motions (0 Hz); hold it, say by weak springs"

@@ -190,7 +190,6 @@ def reduced(model: Model, units: tuple[Load, ...], modes: int) -> ReducedModel:
 
 def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel:
     model.require_support("the reduction")
-    model.require_frictionless("the reduction to modes, which dynamic analyses use,")
     warn_of_tips("reduce", model)
     gap, compliance = model.gap_operator, model.compliance
     gap_modes = gap.rows(found.shapes)
@@ -246,6 +245,7 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
         found,
         gap.laws,
         model.tips.facts,
+        gap.friction,
     )
 
 

@@ -49,6 +49,8 @@ def difference(one: ReducedModel, other: ReducedModel) -> str:
         return (
             f"frequency {worst + 1} is {one.frequencies[worst]:.7g} Hz, not {other.frequencies[worst]:.7g} Hz"
         )
+    if other.friction is not one.friction and not (one.friction and one.friction.same(other.friction)):
+        return "its friction differs"
     if not one.contact_laws.same(other.contact_laws):
         return "its contact laws differ"
     if not close(one.damping, other.damping):

@@ -9,7 +9,8 @@ import numpy as np
 from scipy import linalg, sparse
 
 from ..checks import integer, real_array, shown
-from ..contact.law import ContactLaw, row_laws
+from ..contact.friction import Friction
+from ..contact.law import ContactLaw, RowLaws, row_laws
 from ..damping import (
     DampingTable,
     ModalDamping,
@@ -39,11 +40,13 @@ def reduce_matrices(
     rayleigh: tuple[float, float] = (0.0, 0.0),
     compliance: np.ndarray | None = None,
     contact_laws: ContactLaw | Sequence[ContactLaw] | None = None,
+    tangent_rows: np.ndarray | sparse.spmatrix | None = None,
+    tangent_compliance: np.ndarray | None = None,
 ) -> ReducedModel:
     """A system given by its matrices: textbook oscillators, bars, other codes' examples.
 
     `transient`, `periodic`, `frequency_response` and `load_response` take the result in the place of a model,
-    with a number or a signal for each unit load.
+    with a number or a signal for each unit load; where rows rub, `transient` alone.
 
     Parameters
     ----------
@@ -71,6 +74,10 @@ def reduce_matrices(
         Of elastic stops and joints, m/N of each row.
     contact_laws : ContactLaw or sequence of ContactLaw, optional
         One for all contact rows, or one for each, without a layer of their own. Default: `Unilateral`.
+    tangent_rows : (pairs, n) array or sparse matrix, optional
+        Slip = tangent_rows u + tangent_compliance friction; needed of rows that rub (`Coulomb`).
+    tangent_compliance : (pairs,) array, optional
+        Of what gives way along the faces before they slip, m/N of each row.
 
     Raises
     ------
@@ -106,6 +113,8 @@ def reduce_matrices(
     if (idle := np.flatnonzero(~contact_rows.any(axis=1))).size:
         raise ValueError(f"reduce_matrices: contact_rows[{idle[0]}] is zero; no displacement moves its gap")
     laws = row_laws(contact_laws, pairs, "reduce_matrices")
+    slips, slack, friction = _sliding(laws, tangent_rows, tangent_compliance, n)
+    contact_rows, stops = np.concatenate([contact_rows, slips]), np.append(stops, slack)
     heavy = np.count_nonzero(mass.diagonal())
     default, most = (max(min(80, n // 2, heavy), 1), max(n - 1, 1)) if large else (n, n)
     modes = default if modes is None else integer("reduce_matrices", "modes", modes, least=1, most=most)
@@ -121,11 +130,11 @@ def reduce_matrices(
             "hold the system by a weak spring, or give a = 0"
         )
     ratios = _ratios(given, kept, omega) + rayleigh_ratios(factors, omega)
-    by_contact, by_loads = flexibility[:, :pairs], flexibility[:, pairs:]
+    by_contact, by_loads = np.split(flexibility, [len(stops)], axis=1)
     gaps = LinearOutput(
         (), contact_rows @ kept, contact_rows @ by_loads, contact_rows @ by_contact + np.diag(stops)
     )
-    weak = np.flatnonzero(np.diag(gaps.contact) <= 0.0)
+    weak = np.flatnonzero((np.diag(gaps.contact) <= 0.0) & contact_rows.any(axis=1)) % max(pairs, 1)
     if len(weak):
         raise ValueError(
             f"contact row {weak[0]}: a rigid stop on an unknown with mass has no compliance; keep fewer "
@@ -141,14 +150,42 @@ def reduce_matrices(
         omega / (2.0 * np.pi),
         ratios,
         gaps,
-        laws.rest(gap),
+        np.append(RowLaws.of(laws).rest(gap), np.zeros(len(slips))),
         pairs,
         kept.T @ loads,
         loads.T @ by_loads,
         LinearOutput(tuple(sensors), at_sensors(kept), at_sensors(by_loads), at_sensors(by_contact)),
-        LinearOutput((), *(np.zeros((0, 2, k)) for k in (modes, loads.shape[1], pairs))),
+        LinearOutput((), *(np.zeros((0, 2, k)) for k in (modes, loads.shape[1], len(stops)))),
         np.zeros((modes, 2)),
-        contact_laws=laws,
+        contact_laws=RowLaws.of(laws),
+        friction=friction,
+    )
+
+
+def _sliding(
+    laws: Sequence[ContactLaw], rows: Any, compliance: Any, count: int
+) -> tuple[np.ndarray, np.ndarray, Friction | None]:
+    """Tangential rows and their compliance, one for each law where any rubs, and their friction."""
+    pairs = len(laws)
+    slips = np.zeros((pairs, count)) if rows is None else _dense("tangent_rows", rows)
+    slack = np.zeros(pairs) if compliance is None else _array("tangent_compliance", compliance, 1)
+    for name, array, shape in (("rows", slips, (pairs, count)), ("compliance", slack, (pairs,))):
+        if array.shape != shape:
+            raise ValueError(f"reduce_matrices: tangent_{name} has shape {array.shape}, {shape} was expected")
+    if (slack < 0.0).any():
+        raise ValueError(f"reduce_matrices: tangent_compliance {slack.min():g} m/N is negative")
+    rubs = np.array([law.rubs for law in laws], dtype=bool)
+    if (idle := np.flatnonzero(rubs & ~slips.any(axis=1))).size:
+        raise ValueError(
+            f"reduce_matrices: contact_laws[{idle[0]}] = {laws[idle[0]]!r} rubs; give tangent_rows, whose "
+            f"row {idle[0]} says which displacements move its slip"
+        )
+    if not rubs.any():
+        return slips[:0], slack[:0], None
+    return (
+        np.where(rubs[:, None], slips, 0.0),
+        np.where(rubs, slack, 0.0),
+        Friction.of(laws, np.arange(pairs)),
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..contact.closed_sets import ClosedSets, thin_factors
+from ..contact.friction import Friction, refuse_friction
 from ..contact.law import RowLaws
 from ..errors import SolveError, on_all_ranks
 from ..loads import Load
@@ -29,7 +30,9 @@ class ReducedModel(Record):
     q'' + 2 zeta Omega q' + Omega^2 q = load_modes s + gap.modes^T force,
     gap = gap.modes q + gap.contact force + gap.loads s + initial_gap,
     with the amplitudes s(t) of unit loads and the contact forces. It stands in the place of its model in
-    `transient`, `periodic`, `frequency_response`, `load_response` and the analyses built on them.
+    `transient`, `periodic`, `frequency_response`, `load_response` and the analyses built on them. Where faces
+    rub, the slips of contact rows stand behind all gaps, and their friction behind the other forces;
+    `transient` alone takes such a model.
 
     `loads` are the unit loads it was made for, none for a system of matrices; `model` and `modal`, the modes
     themselves, distributed, are None for such a system and for one read from a file.
@@ -57,12 +60,18 @@ class ReducedModel(Record):
     model: Model | None = field(default=None, repr=False)
     modal: Modal | None = field(default=None, repr=False)
     contact_laws: RowLaws = quantity(
-        text="laws of the contact rows, whose compliance is part of `gap`",
+        text="laws of the contact rows that are gaps, whose compliance is part of `gap`",
         part="RowLaws",
         default=None,
         repr=False,
     )
     tip_facts: TipFacts = field(default_factory=TipFacts.none, repr=False)
+    friction: Friction | None = quantity(
+        text="the contact rows that are slips, None where nothing rubs",
+        part="Friction",
+        default=None,
+        repr=False,
+    )
 
     @derived(text="the unit loads", dims="load", kinds="U", detail=True)
     def unit_loads(self) -> np.ndarray | None:
@@ -87,19 +96,19 @@ class ReducedModel(Record):
             raise ValueError(f"its contact forces are not those of {len(self.initial_gap)} contact rows")
         if self.tip_facts.names != self.tips.names:
             raise ValueError(f"the tips are said to be {self.tip_facts.names} and {self.tips.names}")
-        if self.tip_facts.contact_rows[-1] > len(self.initial_gap) or len(self.contact_laws) != len(
-            self.initial_gap
-        ):
-            raise ValueError(f"contact laws or tips are not those of {len(self.initial_gap)} contact rows")
+        if self.tip_facts.contact_rows[-1] > self.gaps or len(self.contact_laws) != self.gaps:
+            raise ValueError(f"contact laws or tips are not those of {self.gaps} contact rows")
+        if self.gaps < self.pairs or (self.friction is not None and (self.friction.rows >= self.gaps).any()):
+            raise ValueError(f"its slips are not those of {self.gaps} contact rows")
 
     def __post_init__(self) -> None:
         if self.contact_laws is None:
-            object.__setattr__(self, "contact_laws", RowLaws.unilateral(len(self.initial_gap)))
+            object.__setattr__(self, "contact_laws", RowLaws.unilateral(self.gaps))
 
     def _fingerprint(self) -> object:
         """What tells it from others, the same on all ranks."""
         own = self.frequencies, self.damping, self.gap, self.initial_gap, self.load_modes, self.contact_laws
-        return self.model, self.loads, self.load_flexibility, self.points.names, own
+        return self.model, self.loads, self.load_flexibility, self.points.names, own, self.friction
 
     @property
     def homogeneous(self) -> bool:
@@ -110,6 +119,16 @@ class ReducedModel(Record):
     def of_rows(self) -> bool:
         """Whether it was made of a body or of matrices: a Model has a mass that moves along x and y."""
         return not self.translation.any()
+
+    @property
+    def gaps(self) -> int:
+        """Contact rows that are gaps; slips stand behind them."""
+        return len(self.initial_gap) - (0 if self.friction is None else len(self.friction.rows))
+
+    def require_frictionless(self, owner: str) -> None:
+        """Raise ValueError, on all ranks, where faces rub."""
+        if self.friction is not None:
+            refuse_friction(owner, "the contact rows of the reduced model rub")
 
     @functools.cached_property
     def omega(self) -> np.ndarray:

@@ -16,6 +16,7 @@ import numpy as np
 
 from meshing.boundary_mesh import BoundaryMesh
 
+from ..contact.friction import refuse_friction
 from ..contact.law import ContactLaw
 from ..errors import SolveError, listed, on_all_ranks
 from ..loads import Loads, as_loads
@@ -346,13 +347,7 @@ class Structure:
         """Raise ValueError, on all ranks, where faces rub."""
         rubbing = [name for name, law in self.contact_laws.items() if law.rubs]
         if rubbing:
-            raise on_all_ranks(
-                ValueError(
-                    f"{owner} knows no friction yet, and {listed(rubbing)} has the law "
-                    f"{self.contact_laws[rubbing[0]]!r}; use static or load_history, or a model with "
-                    "contact_laws = Unilateral()"
-                )
-            )
+            refuse_friction(owner, f"{listed(rubbing)} has the law {self.contact_laws[rubbing[0]]!r}")
 
     @functools.cached_property
     def point_holders(self) -> dict[str, list[int]]:

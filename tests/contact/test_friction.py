@@ -376,30 +376,38 @@ def test_what_takes_no_friction_says_so():
     load = sb.PointForce("A", fy=sb.Harmonic(1.0, 100.0))
     with sb.Model(beam, ALUMINIUM, damping=0.01, contact_laws=sb.Coulomb(0.3)) as model:
         calls = [
-            lambda: sb.transient(model, load, duration=1e-3),
             lambda: sb.transient(model, load, duration=1e-3, reduction=None),
             lambda: sb.periodic(model, load, 100.0),
             lambda: sb.frequency_response(model, load, 90.0, 110.0),
             lambda: sb.backbone(model, 1, 1e-9, 1e-6),
-            lambda: sb.reduce(model, load),
+            lambda: sb.periodic(sb.reduce(model, load, modes=5), load, 100.0),
+            lambda: sb.static(rubbing_mass(), 1.0),
+            lambda: sb.load_history(rubbing_mass(), 1.0, [0.0, 1.0]),
+            lambda: sb.frequency_response(rubbing_mass(), sb.Harmonic(1.0, 1.0), 0.9, 1.1),
             lambda: sb.static(model, sb.PointForce("A", fy=1.0), method="one_pass_tie"),
         ]
         for call in calls:
             with pytest.raises(ValueError, match="knows no friction yet"):
                 call()
         assert len(sb.modal(model, 2).frequencies) == 2
+    for given, told in [
+        (dict(tangent_rows=None), "rubs; give tangent_rows"),
+        (dict(tangent_rows=np.eye(2)), "tangent_rows has shape"),
+        (dict(tangent_compliance=np.ones(2)), "tangent_compliance has shape"),
+        (dict(tangent_compliance=[-1.0]), "tangent_compliance -1 m/N is negative"),
+        (dict(tangent_compliance=[0.0]), "contact row 0: a rigid stop"),
+        (dict(contact_laws=sb.Coulomb(0.3, tangential_compliance=1e-12)), "is a layer in m.3/N"),
+    ]:
+        with pytest.raises(ValueError, match=told):
+            rubbing_mass(**given)
+    assert rubbing_mass(contact_laws=sb.Coulomb(0.0), tangent_rows=None).friction is None
+
+
+def rubbing_mass(**given):
+    """A mass on a spring and an elastic slider."""
     one = np.eye(1)
-    with pytest.raises(ValueError, match="rubs"):
-        sb.reduce_matrices(
-            one,
-            one,
-            one,
-            np.zeros(1),
-            loads=one,
-            sensors={"x": 0},
-            compliance=[1.0],
-            contact_laws=sb.Coulomb(0.3),
-        )
+    rubbing = dict(compliance=[1.0], contact_laws=sb.Coulomb(0.3), tangent_rows=one, tangent_compliance=[1.0])
+    return sb.reduce_matrices(one, one, one, np.zeros(1), loads=one, sensors={"x": 0}, **rubbing | given)
 
 
 def test_losses_where_the_slip_turns():

@@ -444,7 +444,16 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
     "FiniteElementModel": [body_arguments],
     # a missing deck: the arguments are checked before it is looked for
     "read_calculix": [lambda: {"job": "missing", "units": "mm-N-t"}],
-    "reduce_matrices": [lambda: {**matrices(), "modes": 2, "rayleigh": (0.0, 0.0), "contact_laws": None}],
+    "reduce_matrices": [
+        lambda: {
+            **matrices(),
+            "modes": 2,
+            "rayleigh": (0.0, 0.0),
+            "contact_laws": sb.Coulomb(0.3),
+            "tangent_rows": np.array([[0.0, 1.0]]),
+            "tangent_compliance": np.array([1e-4]),
+        }
+    ],
     "write_animation": [
         lambda: {
             "folder": "animation",
@@ -916,7 +925,7 @@ INTERNAL = {
         "damping_ratios",
         "destroy",
     },
-    "ReducedModel": {"output_at", "output_along", "field"},
+    "ReducedModel": {"output_at", "output_along", "field", "require_frictionless"},
     "Static": {"at_places"},
     "Modal": {"selected"},
     "BoundaryMesh": {"element_nodes", "outline_edges"},

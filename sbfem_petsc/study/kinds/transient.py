@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -13,16 +13,21 @@ import sbfem_petsc as sb
 from ...analysis.options import TransientOptions
 from ...indicators.detection import contact_duty
 from ...options import item
+from ..case.tables import Problem
 from ..costs import Cost, Size
 from ..quantities import Quantity, Tree, of_points
 from .kind import Drawn, Loaded, Run, Values, Wanted
+
+if TYPE_CHECKING:
+    from ..case.case import CaseTables
 
 _ENERGIES = {
     "kinetic": "kinetic energy",
     "strain": "strain energy",
     "external": "work of the loads",
     "damping": "energy dissipated by damping",
-    "contact": "work of the contact forces",
+    "contact": "work of the contact forces, beside what is lost to friction",
+    "friction": "energy lost to friction",
 }
 
 
@@ -34,8 +39,8 @@ class Transient(TransientOptions, Loaded):
         "rest", text="at rest, or in static equilibrium with the loads at t = 0"
     )
     reduced: bool = item(True, text="false: the unreduced model")
-    moving = True
-    details = ("contact_force",)
+    moving = rubs = True
+    details = ("contact_force", "slip", "friction_force")
     running = "history.journal"
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
@@ -43,6 +48,18 @@ class Transient(TransientOptions, Loaded):
         yield from super().contradictions()
         if self.scheme == "paper" and self.reduced and "reduced" in self.model_fields_set:
             yield "scheme", '= "paper" integrates the unreduced model; leave reduced = true out'
+
+    def against(self, case: CaseTables) -> Iterator[Problem]:
+        """Faces that rub in the unreduced model, too."""
+        yield from super().against(case)
+        rubbing = [crack for crack, law in case.model.contact_laws.items() if law.rubs]
+        if rubbing and (not self.reduced or self.scheme == "paper"):
+            yield Problem(
+                ("kind",),
+                f"= 'transient' of the unreduced model knows no friction yet, and the faces of "
+                f"{rubbing[0]!r} rub; take the reduced one, or give model.contact_laws.{rubbing[0]} "
+                "another kind",
+            )
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.History:
         return sb.transient(
@@ -62,6 +79,7 @@ class Transient(TransientOptions, Loaded):
             "energy": {
                 name: Quantity(getattr(result.energy, name), "J", text, detail=True)
                 for name, text in _ENERGIES.items()
+                if getattr(result.energy, name) is not None
             },
         }
         facts = result.states.tip_facts

@@ -183,8 +183,7 @@ def _friction(model: Structure, laws: list[ContactLaw]) -> Friction | None:
     rubbing = [number for number, row in enumerate(tangential_rows(model)) if row >= 0]
     behind = [np.arange(*model.tip_rows[number : number + 2]) for number in rubbing]
     rows = np.concatenate([np.arange(len(model.pairs)), *behind])
-    found = [(getattr(laws[k], "friction", 0.0), getattr(laws[k], "static_friction", 0.0)) for k in rows]
-    return Friction(rows, *np.array(found).reshape(-1, 2).T)
+    return Friction.of(laws, rows)
 
 
 def _laws(model: Structure) -> Iterator[ContactLaw]:
