@@ -20,7 +20,7 @@ from .compiled import compiled_loops, inner_loops, inner_sums
 from .friction import STICKS
 from .law import FREE, RowLaws, Table
 from .pivoting import Factor, add_rows, contact_forces, empty_factor, products
-from .rubbing import Rubbing, Sets, rubbing_forces, rubbing_of, rubbing_room
+from .rubbing import NO_ROOM, NOTHING, Rubbing, Sets, rubbing_forces, rubbing_room
 
 
 class Halving(NamedTuple):
@@ -207,7 +207,7 @@ def step_constants(
         flexibility=np.ascontiguousarray(flexibility),
         residual=np.ascontiguousarray(residual),
         laws=laws.table,
-        rubbing=rubbing_of(None, residual, len(laws)),
+        rubbing=NOTHING._replace(beside=np.full(len(laws), -1, dtype=np.int64)),
         stiffness=omega**2,
         halving=halving,
     )
@@ -227,7 +227,8 @@ def empty_room(step: StepConstants) -> Room:
         np.zeros((levels, pairs + 1), dtype=np.int8),
         np.zeros((levels, pairs + 2), dtype=np.int64),
     )
-    sets = Sets(inverses[0], known[0], orders[0], members[0], *rubbing_room(pairs))
+    shared = rubbing_room(pairs) if step.rubbing.rows.size else NO_ROOM
+    sets = Sets(inverses[0], known[0], orders[0], members[0], *shared)
     return Room(inverses, members, empty_factor(pairs), known, orders, sets, end(), end(), np.empty(rank))
 
 

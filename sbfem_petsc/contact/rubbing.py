@@ -75,11 +75,13 @@ class Sets(NamedTuple):
     seen: np.ndarray
 
 
-def rubbing_of(friction: Friction | None, flexibility: np.ndarray, count: int) -> Rubbing:
-    """For kernels, of rows with a flexibility of which so many are normal ones; None: nothing rubs."""
+# Where nothing rubs, but for `beside`.
+NOTHING = Rubbing(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
+
+
+def rubbing_of(friction: Friction, flexibility: np.ndarray, count: int) -> Rubbing:
+    """For kernels, of rows with a flexibility of which so many are normal ones."""
     beside = np.full(count, -1, dtype=np.int64)
-    if friction is None:
-        return Rubbing(np.zeros(0, dtype=np.int64), beside, np.zeros(0), np.zeros(0))
     moves = np.diag(flexibility) > 0.0
     rubs = moves[count:] & moves[friction.rows]
     rows = np.ascontiguousarray(friction.rows, dtype=np.int64)
@@ -91,6 +93,10 @@ def rubbing_room(rows: int) -> tuple[np.ndarray, ...]:
     """Room of `Sets` that sets of any step share: from `right` on."""
     following, seen = np.zeros(rows, dtype=np.int8), np.zeros(_MAXIMUM, dtype=np.int64)
     return np.empty(rows + 1), np.empty(rows), following, np.empty(rows), seen
+
+
+# Where nothing rubs.
+NO_ROOM = rubbing_room(0)
 
 
 def empty_sets(rows: int) -> Sets:

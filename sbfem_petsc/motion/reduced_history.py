@@ -272,6 +272,8 @@ def _constants(r: ReducedModel, steps: Steps, length: float, count: int) -> Step
     factors = r.thin_gaps if steps.contact else thin_factors(r.gap.modes[:rows])
     coefficients = halved_coefficients(r.omega, r.damping, length, steps.scheme, count)
     constants = step_constants(coefficients, factors, residual, laws, r.omega, HALVING)
+    if friction is None:
+        return constants
     return constants._replace(rubbing=rubbing_of(friction, residual, len(laws)))
 
 
