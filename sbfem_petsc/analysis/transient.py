@@ -91,7 +91,8 @@ def transient(
     initial : {"rest", "equilibrium"}, (displacement, velocity) or (q, v)
         The state at t = 0: zero displacement and velocity; static equilibrium, contact included, under the
         loads there; functions of x and y (m, arrays) that give (u_x, u_y) in m and m/s, None for zero; or
-        modal coordinates and their velocities, (m,) arrays, of a reduced model.
+        modal coordinates and their velocities, (m,) arrays, of a reduced model. None of them tells of slips:
+        a history with friction goes on by `file` and `resume`.
     decimation : int, optional
         Every so many steps are kept; the step is shortened so that the last one is among them. Default: every
         one, unless the history would take more than 1 GB; then the fewest that are left out to stay below,

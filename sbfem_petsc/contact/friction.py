@@ -92,10 +92,11 @@ class Memory(NamedTuple):
 
     def lost_since(self, former: Memory, friction: Friction) -> float:
         """Work lost to friction on the way from a former state, J: each row slips one way, against a friction
-        that goes linearly from what the former pressure allows to what it is now. Exact where the pressure
-        stays or changes with the slip, also where the slip turns.
+        that goes linearly from what the former pressure allows, or from what held it if that is more, to what
+        it is now. Exact where the pressure stays or changes with the slip, also where the slip turns.
         """
-        begun = friction.kinetic * np.maximum(former.pressing[friction.rows], 0.0)
+        allowed = friction.kinetic * np.maximum(former.pressing[friction.rows], 0.0)
+        begun = np.maximum(allowed, np.abs(former.force))
         return float((0.5 * (begun + np.abs(self.force)) * np.abs(self.slip - former.slip)).sum())
 
     @classmethod

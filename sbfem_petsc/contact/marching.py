@@ -375,11 +375,15 @@ def _work(before: _End, after: _End) -> float:
 
 @inner_loops
 def _lost(rubbing: Rubbing, before: _End, after: _End) -> float:
-    """To friction in a step: mean of what the pressures allow times the slips' changes."""
+    """To friction in a step: mean of what the pressures allow times the slips' changes; where a slip begins,
+    of the friction that held the row, which may be more.
+    """
     total, count = 0.0, rubbing.beside.size
     for k in range(rubbing.rows.size):
-        pressing = max(before.force[rubbing.rows[k]], 0.0) + max(after.force[rubbing.rows[k]], 0.0)
-        total += rubbing.kinetic[k] * pressing * abs(after.gap[count + k] - before.gap[count + k])
+        i, j = rubbing.rows[k], count + k
+        begun = max(rubbing.kinetic[k] * max(before.force[i], 0.0), abs(before.force[j]))
+        ended = rubbing.kinetic[k] * max(after.force[i], 0.0)
+        total += (begun + ended) * abs(after.gap[j] - before.gap[j])
     return 0.5 * total
 
 

@@ -120,6 +120,18 @@ def test_elastic_slider_against_located_events():
     assert errors[0] < 3e-4 and errors[1] < 0.5 * errors[0]
 
 
+def test_friction_that_falls_where_a_slip_begins():
+    """What is lost as it falls from the static to the kinetic one is friction's, not the contact's work: the
+    balance of energies is its oracle, and no step is halved in vain.
+    """
+    load = [sb.Harmonic(1.0, 1.7 / (2.0 * math.pi)), -2.0]
+    reduced = slider(contact_laws=sb.Coulomb(FRICTION, 1.5 * FRICTION))
+    energy = sb.transient(reduced, load, 15.0, 0.01, initial="equilibrium").energy
+    lost = energy.friction[-1]
+    assert lost > 0.1 and (np.diff(energy.friction) >= 0.0).all()
+    assert np.abs(energy.contact).max() < 1e-4 * lost and np.abs(energy.balance).max() < 1e-6 * lost
+
+
 def test_free_decay_in_closed_form():
     """Pushed off so that the slider only sticks, the mass swings on both springs; faster, it slips on under a
     constant pull, turns, swings back on both springs, slips again: its first turns.
