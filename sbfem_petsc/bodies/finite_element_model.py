@@ -18,6 +18,8 @@ OWNER, AXES = "FiniteElementModel", "xyz"
 # Relative asymmetry that rounding of written files explains; distance of partners, and of a place from its
 # node, in spacings of nodes.
 SYMMETRY, APART = 1e-6, 1e-3
+# Weights of a row and of a unit vector that are none: a force of any size would press on such a row.
+ROUNDING = 1e-9
 
 
 class FiniteElementModel:
@@ -197,7 +199,7 @@ class FiniteElementModel:
             raise ValueError(
                 f"contact: the faces overlap by {-distance.min():g} m; is the normal from left to right?"
             )
-        moves = np.diff(rows.indptr) > 0
+        moves = abs(rows).max(axis=1).toarray().ravel() > ROUNDING
         if not moves.any():
             raise ValueError("contact: all nodes of the faces are held; no displacement moves a gap")
         return Contact(rows[moves], distance[moves])
@@ -250,9 +252,9 @@ class FiniteElementModel:
         if isinstance(given, str):
             if given not in self.sets:
                 raise UnknownName(f"{owner}: set {given!r} does not exist; the body has {listed(self.sets)}")
-            labels = list(self.sets[given])
+            labels = list(dict.fromkeys(self.sets[given]))
         else:
-            labels = list(_whole(owner, name, given))
+            labels = list(dict.fromkeys(_whole(owner, name, given)))
         if not labels:
             raise ValueError(f"{owner}: {name} = {shown(given)} has no nodes")
         if (lost := next((a for a in labels if a not in self._node), None)) is not None:
@@ -263,7 +265,7 @@ class FiniteElementModel:
         """(nodes, n): displacements along a vector."""
         entries = []
         for k, label in enumerate(labels):
-            for d in np.flatnonzero(vector):
+            for d in np.flatnonzero(np.abs(vector) > ROUNDING):
                 unknown = self._unknown.get((label, int(d)))
                 if unknown is not None:
                     entries.append((vector[d], k, unknown))

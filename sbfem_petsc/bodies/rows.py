@@ -58,6 +58,11 @@ class Contact:
 
     def __add__(self, other: Contact) -> Contact:
         other = _same("contact", self, other)
+        held = {_content(row) for row in self.rows}
+        if (
+            again := next((k for k, row in enumerate(other.rows) if _content(row) in held), None)
+        ) is not None:
+            raise ValueError(f"contact: pair {again} of what is added is there already; leave its node out")
         return Contact(sparse.vstack([self.rows, other.rows]).tocsr(), np.concatenate([self.gap, other.gap]))
 
     @property
@@ -67,6 +72,11 @@ class Contact:
 
     def __repr__(self) -> str:
         return f"Contact({len(self.gap)} pairs of {self.size} unknowns)"
+
+
+def _content(row: sparse.csr_matrix) -> tuple[bytes, bytes]:
+    row = row.sorted_indices()
+    return row.indices.tobytes(), row.data.tobytes()
 
 
 def _same(what: str, one: Any, other: Any) -> Any:

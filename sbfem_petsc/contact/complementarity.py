@@ -138,7 +138,15 @@ class Condensed:
             # rows of different size or unit, nodal forces and resultants of pressure modes, weigh alike
             weight = 1.0 / np.sqrt(np.diag(block))
             scaled = weight[:, None] * block * weight
-            force[index] = weight * linalg.solve(scaled, -weight * gap[index], assume_a="pos")
+            try:
+                force[index] = weight * linalg.solve(scaled, -weight * gap[index], assume_a="pos")
+            except linalg.LinAlgError:
+                raise on_all_ranks(
+                    SolveError(
+                        f"contact: the {len(index)} rows that are closed depend on each other; "
+                        "is a pair given twice, or what moves it held?"
+                    )
+                ) from None
         return force, self._flexibility @ force
 
     def sharpen(self) -> bool:

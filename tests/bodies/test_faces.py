@@ -80,6 +80,33 @@ def test_linear_motions_leave_gaps_alone(body):
         assert on_right @ arms == pytest.approx(force @ [arm(x) for x in at], rel=1e-12)
 
 
+def test_rows_of_rounding_are_none(body):
+    """Nodes that meet themselves, as those of a crack's front that stand in both sets, and components of a
+    normal that are rounding: forces of 1e19 N pressed on such rows and held the body.
+    """
+    with pytest.raises(ValueError, match="no displacement moves a gap"):
+        body.contact("LEFT", "LEFT", normal=(1.0, 0.3, 0.2), matching=False)
+    crack = body.contact("LEFT", "RIGHT", normal="x", matching=False)
+    turned = body.contact("LEFT", "RIGHT", normal=(1.0, np.cos(np.pi / 2), 1e-17), matching=False)
+    assert turned.rows.nnz == crack.rows.nnz and abs(turned.rows - crack.rows).max() < 1e-14
+    with pytest.raises(ValueError, match="held along"):
+        body.at(sorted(body.fixed)[0][0], (np.cos(np.pi / 2), 1.0, 0.0))
+
+
+def test_pairs_that_are_given_twice(body):
+    """Labels count once; contact that is added again, and equal rows of matrices, are told."""
+    labels = list(body.sets["LEFT"])
+    crack = body.contact(labels, normal="x", gap=1e-6)
+    assert len(body.contact(labels + labels[:3], normal="x", gap=1e-6).gap) == len(crack.gap)
+    with pytest.raises(ValueError, match="pair 0 of what is added is there already"):
+        crack + body.contact(labels[4:6], normal="x", gap=2e-6)
+    stiffness, row = np.array([[2.0, -1.0], [-1.0, 2.0]]), np.array([[1.0, 0.0]])
+    given = dict(loads=row.T, sensors={"x": 0}, modes=1)
+    twice = sb.reduce_matrices(np.eye(2), stiffness, np.repeat(row, 2, axis=0), np.zeros(2), **given)
+    with pytest.raises(sb.SolveError, match="is a pair given twice"):
+        sb.static(twice, -1.0)
+
+
 def test_two_bars_in_closed_form(body):
     """A force on the left bar's end closes a gap g: N = (F / k - g) / (2 / k). The faces' meshes differ, so
     that stresses next to it are not uniform: measured 1.8e-3 of N here, 9e-4 with half the size of cells.
