@@ -134,11 +134,12 @@ def reduce_matrices(
     gaps = LinearOutput(
         (), contact_rows @ kept, contact_rows @ by_loads, contact_rows @ by_contact + np.diag(stops)
     )
-    weak = np.flatnonzero((np.diag(gaps.contact) <= 0.0) & contact_rows.any(axis=1)) % max(pairs, 1)
+    weak = np.flatnonzero((np.diag(gaps.contact) <= 0.0) & contact_rows.any(axis=1))
     if len(weak):
+        what, mend = ("slip", "tangent_compliance") if weak[0] >= pairs else ("stop", "compliance")
         raise ValueError(
-            f"contact row {weak[0]}: a rigid stop on an unknown with mass has no compliance; keep fewer "
-            "modes than unknowns or give the stop a compliance"
+            f"contact row {weak[0] % pairs}: a rigid {what} on an unknown with mass has no compliance; keep "
+            f"fewer modes than unknowns or give it one ({mend})"
         )
 
     def at_sensors(array: np.ndarray) -> np.ndarray:

@@ -101,6 +101,10 @@ class Modal(Record):
 
 def chosen_modes(owner: str, modes: Sequence[int], count: int) -> list[int]:
     """Numbers of modes of `count`, 0 the lowest, checked; TypeError or ValueError for what is none."""
-    if not isinstance(modes, (list, tuple, range, np.ndarray)) or not len(modes):
+    if (
+        not isinstance(modes, (list, tuple, range, np.ndarray))
+        or getattr(modes, "ndim", 1) != 1
+        or not len(modes)
+    ):
         raise TypeError(f"{owner}: modes = {shown(modes)} must be a sequence of numbers")
     return [integer(owner, f"modes[{k}]", m, least=0, most=count - 1) for k, m in enumerate(modes)]
