@@ -136,17 +136,13 @@ def transient(
     comm, unreduced = communicator(model), reduction is None or scheme == "paper"
     with collective(comm):
         check_reduction("transient", reduction)
-        if unreduced and isinstance(model, ReducedModel):
-            raise ValueError(
-                "transient: reduction = None and scheme = 'paper' need the model itself, not a reduced one"
-            )
+        if unreduced:
+            _check_unreduced(model)
         if not flag("transient", "in_memory", in_memory) and file is None:
             raise ValueError(
                 "transient: in_memory = False needs a file to hold the history, file = 'history.journal'"
             )
         check_initial(initial, unreduced)
-        if unreduced and isinstance(model, Model):
-            model.require_frictionless("transient of the unreduced model")
         loads = loading("transient", model, load)
         loads = loads.over(duration, isinstance(initial, str) and initial == "rest")
     require_compiler("transient", comm)
@@ -299,6 +295,16 @@ def _warn_if_long(step: float, highest: float, history: History) -> None:
             StepWarning,
             stacklevel=caller_level(),
         )
+
+
+def _check_unreduced(model: Model | ReducedModel) -> None:
+    """Raise unless the model itself can be integrated."""
+    if isinstance(model, ReducedModel):
+        raise ValueError(
+            "transient: reduction = None and scheme = 'paper' need the model itself, not a reduced one"
+        )
+    if isinstance(model, Model):
+        model.require_frictionless("transient of the unreduced model")
 
 
 def check_initial(initial: Any, unreduced: bool) -> None:

@@ -89,18 +89,8 @@ class FiniteElementModel:
                 f"FiniteElementModel: unknowns has node {lost}, which nodes has not; is it an internal one, "
                 "as of a Lagrange multiplier?"
             )
-        sets = instance(OWNER, "sets", {} if sets is None else sets, Mapping, "a dict of names to labels")
-        names_of(OWNER, "sets", list(sets))
-        self.sets = {name: _whole(OWNER, f"sets[{name!r}]", labels) for name, labels in sets.items()}
-        for name, labels in self.sets.items():
-            if (lost := next((a for a in labels if a not in self._node), None)) is not None:
-                raise ValueError(f"FiniteElementModel: set {name!r} has node {lost}, which nodes has not")
-        instance(OWNER, "fixed", fixed, (list, tuple, set, frozenset, np.ndarray), "pairs (node, direction)")
-        if isinstance(fixed, np.ndarray):
-            fixed = list(real_array(OWNER, "fixed", fixed, 2))
-        pairs = list(fixed)
-        held = _labels("fixed", pairs, len(pairs)).tolist() if pairs else []
-        self.fixed = frozenset((int(a), int(d)) for a, d in held)
+        self.sets = _sets({} if sets is None else sets, self._node)
+        self.fixed = _held(fixed)
         idle = np.flatnonzero(self.stiffness.diagonal() <= 0.0)
         if len(idle):
             node, direction = self.unknowns[idle[0]]
@@ -358,6 +348,25 @@ def _labels(name: str, given: Any, count: int) -> np.ndarray:
             f"FiniteElementModel: {name} must be pairs of a node's label and a direction, 0 to 5"
         )
     return whole
+
+
+def _sets(given: Any, nodes: Mapping[int, int]) -> dict[str, tuple[int, ...]]:
+    """Labels by name, of nodes that there are."""
+    sets = instance(OWNER, "sets", given, Mapping, "a dict of names to labels")
+    names_of(OWNER, "sets", list(sets))
+    found = {name: _whole(OWNER, f"sets[{name!r}]", labels) for name, labels in sets.items()}
+    for name, labels in found.items():
+        if (lost := next((a for a in labels if a not in nodes), None)) is not None:
+            raise ValueError(f"FiniteElementModel: set {name!r} has node {lost}, which nodes has not")
+    return found
+
+
+def _held(given: Any) -> frozenset[tuple[int, int]]:
+    """Nodes and directions."""
+    instance(OWNER, "fixed", given, (list, tuple, set, frozenset, np.ndarray), "pairs (node, direction)")
+    pairs = list(real_array(OWNER, "fixed", given, 2) if isinstance(given, np.ndarray) else given)
+    held = _labels("fixed", pairs, len(pairs)).tolist() if pairs else []
+    return frozenset((int(a), int(d)) for a, d in held)
 
 
 def _whole(owner: str, name: str, given: Any) -> tuple[int, ...]:

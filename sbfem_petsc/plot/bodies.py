@@ -14,14 +14,13 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.tri import Triangulation
 
-from ..checks import shown
-from ..ranks.parallel import collective, on_root
+from ..ranks.parallel import on_root
 from ..record.units import length_unit, place_unit, stress_unit
 from ..system.model import Model
 from .crack import Colours, Notch, area_quantile, plain, round_down
 from .drawing import BLACK, WIDTH, Sheet
 from .outlines import Piece, Region, gather_outline, gather_region
-from .picture import one_of, picture
+from .picture import fields_by_name, one_of, picture
 
 # What the colours show, and how the label calls it; stresses by their column in a `Region`.
 STRESSES = {"von_mises": 3, "stress_xx": 0, "stress_yy": 1, "stress_xy": 2}
@@ -40,7 +39,7 @@ BESIDE = 1.7
 DRAWN = 0.05
 
 
-@picture(Model, colour=one_of(*LABELS))
+@picture(Model, fields=fields_by_name, colour=one_of(*LABELS))
 def plot_field(
     model: Model,
     fields: Mapping[str, Any],
@@ -70,11 +69,6 @@ def plot_field(
     -------
     Axes, one a field, on rank 0, None elsewhere; `save_picture` writes them
     """
-    with collective(model.comm):
-        if not isinstance(fields, Mapping) or not all(isinstance(name, str) for name in fields):
-            raise TypeError(f"plot_field: fields = {shown(fields)} must be a dict of fields by name")
-        if not fields:
-            raise ValueError("plot_field: fields is empty; give one field at least")
     lower, upper = model.extent
     middle, size = 0.5 * (lower + upper), float((upper - lower).max())
     regions = {

@@ -15,16 +15,15 @@ from matplotlib.colors import Normalize
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
-from ..checks import shown
 from ..ranks.parallel import collective, on_root
 from ..record.units import length_unit, place_unit, stress_unit
 from ..system.model import Model
 from .drawing import BLACK, Sheet, bar
 from .outlines import Piece, Region, gather_outline, gather_region
-from .picture import picture
+from .picture import fields_by_name, picture
 
 
-@picture(Model)
+@picture(Model, fields=fields_by_name)
 def plot_crack(
     model: Model,
     fields: Mapping[str, Any],
@@ -62,10 +61,6 @@ def plot_crack(
     Axes, two a field, on rank 0, None elsewhere; `save_picture` writes them
     """
     with collective(model.comm):
-        if not isinstance(fields, Mapping) or not all(isinstance(name, str) for name in fields):
-            raise TypeError(f"plot_crack: fields = {shown(fields)} must be a dict of fields by name")
-        if not fields:
-            raise ValueError("plot_crack: no displacement field is given")
         if crack >= len(model.cracks):
             raise ValueError(f"plot_crack: crack = {crack} does not exist; the model has {len(model.cracks)}")
     facts = model.cracks[crack]

@@ -184,6 +184,15 @@ def table_of(check: Check) -> Check:
     return checked
 
 
+def fields_by_name(owner: str, name: str, value: Any) -> Mapping[str, Any]:
+    """Displacement fields of a model."""
+    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be a dict of fields by name")
+    if not value:
+        raise ValueError(f"{owner}: {name} is empty; give one field at least")
+    return value
+
+
 def _numbers(owner: str, name: str, value: Any) -> list[float]:
     if isinstance(value, (str, Mapping)) or not isinstance(value, (Sequence, np.ndarray)):
         raise TypeError(f"{owner}: {name} = {shown(value)} must be a sequence of numbers")

@@ -339,7 +339,7 @@ class Record:
         reduced = getattr(self, "reduced", None) or getattr(self, "reduced_model", None)
         return reduced is not None and bool(reduced.of_rows)
 
-    def _shown(self, wanted: Callable[[About], bool]) -> Iterator[Quantity]:
+    def _presented(self, wanted: Callable[[About], bool]) -> Iterator[Quantity]:
         """As `quantities`; displacements of rows as the one number that they are."""
         for q in self.quantities(wanted):
             if self.of_rows and {"place", "xy"} <= {*q.dims}:
@@ -351,14 +351,14 @@ class Record:
         """What a row of a sweep keeps: values and units by "quantity" or "quantity/name"."""
         return {
             f"{q.name}/{name}" if name else q.name: (item, q.unit)
-            for q in self._shown(lambda about: about.row)
+            for q in self._presented(lambda about: about.row)
             for name, item in q.by_name()
         }
 
     def tables(self) -> dict[str, dict[str, Any]]:
         """Columns by axis, with the unit in their heads: of each axis its entries or coordinates first."""
         found: dict[str, dict[str, Any]] = {}
-        of = list(self._shown(lambda about: not about.detail))
+        of = list(self._presented(lambda about: not about.detail))
         for q in sorted(of, key=lambda q: q.name not in self.coordinates):  # stable
             if not q.dims:
                 single = found.setdefault(NONE, {"quantity": [], "value": [], "unit": []})
@@ -412,7 +412,7 @@ class Record:
 
         found: dict[str, Any] = {}
         names: dict[str, list[str]] = {}
-        for q in self._shown(lambda about: not about.distributed):
+        for q in self._presented(lambda about: not about.distributed):
             names |= {dim: list(entries) for dim, entries in q.names.items()}
             found[q.name] = (q.dims, q.value, {"units": q.unit, "long_name": q.about.text})
         return xarray.Dataset(found, names).set_coords([name for name in self.coordinates if name in found])
@@ -420,7 +420,7 @@ class Record:
     def summary(self) -> dict[str, Any]:
         """What JSON can hold: entries by name, complex numbers as magnitude and phase, nan as null."""
         found: dict[str, Any] = {}
-        for q in self._shown(lambda about: not (about.detail or about.distributed)):
+        for q in self._presented(lambda about: not (about.detail or about.distributed)):
             named = {name: plain(item) for name, item in q.by_name()}
             found[q.name] = named.get("", named)
         for name, about, part in self.parts():
@@ -436,7 +436,7 @@ class Record:
                 f"<td>{escape(cell)}</td>"
                 for cell in (q.name, _shown(q.value), "" if q.unit == "1" else q.unit, q.about.text)
             )
-            for q in self._shown(lambda about: not about.distributed)
+            for q in self._presented(lambda about: not about.distributed)
         ]
         return f"<b>{escape(repr(self))}</b><table><tr>{'</tr><tr>'.join(lines)}</tr></table>"
 
