@@ -114,7 +114,7 @@ if MPI.COMM_WORLD.rank == 0:
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_tori_killed_and_resumed_on_two_ranks(tmp_path):
     """Tori, whose samples the ranks share: to the same points, 1e-12 of each number."""
     path = str(tmp_path / "line.h5")
