@@ -74,9 +74,10 @@ def test_step(beam, duration, time, modes):
     assert history.step > 0.9e-4
 
 
-def test_rise(beam):
+@pytest.mark.parametrize("duration", [2.0, pytest.param(10.0, marks=pytest.mark.long)])
+def test_rise(beam, duration):
     """The rise sets the step: lines instead of half a cosine, (pi h / rise)^2 / 12 = 3e-5."""
-    history = sb.transient(beam, push(sb.Step(1.0, time=1.0, rise=1e-3)), 2.0, modes=8)
+    history = sb.transient(beam, push(sb.Step(1.0, time=1.0, rise=1e-3)), duration, modes=8)
     assert history.step < 1e-3 / 159
     assert_motion(history, *risen(history.reduced, history.time - 1.0, 1e-3), 3e-5)
 
