@@ -129,6 +129,10 @@ class StepHistory(NamedTuple):
         Levels of the steps as they were taken, whose number is told; not kept in an empty one.
     lost : (n,) or (0,) array
         To friction in each, J; not kept in an empty one.
+    rows : (n, pairs) or (0, 0) int8 array
+        States of the rows after each step; not kept in an empty one.
+    slips : (n, k) or (0, 0) array
+        Of the tangential rows after each step, m; not kept in an empty one.
     """
 
     states: np.ndarray
@@ -137,6 +141,8 @@ class StepHistory(NamedTuple):
     work: np.ndarray
     parts: np.ndarray = np.empty(0, dtype=np.int8)
     lost: np.ndarray = np.empty(0)
+    rows: np.ndarray = np.empty((0, 0), dtype=np.int8)
+    slips: np.ndarray = np.empty((0, 0))
 
 
 class Marched(NamedTuple):
@@ -400,7 +406,7 @@ def _energy(stiffness: np.ndarray, end: _End) -> float:
 def _march(
     step: StepConstants, loads: StepLoads, state: StepState, history: StepHistory, room: Room
 ) -> tuple[int, int, int, int]:
-    states, velocities, forces, works, parts, losses = history
+    states, velocities, forces, works, parts, losses, rows, slips = history
     halving, levels, rubbing = step.halving, loads.levels, step.rubbing
     steps, m = states.shape
     pairs, last = state.force.size, step.coefficients.shape[0] - 1
@@ -445,6 +451,10 @@ def _march(
             velocities[done, j] = before.v[j]
         for i in range(pairs):
             forces[done, i] = before.force[i]
+        for i in range(rows.shape[1]):
+            rows[done, i] = before.rows[i]
+        for k in range(slips.shape[1]):
+            slips[done, k] = before.gap[rubbing.beside.size + k]
     for j in range(m):
         state.q[j], state.v[j] = before.q[j], before.v[j]
     for i in range(pairs):

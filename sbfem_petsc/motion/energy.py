@@ -77,7 +77,7 @@ class Ledger:
         """(5, n): kinetic, strain, external, damping, contact after each step of a length (s); `amplitudes`
         (n + 1, loads) begins with the step before.
         """
-        states, velocities, forces, contact, _, lost = history
+        states, velocities, forces, contact, _, lost, *_ = history
         # of the loads and rows of contact that act meanwhile: mostly few of them
         loaded, touched = (amplitudes != 0.0).any(axis=0), (forces != 0.0).any(axis=0)
         drive, moved, stored, loss, rate = self._instants(

@@ -13,11 +13,12 @@ from scipy.linalg import expm
 
 import sbfem_petsc as sb
 from sbfem_petsc.contact.complementarity import Complementarity
-from sbfem_petsc.contact.friction import STICKS, Friction, Memory, solve_friction
-from sbfem_petsc.contact.law import RowLaws
-from sbfem_petsc.contact.marching import NEVER
+from sbfem_petsc.contact.friction import AGAINST, ALONG, STICKS, Friction, Memory, solve_friction
+from sbfem_petsc.contact.law import FREE, RowLaws
+from sbfem_petsc.contact.marching import NEVER, StepHistory, StepState, march
 from sbfem_petsc.contact.rubbing import empty_sets, rubbing_forces, rubbing_of
 from sbfem_petsc.motion import reduced_history
+from sbfem_petsc.motion.integration import Steps
 from tests.contact.test_friction import check, enumerated, problem, square
 
 FRICTION, PRESSURE, SPRING, SLIDER = 0.3, 2.0 / 1.01, 4.0, 6.0
@@ -130,6 +131,32 @@ def test_friction_that_falls_where_a_slip_begins():
     lost = energy.friction[-1]
     assert lost > 0.1 and (np.diff(energy.friction) >= 0.0).all()
     assert np.abs(energy.contact).max() < 1e-4 * lost and np.abs(energy.balance).max() < 1e-6 * lost
+
+
+def test_states_and_slips_of_each_step():
+    """Where asked the steps leave them, as what the history tells later."""
+    reduced, steps = slider(), Steps(500, 0.02, True, "exact", 1)
+    drive = [sb.Harmonic(1.0, 1.7 / (2.0 * math.pi)), sb.Step(-2.0)]
+    found = sb.transient(reduced, drive, 10.0, 0.02)
+    run = reduced_history.ReducedIntegrator(reduced, drive, steps, "rest")
+    amplitudes = np.stack([signal(found.time) for signal in drive], axis=1)
+    history = StepHistory(
+        *(np.empty((500, n)) for n in (2, 2, 2)),
+        np.empty(500),
+        rows=np.empty((500, 2), dtype=np.int8),
+        slips=np.empty((500, 1)),
+    )
+    march(
+        run.constants,
+        run._driven(amplitudes),
+        StepState(run.q, run.v, run.force, run.contact, run.slip),
+        history,
+    )
+    assert history.slips == pytest.approx(found.slip[1:], abs=1e-12)
+    assert np.array_equal(history.rows[:, 0] != FREE, found.contact_force[1:, 0] > 0.0)
+    stays = np.append(history.slips[0, 0] == 0.0, np.diff(history.slips[:, 0]) == 0.0)
+    assert np.array_equal(history.rows[:, 1] == STICKS, stays & (history.rows[:, 0] != FREE))
+    assert set(history.rows[:, 1].tolist()) >= {STICKS, ALONG, AGAINST}
 
 
 def test_free_decay_in_closed_form():
