@@ -140,14 +140,16 @@ class Backbone(Orbits, Record):
 
     def check(self) -> None:
         """Raise ValueError unless points and model belong together."""
-        modes, places = len(self.reduced.omega), len(self.points)
+        modes = len(self.reduced.omega)
         if (
             not len(self.energy)
             or self.states.shape[1] != 2 * modes
-            or self.point_harmonics.shape[1:3] != (places, 2)
+            or self.point_harmonics.shape[1:3] != self.reduced.points.modes.shape[:2]
             or any(event.after > len(self.energy) for event in self.events)
         ):
-            raise ValueError(f"{len(self.energy)} motions are not those of {modes} modes and {places} points")
+            raise ValueError(
+                f"{len(self.energy)} motions are not those of {modes} modes and {len(self.points)} points"
+            )
 
     @property
     def reduced(self) -> ReducedModel:
@@ -426,7 +428,7 @@ class _Rows:
                 found, changed = own + 4.0 / 3.0 * difference, np.abs(difference)
         u = state.seen()[0]
         harmonics = np.moveaxis(one_sided(u)[: HARMONICS + 1], 0, -1)
-        row = (harmonics, 0.5 * np.ptp(u[..., 1], axis=0), values, own, found, changed)
+        row = (harmonics, 0.5 * np.ptp(u[..., -1], axis=0), values, own, found, changed)
         self.rows.insert(len(self.rows) if place is None else place, row)
 
     def _bend(self) -> np.ndarray:

@@ -124,7 +124,9 @@ class FiniteElementModel:
         rows = self._rows(labels, vector)
         if not rows.nnz:
             raise ValueError(f"at: {shown(place)} is held along {shown(direction)}; choose one that moves")
-        return Row(sparse.csr_matrix(rows.mean(axis=0)))
+        axis = next((name for name, unit in zip(AXES, np.eye(3)) if (vector == unit).all()), "")
+        along = axis or f"({', '.join(f'{part:.6g}' for part in vector)})"
+        return Row(sparse.csr_matrix(rows.mean(axis=0)), along)
 
     def contact(
         self,

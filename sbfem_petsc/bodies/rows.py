@@ -18,18 +18,22 @@ class Row:
     Attributes
     ----------
     weights : (1, n) sparse matrix
+    direction : str
+        "z", or the components of a unit vector; "" of a sum of several.
     """
 
     weights: sparse.csr_matrix
+    direction: str = ""
 
     def __add__(self, other: Row) -> Row:
-        return Row(sparse.csr_matrix(self.weights + _same("row", self, other).weights))
+        weights = sparse.csr_matrix(self.weights + _same("row", self, other).weights)
+        return Row(weights, self.direction if self.direction == other.direction else "")
 
     def __sub__(self, other: Row) -> Row:
         return self + -1.0 * _same("row", self, other)
 
     def __mul__(self, factor: float) -> Row:
-        return Row(sparse.csr_matrix(float(factor) * self.weights))
+        return Row(sparse.csr_matrix(float(factor) * self.weights), self.direction)
 
     __rmul__ = __mul__
 
@@ -39,7 +43,8 @@ class Row:
         return self.weights.shape[1]
 
     def __repr__(self) -> str:
-        return f"Row({self.weights.nnz} of {self.size} unknowns)"
+        along = f" along {self.direction}" if self.direction else ""
+        return f"Row({self.weights.nnz} of {self.size} unknowns{along})"
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 from ..checks import choice, index_of, integer, real_array, shown, text
 from ..record.record import Record, derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
-from .orbit import Orbit
+from .orbit import Orbit, component
 
 KINDS = ("displacement", "velocity", "impulse")
 
@@ -205,7 +205,7 @@ def start_direction(axis: StartAxis, reduced: ReducedModel, weights: np.ndarray)
         return np.concatenate([np.zeros(modes), reduced.load_modes[:, axis.mode - 1]])
     k, unit = axis.mode - 1, 1.0
     if axis.point is not None:
-        shapes = reduced.points.of(axis.point, "point").modes["xy".index(axis.direction)]
+        shapes = component(reduced.points.of(axis.point, "point").modes, axis.direction, 0)
         if not abs(shapes[k]) > 1e-9 * np.abs(shapes).max():
             raise ValueError(
                 f"basins: mode {axis.mode} does not move point {axis.point!r} along {axis.direction}; give "

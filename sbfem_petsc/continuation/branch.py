@@ -21,7 +21,7 @@ from ..record.record import derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
 from ..system.elements.plausibility import furthest_of_lines
 from .bifurcations import Bifurcation
-from .orbit import FLOOR, Orbit, Orbits, axis_number, make_orbit, multiplier_error, verdict_of
+from .orbit import FLOOR, Orbit, Orbits, component, make_orbit, multiplier_error, verdict_of
 from .problems.driven_orbits import ParameterRange
 
 
@@ -161,7 +161,7 @@ class Branch(Orbits, OfPeriod):
     @derived("m", "moduli of harmonics 0 to 3 of u_y", "point place order", stored=False)
     def harmonic(self) -> np.ndarray:
         """(n, points, 4): for tables."""
-        return np.abs(self.point_harmonics[:, :, 1, :4])
+        return np.abs(self.point_harmonics[:, :, -1, :4])
 
     @derived("1", "whether small disturbances die out", "point", kinds="b")
     def stable(self) -> np.ndarray:
@@ -187,7 +187,7 @@ class Branch(Orbits, OfPeriod):
 
     def subharmonics(self, point: str, direction: str = "y") -> np.ndarray:
         """(n, periods) complex: amplitudes at j f / periods, m; the first is the mean."""
-        return self.point_subharmonics[:, self._index(point), axis_number(direction)]
+        return component(self.point_subharmonics[:, self._index(point)], direction, 1)
 
     def _furthest(self, least: float = 0.0) -> float:
         """Largest displacement of a named point by its harmonics, m; less than `least` where that is known to

@@ -274,7 +274,7 @@ class PointRows:
         found = multipliers_of(point.state) if self.stability else None
         row = (
             np.moveaxis(spectrum[::periods][: HARMONICS + 1], 0, -1),
-            0.5 * np.ptp(u[..., 1], axis=0),
+            0.5 * np.ptp(u[..., -1], axis=0),
             np.moveaxis(spectrum[:periods], 0, -1),
             resultant.max(initial=0.0),
             found.values if found is not None else np.zeros(0, dtype=complex),

@@ -117,7 +117,7 @@ class Orbit(Motion):
     @derived("m", "half the peak-to-peak of u_y", "place", called="amplitude", row=True)
     def point_amplitudes(self) -> np.ndarray:
         """(points,): of the named points."""
-        return 0.5 * np.ptp(self.point_displacements[..., 1], axis=0)
+        return 0.5 * np.ptp(self.point_displacements[..., -1], axis=0)
 
     def __getstate__(self) -> dict[str, Any]:
         """What is pickled or copied: the uncertainty as a number."""
@@ -137,7 +137,7 @@ class Orbit(Motion):
         """Complex amplitudes at the multiples of f / periods: u(t) = Re sum_j a_j exp(i 2 pi j f t /
         periods), a_0 the mean.
         """
-        return one_sided(self.displacement(point)[:, axis_number(direction)])
+        return one_sided(component(self.states.displacement(point), direction))
 
     def harmonics(self, point: Point, direction: str = "y") -> np.ndarray:
         """Complex amplitudes at the multiples of f: u(t) = Re sum_k c_k exp(i 2 pi k f t), c_0 the mean,
@@ -153,7 +153,7 @@ class Orbit(Motion):
 
     def amplitude(self, point: Point, direction: str = "y") -> float:
         """Half the peak-to-peak of the displacement of a point, m."""
-        return 0.5 * float(np.ptp(self.displacement(point)[:, axis_number(direction)]))
+        return 0.5 * float(np.ptp(component(self.states.displacement(point), direction)))
 
     def __repr__(self) -> str:
         verdict = "stability not asked for" if self.reduced is not None else "stability not computed"
@@ -196,10 +196,9 @@ class Orbits:
         """(n,): half the peak-to-peak of the displacement of a named point, or of any point (x, y) in m, in
         m. Collective for (x, y).
         """
-        axis = axis_number(direction)
         if isinstance(point, str):
             index = self._index(point)
-            if axis == 1:
+            if direction == "y":
                 return self.point_amplitudes[:, index]
         count = len(self.point_amplitudes)
         return np.array([self.orbit(k).amplitude(point, direction) for k in range(count)])
@@ -208,9 +207,8 @@ class Orbits:
         """(n, 21) complex: harmonics 0 to 20 of the displacement of a named point, or of any point (x, y) in
         m, in m. Collective for (x, y).
         """
-        axis = axis_number(direction)
         if isinstance(point, str):
-            return self.point_harmonics[:, self._index(point), axis]
+            return component(self.point_harmonics[:, self._index(point)], direction, 1)
         found = np.zeros((len(self.point_harmonics), self.point_harmonics.shape[-1]), dtype=complex)
         for k, row in enumerate(found):
             values = self.orbit(k).harmonics(point, direction)[: len(row)]
@@ -296,6 +294,11 @@ def make_orbit(
     )
 
 
-def axis_number(direction: str) -> int:
-    """0 for "x", 1 for "y"; ValueError otherwise."""
-    return "xy".index(choice("harmonics", "direction", direction, ("x", "y")))
+def component(array: np.ndarray, direction: str, axis: int = -1) -> np.ndarray:
+    """Of displacements along an axis of x and y; of a row of a body, which is one number, that."""
+    k = ("y", "x").index(choice("harmonics", "direction", direction, ("x", "y")))
+    if k == array.shape[axis]:
+        raise on_all_ranks(
+            ValueError("harmonics: direction = 'x', but the point is a row along a direction of its own")
+        )
+    return np.take(array, -1 - k, axis)

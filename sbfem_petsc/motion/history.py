@@ -98,8 +98,12 @@ class Motion(Record):
             raise ValueError("'time' does not rise")
 
     def displacement(self, point: Point) -> np.ndarray:
-        """(n, 2): displacement of a named point, or of any point (x, y) in m, in m. Collective for (x, y)."""
-        return self.states.displacement(point) if isinstance(point, str) else self._displacement_at(point)
+        """(n, 2): displacement of a named point, or of any point (x, y) in m, in m. Collective for (x, y).
+        (n,) of a row of a body, along its own direction, as velocities and accelerations are.
+        """
+        return _alone(
+            self.states.displacement(point) if isinstance(point, str) else self._displacement_at(point)
+        )
 
     @agreed()
     def _displacement_at(self, place: tuple[float, float]) -> np.ndarray:
@@ -108,11 +112,11 @@ class Motion(Record):
 
     def velocity(self, point: Point) -> np.ndarray:
         """(n, 2): velocity of a named point, m/s; that of a reduced model's modes."""
-        return self.states.velocity(point)
+        return _alone(self.states.velocity(point))
 
     def acceleration(self, point: Point) -> np.ndarray:
         """(n, 2): acceleration of a named point, m/s^2; that of a reduced model's modes."""
-        return self.states.acceleration(point)
+        return _alone(self.states.acceleration(point))
 
     @agreed()
     def stress(self, place: Point) -> np.ndarray:
@@ -153,7 +157,7 @@ class Motion(Record):
         bound = self.states.bound()
         if bound < least:
             return bound
-        moves = (np.linalg.norm(self.displacement(name), axis=-1).max() for name in self.points)
+        moves = (np.linalg.norm(self.states.displacement(name), axis=-1).max() for name in self.points)
         return float(max(moves, default=0.0))
 
     @agreed()
@@ -216,6 +220,11 @@ class History(Motion):
             f"{self.contact_resultant.max(initial=0.0):.6g} N, largest energy error "
             f"{'; '.join([f'{np.abs(self.energy.balance).max():.2e} J', *self.notes])})"
         )
+
+
+def _alone(values: np.ndarray) -> np.ndarray:
+    """A row's one component without an axis."""
+    return values[:, 0] if values.shape[1] == 1 else values
 
 
 def model_with_fields(owner: str, motion: object) -> Model:

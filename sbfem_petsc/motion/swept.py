@@ -202,7 +202,7 @@ def swept_motion(
 
     def keep(at: int, rows: Rows) -> None:
         part = reduced.points(rows["modal_displacement"], rows["amplitudes"], rows["contact_force"])
-        displacements[at : at + len(part)] = part[:, :, 1]
+        displacements[at : at + len(part)] = part[:, :, -1]
         contact[at : at + len(part), 0] = rows["contact_force"].sum(axis=1)
 
     keep(0, integrator.first())

@@ -67,7 +67,7 @@ class Height:
     def label(self, curves: Mapping[str, Branch]) -> str:
         """In words, for an axis."""
         what = "amplitude" if self.harmonic is None else f"harmonic {self.harmonic}"
-        return f"{what} of ${symbol(curves, self.direction)}$({place_name(self.point)})"
+        return f"{what} of ${symbol(curves, self.direction, self.point)}$({place_name(self.point)})"
 
 
 @picture(Branch, several=True)

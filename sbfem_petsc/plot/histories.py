@@ -12,6 +12,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 
 from ..analysis.load_history import LoadHistory
 from ..checks import flag, instance, real, shown
+from ..continuation.orbit import component
 from ..motion.history import Motion
 from ..motion.states import Point
 from ..petsc import MPI
@@ -181,12 +182,13 @@ def _displacement(
     window: tuple[float, float] | None = None,
 ) -> Panel:
     """One displacement of a point over time, or both."""
-    u = motion.displacement(point)
+    states = motion.states if isinstance(motion, Motion) else motion
+    u = states.displacement(point)
     axes = direction or ("y" if motion.of_rows else "yx")
-    shown = {axis: u[:, "xy".index(axis)] for axis in axes}
+    shown = {axis: component(u, axis) for axis in axes}
     scale, unit = length_unit(max(float(np.abs(values).max()) for values in shown.values()))
-    curves = {f"${symbol(motion, axis)}$": (motion.time, values) for axis, values in shown.items()}
-    name = "displacement" if direction is None else f"${symbol(motion, direction)}$"
+    curves = {f"${symbol(motion, axis, point)}$": (motion.time, values) for axis, values in shown.items()}
+    name = "displacement" if direction is None else f"${symbol(motion, direction, point)}$"
     return Panel(f"{name} of {place_name(point)} ({unit})", curves, scale, window)
 
 

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from ..continuation.branch import Branch
-from ..continuation.orbit import Orbit
+from ..continuation.orbit import Orbit, component
 from ..motion.states import Point
 from ..petsc import MPI
 from ..record.units import force_unit, length_unit
@@ -91,7 +91,7 @@ def plot_harmonics(
     axes.set(yscale="log", xlim=(-0.6, count + 0.6), ylim=(floor, 4.0 * top), xticks=range(count + 1))
     axes.set(
         xlabel="harmonic number",
-        ylabel=f"$|{symbol(orbits, direction)}|$({place_name(point)})"
+        ylabel=f"$|{symbol(orbits, direction, point)}|$({place_name(point)})"
         + (" (m)" if forces is None else " / force (m/N)"),
     )
     finish_stems(axes, found)
@@ -130,7 +130,7 @@ def plot_orbit(
     -------
     [phase plane, gaps, resultant] on rank 0, None elsewhere; `save_picture` writes them
     """
-    count, axis = orbit.contact_force.shape[1], "xy".index(direction)
+    count = orbit.contact_force.shape[1]
     if pairs is None:
         pairs = {f"pair {k + 1}": k for k in dict.fromkeys((0, count // 2, count - 1))} if count else {}
     for name, k in pairs.items():
@@ -138,10 +138,14 @@ def plot_orbit(
             raise ValueError(
                 f"plot_orbit: pair {name!r} is number {k}, the model has {count}; give a number from 0"
             )
-    u, v = _around(orbit.displacement(point)[:, axis]), _around(orbit.velocity(point)[:, axis])
+    states = orbit.states
+    u, v = (_around(component(of(point), direction)) for of in (states.displacement, states.velocity))
     factor, unit = length_unit(float(np.abs(u).max()))
     speed, speed_unit = length_unit(float(np.abs(v).max()))
-    labels = f"${symbol(orbit, direction)}$({place_name(point)}) ({unit})", f"velocity ({speed_unit}/s)"
+    labels = (
+        f"${symbol(orbit, direction, point)}$({place_name(point)}) ({unit})",
+        f"velocity ({speed_unit}/s)",
+    )
     layout = [["phase", "upper"], ["phase", "lower"]]
     panels = phase, upper, lower = Sheet.of(ax).panels(layout, 3.0, width_ratios=(1.0, 1.25))
     phase.plot(u * factor, v * speed, color=BLUE, linewidth=1.1)

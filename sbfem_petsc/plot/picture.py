@@ -132,12 +132,14 @@ def place_name(point: str | tuple[float, float]) -> str:
     return point if isinstance(point, str) else f"{point[0]:.6g} m, {point[1]:.6g} m"
 
 
-def symbol(motions: Record | Mapping[str, Record], direction: str) -> str:
-    """Of a displacement in formulas: of a row, which has a direction of its own in the place of y, without
-    one.
+def symbol(motions: Record | Mapping[str, Record], direction: str, point: Any) -> str:
+    """Of a displacement in formulas: of a row, which stands in the place of y, with its own direction where
+    that is an axis.
     """
     first = next(iter(motions.values())) if isinstance(motions, Mapping) else motions
-    return "u" if first.of_rows and direction == "y" else f"u_{direction}"
+    if first.of_rows and direction == "y":
+        direction = first.point_directions.get(point, "")
+    return f"u_{direction}" if direction in tuple("xyz") else "u"
 
 
 def named_point(owner: str, name: str, value: Any) -> str:

@@ -87,7 +87,8 @@ def plot_swept(
                     (jump.frequency * along, jump.before * factor),
                     arrowprops={"arrowstyle": "->", "color": GREEN, "linewidth": 1.2},
                 )
-    axes.set(xlabel=f"frequency ({name})", ylabel=f"amplitude of ${symbol(shown[0], 'y')}$({point}) ({unit})")
+    of = symbol(shown[0], "y", point)
+    axes.set(xlabel=f"frequency ({name})", ylabel=f"amplitude of ${of}$({point}) ({unit})")
     axes.set_ylim(bottom=0.0)
     axes.legend()
     return axes

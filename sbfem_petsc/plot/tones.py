@@ -83,7 +83,7 @@ def plot_lines(
         )
     axes.set(yscale="log", ylim=(floor, 40.0 * top * factor), xlabel=f"frequency ({name_of_unit})")
     axes.set_xlim(left=0.0)
-    axes.set_ylabel(f"$|{symbol(motions, direction)}|$({point}) ({unit})")
+    axes.set_ylabel(f"$|{symbol(motions, direction, point)}|$({point}) ({unit})")
     finish_stems(axes, found)
     return axes
 

@@ -66,7 +66,7 @@ def plot_quasi_periodic(
     name_verdicts(panels[0], broken)
     panels[0].set(
         xlabel=label,
-        ylabel=f"own tone of ${symbol(curves, direction)}$({point}) ({unit})",
+        ylabel=f"own tone of ${symbol(curves, direction, point)}$({point}) ({unit})",
     )
     panels[1].set(xlabel=label, ylabel=f"its frequency ({unit_of_tone})")
     panels[0].set_ylim(bottom=0.0)

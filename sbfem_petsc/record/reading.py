@@ -149,6 +149,10 @@ def _decoded(data: h5py.Dataset, entry: Entry) -> np.ndarray:
 def sound(data: Any, entry: Entry, dims: tuple[str, ...], lengths: dict[str, int]) -> np.ndarray:
     """The numbers of a field: of its type, lengths that agree with the others', within its range."""
     name, about = entry.name, entry.about
+    if isinstance(data, h5py.Dataset) and data.ndim == len(dims) - 1 and "xy" in dims:  # of rows
+        alone = dims.index("xy")
+        array = sound(data, entry, (*dims[:alone], *dims[alone + 1 :]), lengths)
+        return np.expand_dims(array, alone)
     if not isinstance(data, h5py.Dataset) or data.ndim != len(dims):
         raise ValueError(f"{name!r} is no array over {', '.join(dims) or 'nothing'}")
     array = _decoded(data, entry)

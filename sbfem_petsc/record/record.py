@@ -176,6 +176,10 @@ def entries(cls: Any) -> dict[str, Entry]:
     return found
 
 
+# Of points that are rows of a body, in what is shown of motions.
+DIRECTION = Entry("direction", About("1", "directions of the points", ("place",)), "str", False, False)
+
+
 @dataclass(frozen=True, eq=False)
 class Quantity:
     """A value with what it is.
@@ -209,6 +213,20 @@ class Quantity:
     def titled(self) -> str:
         """Unit as it stands behind a name in the head of a column."""
         return "" if self.unit == "1" else f" [{self.unit}]"
+
+    def of_points(self, rows: bool) -> Quantity:
+        """Of rows of a body, which have a direction each: without an axis of x and y and the word u_y."""
+        if "xy" in self.dims and self.value.shape[k := self.dims.index("xy")] == 1:
+            return self.only(k).of_points(rows)
+        if not rows or "u_y" not in self.about.text:
+            return self
+        about = dataclasses.replace(self.about, text=self.about.text.replace("u_y", "u"))
+        return dataclasses.replace(self, entry=dataclasses.replace(self.entry, about=about))
+
+    def only(self, axis: int) -> Quantity:
+        """The last entry along an axis."""
+        dims = (*self.dims[:axis], *self.dims[axis + 1 :])
+        return dataclasses.replace(self, value=np.take(self.value, -1, axis), dims=dims)
 
     def by_name(self) -> Iterator[tuple[str, Any]]:
         """The entries along the first axis that has names; otherwise the whole, by ""."""
@@ -318,7 +336,9 @@ class Record:
             if isinstance(value, tuple) and not value and len(dims) > 1:
                 value = np.zeros((0,) * len(dims))
             unit = about.unit if about.unit_of is None else about.unit_of(self)
-            yield Quantity(entry, np.asarray(value) if dims else value, unit, dims, names)
+            yield Quantity(entry, np.asarray(value) if dims else value, unit, dims, names).of_points(
+                self.of_rows
+            )
 
     @classmethod
     def _labelled(cls, given: tuple[str, ...] = ()) -> dict[str, str]:
@@ -333,19 +353,25 @@ class Record:
 
     @property
     def of_rows(self) -> bool:
-        """Whether its points are rows of a body or of matrices: one displacement each, along a direction of
-        their own, which is kept in the place of y.
-        """
-        reduced = getattr(self, "reduced", None) or getattr(self, "reduced_model", None)
-        return reduced is not None and bool(reduced.of_rows)
+        """Whether its points are rows of a body or of matrices: one displacement each."""
+        return self._reduced is not None and bool(self._reduced.of_rows)
+
+    @property
+    def point_directions(self) -> dict[str, str]:
+        """Directions of its points by their names, where they are rows of a body."""
+        return {} if self._reduced is None else dict(self._reduced.point_directions)
+
+    @property
+    def _reduced(self) -> Any:
+        return getattr(self, "reduced", None) or getattr(self, "reduced_model", None)
 
     def _presented(self, wanted: Callable[[About], bool]) -> Iterator[Quantity]:
         """As `quantities`; displacements of rows as the one number that they are."""
         for q in self.quantities(wanted):
-            if self.of_rows and {"place", "xy"} <= {*q.dims}:
-                k = q.dims.index("xy")
-                q = dataclasses.replace(q, value=np.take(q.value, 1, k), dims=(*q.dims[:k], *q.dims[k + 1 :]))
-            yield q
+            yield q.only(q.dims.index("xy")) if self.of_rows and {"place", "xy"} <= {*q.dims} else q
+        if self.point_directions and wanted(DIRECTION.about):
+            names = {"place": tuple(self.point_directions)}
+            yield Quantity(DIRECTION, np.array([*self.point_directions.values()]), "1", ("place",), names)
 
     def sweep_row(self) -> dict[str, tuple[Any, str]]:
         """What a row of a sweep keeps: values and units by "quantity" or "quantity/name"."""

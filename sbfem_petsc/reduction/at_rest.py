@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import ClassVar
 
 import numpy as np
@@ -14,6 +15,9 @@ from .reduced_model import ReducedModel
 # Frequencies that are printed.
 TOLD = 6
 _ALONG = "displacement along the own direction of each point"
+_directions = functools.partial(
+    quantity, text="directions of the points of a body", dims="place", kinds="U", default_factory=dict
+)
 
 
 @described
@@ -25,6 +29,7 @@ class ReducedModal(Record):
     point_shapes: dict[str, np.ndarray] = quantity(
         "1/sqrt(kg)", f"{_ALONG} in each mode", "mode place", called="displacement", by="place"
     )
+    directions: dict[str, str] = _directions()
 
     def displacement(self, point: str) -> np.ndarray:
         """(n,): of a named point in each mode, along its own direction."""
@@ -48,6 +53,7 @@ class ReducedStatic(Record):
     active: np.ndarray = quantity("1", "rows in contact", "pair", kinds="b")
     strain_energy: float = quantity("J", "that of elastic stops included", row=True)
     iterations: int = quantity("1", "iterations of the active set", least=0)
+    directions: dict[str, str] = _directions()
 
     @derived("N", "sum of the contact forces", row=True)
     def contact_resultant(self) -> float:
@@ -59,7 +65,8 @@ class ReducedStatic(Record):
         return at_point(self.point_displacements, point)
 
     def __repr__(self) -> str:
-        points = ", ".join(f"{name}: {u:.6g}" for name, u in self.point_displacements.items())
+        along = {name: f" along {d}" for name, d in self.directions.items() if d}
+        points = ", ".join(f"{n}{along.get(n, '')}: {u:.6g}" for n, u in self.point_displacements.items())
         return (
             f"ReducedStatic({points} m; {int(self.active.sum())} of {len(self.gap)} pairs in contact, "
             f"resultant {self.contact_resultant:.6g} N)"
@@ -81,6 +88,7 @@ class ReducedLoadHistory(Record):
     )
     gap: np.ndarray = quantity("m", "gaps of the contact rows", "time pair", detail=True)
     strain_energy: np.ndarray = quantity("J", "that of elastic stops included", "time")
+    directions: dict[str, str] = _directions()
 
     @derived("N", "sum of the contact forces", "time")
     def contact_resultant(self) -> np.ndarray:
@@ -118,8 +126,8 @@ def kept_modes(reduced: ReducedModel, count: int | None, band: tuple[float, floa
             "reduce it with more"
         )
     keep = np.arange(len(f))[:count] if band is None else np.flatnonzero((f >= band[0]) & (f <= band[1]))
-    shapes = {name: reduced.points.modes[k, 1, keep] for k, name in enumerate(reduced.points.names)}
-    return ReducedModal(f[keep], reduced.damping[keep], shapes)
+    shapes = {name: reduced.points.modes[k, -1, keep] for k, name in enumerate(reduced.points.names)}
+    return ReducedModal(f[keep], reduced.damping[keep], shapes, reduced.point_directions)
 
 
 def at_rest(owner: str, reduced: ReducedModel, amplitudes: np.ndarray, contact: bool) -> ReducedStatic:
@@ -143,19 +151,23 @@ def at_rest(owner: str, reduced: ReducedModel, amplitudes: np.ndarray, contact: 
         found = solve_complementarity(flexibility, gap, laws)
         force, gap, active, iterations = found.force, found.gap, found.active, found.iterations
     q = give * (modal_load + force @ rows)
-    u = reduced.points(q[None], amplitudes[None], force[None])[0, :, 1]
+    u = reduced.points(q[None], amplitudes[None], force[None])[0, :, -1]
     by_loads = modal_load @ (give * modal_load) + amplitudes @ reduced.load_flexibility @ amplitudes
     energy = 0.5 * (by_loads + force @ flexibility @ force) + force @ by_load
     names = reduced.points.names
-    return ReducedStatic(dict(zip(names, u.tolist())), force, gap, active, float(energy), iterations)
+    return ReducedStatic(
+        dict(zip(names, u.tolist())), force, gap, active, float(energy), iterations, reduced.point_directions
+    )
 
 
 def over_time(time: np.ndarray, states: list[ReducedStatic]) -> ReducedLoadHistory:
     """The states of some times."""
-    kept = ("contact_force", "gap", "strain_energy")
     return ReducedLoadHistory(
         tuple(states[0].point_displacements),
         time,
         np.array([list(state.point_displacements.values()) for state in states]),
-        *(np.array([getattr(state, name) for state in states]) for name in kept),
+        np.array([state.contact_force for state in states]),
+        np.array([state.gap for state in states]),
+        np.array([state.strain_energy for state in states]),
+        states[0].directions,
     )

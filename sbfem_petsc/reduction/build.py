@@ -143,7 +143,7 @@ def _reduced_body(
         rows,
         gap,
         loads=sparse.vstack([row.weights for row in loads.values()]).T,
-        sensors={name: row.weights for name, row in points.items()},
+        sensors=points,
         modes=modes,
         damping=damped[0],
         rayleigh=damped[1],

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy import linalg, sparse
 
+from ..bodies.rows import Row
 from ..checks import integer, real_array, shown
 from ..contact.friction import Friction
 from ..contact.law import ContactLaw, RowLaws, row_laws
@@ -34,7 +35,7 @@ def reduce_matrices(
     gap: np.ndarray,
     *,
     loads: np.ndarray | sparse.spmatrix,
-    sensors: Mapping[str, int | np.ndarray | sparse.spmatrix],
+    sensors: Mapping[str, int | np.ndarray | sparse.spmatrix | Row],
     modes: int | None = None,
     damping: float | Sequence[float] | np.ndarray | DampingTable = 0.0,
     rayleigh: tuple[float, float] = (0.0, 0.0),
@@ -59,9 +60,9 @@ def reduce_matrices(
         m.
     loads : (n, k) array or sparse matrix
         Unit loads.
-    sensors : dict of str to int or (n,) row
+    sensors : dict of str to int or (n,) row, or of str to Row
         Names of unknowns, or of rows that give means, differences and components along any direction; each
-        is the y displacement of a point.
+        is the y displacement of a point. Rows of a body (`Row`) are one number each, along their own.
     modes : int, optional
         Lowest modes kept; the others act by their flexibility. Default: all, of sparse matrices 80, or half
         as many as unknowns.
@@ -118,6 +119,7 @@ def reduce_matrices(
     heavy = np.count_nonzero(mass.diagonal())
     default, most = (max(min(80, n // 2, heavy), 1), max(n - 1, 1)) if large else (n, n)
     modes = default if modes is None else integer("reduce_matrices", "modes", modes, least=1, most=most)
+    along = tuple(row.direction for row in sensors.values() if isinstance(row, Row))
     seen = _sensor_rows(sensors, n)
     given, factors = _damping(damping, n), checked_rayleigh("reduce_matrices", rayleigh)
 
@@ -143,8 +145,8 @@ def reduce_matrices(
         )
 
     def at_sensors(array: np.ndarray) -> np.ndarray:
-        result = np.zeros((len(sensors), 2, array.shape[1]))
-        result[:, 1] = seen @ array
+        result = np.zeros((len(sensors), 1 if along else 2, array.shape[1]))
+        result[:, -1] = seen @ array
         return result
 
     return ReducedModel(
@@ -160,6 +162,7 @@ def reduce_matrices(
         np.zeros((modes, 2)),
         contact_laws=RowLaws.of(laws),
         friction=friction,
+        directions=along or None,
     )
 
 
@@ -256,8 +259,11 @@ def _sensor_rows(sensors: Any, count: int) -> sparse.csr_matrix:
         raise TypeError(
             f"reduce_matrices: sensors = {shown(sensors)} must be a dict of names to unknowns, {{'tip': 3}}"
         )
+    if len({isinstance(place, Row) for place in sensors.values()}) > 1:
+        raise TypeError("reduce_matrices: some sensors are Rows of a body and some are none; give one kind")
     rows = sparse.lil_matrix((len(sensors), count))
     for k, (name, place) in enumerate(sensors.items()):
+        place = place.weights if isinstance(place, Row) else place
         if not isinstance(name, str):
             raise TypeError(f"reduce_matrices: sensors has the name {name!r}; names are strings")
         item = f"sensors[{name!r}]"

@@ -72,6 +72,9 @@ class ReducedModel(Record):
         default=None,
         repr=False,
     )
+    directions: tuple[str, ...] | None = quantity(
+        text="directions of the points of a body", dims="place", default=None, repr=False
+    )
 
     @derived(text="the unit loads", dims="load", kinds="U", detail=True)
     def unit_loads(self) -> np.ndarray | None:
@@ -118,7 +121,12 @@ class ReducedModel(Record):
     @property
     def of_rows(self) -> bool:
         """Whether it was made of a body or of matrices: a Model has a mass that moves along x and y."""
-        return not self.translation.any()
+        return self.directions is not None or not self.translation.any()
+
+    @property
+    def point_directions(self) -> dict[str, str]:
+        """Directions of the points of a body by their names."""
+        return dict(zip(self.points.names, self.directions or ()))
 
     @property
     def gaps(self) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 
+import h5py
 import numpy as np
 import pytest
 import scipy.linalg
@@ -88,7 +89,7 @@ def test_rows_and_contact_beside_dense(parts, body):
     assert found.frequencies == pytest.approx(own, rel=1e-9)
     whole = found.gap.contact + (found.gap.modes / found.omega**2) @ found.gap.modes.T
     assert whole == pytest.approx(rows @ np.linalg.solve(k, rows.T), rel=1e-8)
-    share = found.points.loads[:, 1, 0] + found.points.modes[:, 1] @ (found.load_modes[:, 0] / found.omega**2)
+    share = found.points.loads[:, 0, 0] + found.points.modes[:, 0] @ (found.load_modes[:, 0] / found.omega**2)
     assert share == pytest.approx(np.array([*seen.values()]) @ np.linalg.solve(k, tip), rel=1e-7)
 
     one, other = (sb.periodic(rom, 400.0, 0.4 * own[0]) for rom in (found, dense))
@@ -193,7 +194,9 @@ def test_wrong_questions(cracked, call, sentence):
 def test_points_stand_by_their_names(cracked, tmp_path):
     """A point of a body is one number, in tables, summaries, xarray and pictures; no x or y is made up."""
     orbit = sb.periodic(cracked, [10.0, 0.0], 300.0, steps=64)
-    u = orbit.displacement("tip")[:, 1]
+    u = orbit.displacement("tip")
+    assert u.shape == orbit.velocity("tip").shape == orbit.acceleration("tip").shape == (64,)
+    assert orbit.amplitude("tip") == 0.5 * np.ptp(u)
     files = orbit.to_csv(str(tmp_path / "orbit.csv"))
     with open(files[0], newline="") as file:
         rows = list(csv.DictReader(file))
@@ -205,10 +208,21 @@ def test_points_stand_by_their_names(cracked, tmp_path):
     sb.save(tmp_path / "orbit.h5", orbit)
     again = sb.read(tmp_path / "orbit.h5")
     assert again.tables()["time"]["displacement_tip [m]"].tolist() == u.tolist()
+    assert again.displacement("tip").tolist() == u.tolist()
+    assert again.summary()["direction"] == {"tip": "z", "mouth": "x"}
+    with h5py.File(tmp_path / "orbit.h5") as file:
+        assert (
+            file["displacement"].shape == (64, 2)
+            and "u_y" not in file["amplitude"].attrs["long_name"].decode()
+        )
+        assert [name.decode() for name in file["states/reduced/directions"]] == ["z", "x"]
+    with pytest.raises(ValueError, match="direction = 'x', but the point is a row"):
+        orbit.harmonics("tip", "x")
     (axes, *_) = plot.plot_history(orbit, "tip")
-    assert [line.get_label() for line in axes.get_lines()][0] == "$u$"
-    assert not [line.get_label() for line in axes.get_lines() if "u_" in line.get_label()]
-    assert plot.plot_harmonics(orbit, "tip").get_ylabel() == "$|u|$(tip) (m)"
+    assert [line.get_label() for line in axes.get_lines()][0] == "$u_z$"
+    assert not [line.get_label() for line in axes.get_lines() if "u_x" in line.get_label()]
+    assert plot.plot_harmonics(orbit, "tip").get_ylabel() == "$|u_z|$(tip) (m)"
+    assert repr(sb.static(cracked, [1.0, 0.0])).startswith("ReducedStatic(tip along z: ")
 
 
 def test_gaps_walls_and_sums(body):

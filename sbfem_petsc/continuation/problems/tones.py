@@ -18,7 +18,7 @@ from ...petsc import MPI
 from ...record.record import Record, derived, described, quantity
 from ...reduction.reduced_model import ReducedModel
 from ...system.elements.plausibility import furthest_of_lines
-from ..orbit import axis_number
+from ..orbit import component
 from ..problem import Point
 from .curve import RESOLVED, spectral_tail
 from .curve_system import tangents
@@ -87,7 +87,7 @@ class QuasiPeriodic(Record):
     def check(self) -> None:
         """Raise ValueError unless curve, lines and model belong together."""
         modes, places = len(self.reduced.omega), len(self.points)
-        lines = 2 * (self.samples // 2) + 1, places, 2
+        lines = 2 * (self.samples // 2) + 1, places, self.reduced.points.modes.shape[1]
         if (
             self.states.shape != (self.samples, 2 * modes)
             or self.lines.shape[1:] != lines
@@ -178,7 +178,7 @@ class QuasiPeriodic(Record):
     def line_amplitudes(self) -> np.ndarray:
         """(k, points): for tables."""
         fast, slow = self._listed.T
-        return self.lines[fast, slow + self.lines.shape[1] // 2, :, 1]
+        return self.lines[fast, slow + self.lines.shape[1] // 2, :, -1]
 
     def _furthest(self, least: float = 0.0) -> float:
         """Largest displacement of a named point by its lines, m; less than `least` where that is known to be
@@ -191,7 +191,7 @@ class QuasiPeriodic(Record):
         the slower one, m.
         """
         index = at_point({name: k for k, name in enumerate(self.points)}, point)
-        return self.lines[:, :, index, axis_number(direction)]
+        return component(self.lines[:, :, index], direction)
 
     def line(self, m: int, n: int, point: str, direction: str = "y") -> complex:
         """Complex amplitude at m f1 + n f2, m; at (0, 0) the mean.
@@ -255,8 +255,8 @@ def tone_lines(
     r, p, samples = period.reduced, period, len(motions)
     steps, half = p.steps, samples // 2
     lines = min(LINES, steps // 2 - 1)
-    orders, names = np.arange(-half, half + 1), len(r.points.names)
-    found = np.zeros((lines + 1, len(orders), names, 2), dtype=complex)
+    orders, seen = np.arange(-half, half + 1), r.points.modes.shape[:2]
+    found = np.zeros((lines + 1, len(orders), *seen), dtype=complex)
     mine = [(i, motion) for i, motion in enumerate(motions) if motion is not None]
     peak = max((float(motion.forces[:-1].sum(axis=1).max(initial=0.0)) for _, motion in mine), default=0.0)
     over_samples = np.exp(-2j * np.pi * orders[:, None] * [i for i, _ in mine] / samples) / samples
@@ -269,7 +269,7 @@ def tone_lines(
         forward = np.exp(-2j * np.pi * np.arange(lines + 1)[:, None] * share) / steps
         for j, order in enumerate(orders):
             turned = np.exp(-2j * np.pi * order * rotation * share)[:, None] * slow[j]
-            found[:, j] += (forward @ turned).reshape(-1, names, 2)
+            found[:, j] += (forward @ turned).reshape(-1, *seen)
     comm.Allreduce(MPI.IN_PLACE, found)
     peak = comm.allreduce(peak, MPI.MAX)
     found *= 2.0
@@ -324,7 +324,7 @@ def told_motion(point: Point) -> QuasiPeriodic:
     driven = own.driven(state.value)
     sizes, first = state.told[:4].astype(int), 1.0 / driven.duration
     residuals, (peak, refuted), growth, lines = np.split(state.told[4:], np.cumsum(sizes)[:-1])
-    places = len(own.period.reduced.points.names)
+    seen = own.period.reduced.points.modes.shape[:2]
     return QuasiPeriodic(
         (first, state.rotation * first),
         own.samples,
@@ -334,7 +334,7 @@ def told_motion(point: Point) -> QuasiPeriodic:
         tuple(residuals.tolist()),
         np.full_like(growth, np.nan) if refuted else growth,
         float(peak),
-        lines.view(complex).reshape(-1, 2 * (own.samples // 2) + 1, places, 2),
+        lines.view(complex).reshape(-1, 2 * (own.samples // 2) + 1, *seen),
         load_factor=driven.factor,
         own=own.at(point.value),
     )
