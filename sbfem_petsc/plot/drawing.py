@@ -239,7 +239,7 @@ def bar(painted: Any, panels: Axes | Sequence[Axes], label: str, **options) -> A
     beside = [axes for axes in several if axes.figure is painted.axes.figure]
     drawn = painted.axes.figure.colorbar(painted, ax=beside, **options)
     drawn.set_label(label, size=7)
-    drawn.ax.tick_params(labelsize=6)
+    drawn.ax.tick_params(labelsize=6, which="both")
     return drawn
 
 

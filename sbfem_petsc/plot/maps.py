@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,13 +21,16 @@ _INDICATORS = re.compile(
 )
 # Values of a key up to which it is drawn as a family of curves, not as an axis.
 _CURVES = 8
+# Inches: type can be read where a picture is as wide as the screen of a phone.
+NARROW = 4.4
 # Ratios below this are the rounding of responses without contact.
 ROUND_OFF = 1e-12
 _UNITS = {"m": length_unit, "s": time_unit, "N": force_unit, "Pa": stress_unit, "Hz": frequency_unit}
 
 
 def draw_sweep(sweep: Any, folder: str, quantities: Sequence[str] | None = None) -> list[str]:
-    """Draw the indicators of a sweep: a map over two numeric parameters with several values, curves over one.
+    """Draw the indicators of a sweep, one picture a quantity with a panel for each point or entry, with and
+    without noise: maps over two numeric parameters with several values, curves over one.
 
     Parameters
     ----------
@@ -48,55 +52,79 @@ def draw_sweep(sweep: Any, folder: str, quantities: Sequence[str] | None = None)
     """
     chosen = [name for name in sweep.values if _INDICATORS.search(name)] if quantities is None else quantities
     os.makedirs(folder, exist_ok=True)
-    pictures = []
+    groups: dict[str, dict[str, np.ndarray]] = {}
+    units: dict[str, str] = {}
     for name in chosen:
         if name not in sweep.values:
             raise ValueError(
                 f"quantity {name!r} does not exist; the sweep has {', '.join(map(repr, sweep.values))}"
             )
-        for part, values in _columns(name, sweep.values[name]):
-            path = os.path.join(folder, f"{re.sub(r'[^A-Za-z0-9_]+', '_', part)}.png")
-            drawing = indicator_figure(sweep, part, values, sweep.units.get(name, "1"))
-            pictures.append(str(save_picture(drawing, path)))
+        together = sweep.picture_name(name)
+        groups.setdefault(together, {}).update(_columns(sweep, name))
+        units[together] = sweep.units.get(name, "1")
+    pictures = []
+    for together, columns in groups.items():
+        path = os.path.join(folder, f"{together}.png")
+        pictures.append(str(save_picture(indicator_figure(sweep, columns, units[together]), path)))
     return pictures
 
 
-def _columns(name: str, array: np.ndarray) -> list[tuple[str, np.ndarray]]:
-    """Real columns of a quantity, the first of an array's."""
+def _columns(sweep: Any, name: str) -> dict[str, np.ndarray]:
+    """Real columns of a quantity by what they are, the first of an array's."""
+    array, words = sweep.values[name], sweep.value_words[name]
     values = np.abs(array) if np.iscomplexobj(array) else array
     if values.ndim == 1:
-        return [(name, values)]
+        return {words: values}
     flat = values.reshape(len(values), -1)
-    return [(f"{name}/{k + 1}", flat[:, k]) for k in range(min(3, flat.shape[1]))]
+    return {f"{words}, {k + 1}": flat[:, k] for k in range(min(3, flat.shape[1]))}
 
 
-def indicator_figure(sweep: Any, name: str, values: np.ndarray, unit: str) -> Any:
+def indicator_figure(sweep: Any, columns: Mapping[str, np.ndarray], unit: str) -> Any:
     """A figure of one quantity over the sweep's parameters.
 
     Parameters
     ----------
     sweep : Sweep
-    name : str
-        Title.
-    values : (n,) array
-        A row each.
+    columns : dict of str to (n,) array
+        A row each, by what they are: a panel each.
     unit : str
     """
     axes = _axes(sweep)
     if not axes:
         raise ValueError("no parameter of the sweep has two numeric values to draw over")
-    scale, unit = _suited(unit, values)
-    values, label = values * scale, _in_words(name) + (f" ({unit})" if unit else "")
+    table = np.stack(list(columns.values()))
+    scale, unit = _suited(unit, table)
+    table = table * scale
     if not unit:  # smaller ratios are rounding
-        values = np.where(values > 0.0, np.maximum(values, ROUND_OFF), values)
+        table = np.where(table > 0.0, np.maximum(table, ROUND_OFF), table)
     grid = len(axes) >= 2 and all(len(np.unique(sweep.inputs[a])) > 2 for a in axes[:2])
-    sheet = Sheet("draw_sweep", None)
+    over = axes[: 2 if grid else 1]
+    others = [name for name in sweep.inputs if name not in over and _matters(sweep, name, table)]
+    sheet, labels = Sheet("draw_sweep", None), [_label(name, unit) for name in columns]
     with rc_context(STYLE):
-        others = (_map if grid else _curves)(sheet, sweep, axes, values, label)
+        (_maps if grid else _curves)(sheet, sweep, over, others, dict(zip(labels, table)))
         count = len(set(zip(*(sweep.inputs[n].tolist() for n in others))))
-        left_out = f"the first {_CURVES} of {count} combinations of the other parameters"
-        sheet.finished(None, left_out if count > _CURVES else "")
+        if count > _CURVES:
+            sheet.figure.suptitle(f"the first {_CURVES} of {count} combinations of the other parameters")
+        sheet.finished(None, "")
     return sheet.figure
+
+
+def _label(words: str, unit: str) -> str:
+    """What a panel shows, in lines that it has room for."""
+    return textwrap.fill(f"{words} ({unit})" if unit else words, 28)
+
+
+def _matters(sweep: Any, name: str, table: np.ndarray) -> bool:
+    """Whether values change, in some row, with one parameter alone; True where no rows tell."""
+    rest = list(zip(*(column.tolist() for other, column in sweep.inputs.items() if other != name)))
+    alike: dict[Any, list[int]] = {}
+    for row, key in enumerate(rest or [()] * len(sweep)):
+        alike.setdefault(key, []).append(row)
+    told = [rows for rows in alike.values() if len(rows) > 1]
+    return not told or not all(
+        np.allclose(table[:, rows], table[:, rows[:1]], rtol=1e-9, atol=0.0, equal_nan=True) for rows in told
+    )
 
 
 def _suited(unit: str, values: np.ndarray) -> tuple[float, str]:
@@ -106,13 +134,6 @@ def _suited(unit: str, values: np.ndarray) -> tuple[float, str]:
     if choose is None or not len(finite) or finite.max() == 0.0:
         return 1.0, "" if unit == "1" else unit
     return choose(float(finite.max()))
-
-
-def _in_words(name: str) -> str:
-    """ "steady/A2_A1_noisy/A" as "steady: A2/A1 with noise, A"."""
-    analysis, quantity, *rest = name.split("/")
-    words = re.sub(r"^(A\d)_(A1)", r"\1/\2", quantity).replace("_noisy", " with noise").replace("_", " ")
-    return f"{analysis}: {', '.join([words, *rest])}"
 
 
 def _parameter(sweep: Any, name: str) -> tuple[float, str, str]:
@@ -154,22 +175,23 @@ def _value(sweep: Any, name: str, value: Any) -> str:
     return f"{text} = {value * scale:g} {unit}".rstrip()
 
 
-def _curves(sheet: Sheet, sweep: Any, axes: Sequence[str], values: np.ndarray, label: str) -> list[str]:
-    """Curves over one parameter, one each combination of the others; names of these."""
-    over, others = axes[0], [n for n in sweep.inputs if n != axes[0]]
-    (panel,) = sheet.panels((1, 1), 3.4, 5.4)
-    places, text_of_axis = _axis(sweep, over)
-    for k, (text, rows) in enumerate(_families(sweep, others)):
-        x, y = places[rows], values[rows]
-        order = np.argsort(x)
-        colour, marker = CYCLE[k % len(CYCLE)], MARKERS[k % len(MARKERS)]
-        panel.plot(x[order], y[order], color=colour, marker=marker, markersize=3, linewidth=1, label=text)
-    if _logarithmic(values):
-        panel.set_yscale("log")
-    panel.set(xlabel=text_of_axis, ylabel=label)
+def _curves(
+    sheet: Sheet, sweep: Any, over: Sequence[str], others: Sequence[str], columns: Mapping[str, np.ndarray]
+) -> None:
+    """Curves over one parameter, one each combination of the others, below one another."""
+    panels = sheet.panels((len(columns), 1), 0.6 + 2.1 * len(columns), NARROW, sharex=True)
+    places, label = _axis(sweep, over[0])
+    for panel, (text_of_axis, values) in zip(panels, columns.items()):
+        for k, (text, rows) in enumerate(_families(sweep, others)):
+            x, y = places[rows], values[rows]
+            order = np.argsort(x)
+            colour, marker = CYCLE[k % len(CYCLE)], MARKERS[k % len(MARKERS)]
+            panel.plot(x[order], y[order], color=colour, marker=marker, markersize=3, linewidth=1, label=text)
+        if _logarithmic(values):
+            panel.set_yscale("log")
+        panel.set(xlabel=label, ylabel=text_of_axis)
     if others:
-        panel.legend(fontsize=6)
-    return others
+        sheet.figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left")
 
 
 def _logarithmic(values: np.ndarray) -> bool:
@@ -177,30 +199,36 @@ def _logarithmic(values: np.ndarray) -> bool:
     return bool(len(finite) and finite.min() > 0.0 and finite.max() > 30.0 * finite.min())
 
 
-def _map(sheet: Sheet, sweep: Any, axes: Sequence[str], values: np.ndarray, label: str) -> list[str]:
-    """Maps over two parameters, one each combination of the others; names of these."""
-    across, up = axes[:2]
-    places, labels = zip(*(_axis(sweep, name) for name in (across, up)))
-    others = [n for n in sweep.inputs if n not in (across, up)]
+def _maps(
+    sheet: Sheet, sweep: Any, over: Sequence[str], others: Sequence[str], columns: Mapping[str, np.ndarray]
+) -> None:
+    """Maps over two parameters, one each combination of the others, with one bar for each column."""
+    places, labels = zip(*(_axis(sweep, name) for name in over))
     families = _families(sweep, others)
-    columns = min(3, len(families))
-    lines = -(-len(families) // columns)
-    panels = sheet.panels((lines, columns), 0.5 + 2.3 * lines, 2.6 * columns + 1.2)
-    finite = values[np.isfinite(values)]
-    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
-    norm = LogNorm(low, high) if _logarithmic(values) else Normalize(low, high)
-    for panel, (text, rows) in zip(panels, families):
-        x, y, z = places[0][rows], places[1][rows], values[rows]
-        xs, ys = np.unique(x), np.unique(y)
-        if len(xs) * len(ys) == len(x):
-            table = np.full((len(ys), len(xs)), np.nan)
-            table[np.searchsorted(ys, y), np.searchsorted(xs, x)] = z
-            drawn: Any = panel.pcolormesh(xs, ys, table, norm=norm, cmap="viridis", shading="nearest")
-        else:
-            drawn = panel.scatter(x, y, c=z, norm=norm, cmap="viridis", s=12)
-        panel.set(xlabel=labels[0], ylabel=labels[1])
-        panel.set_title(text, fontsize=7)
-    for panel in panels[len(families) :]:
-        panel.set_axis_off()
-    bar(drawn, panels, label)
-    return others
+    across = min(2, len(families))
+    lines = -(-len(families) // across)
+    panels = sheet.panels(
+        (lines * len(columns), across), 0.4 + 2.2 * lines * len(columns), NARROW + 1.4 * (across - 1)
+    )
+    for number, (label, values) in enumerate(columns.items()):
+        own = panels[number * lines * across : (number + 1) * lines * across]
+        finite = values[np.isfinite(values)]
+        low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
+        norm = LogNorm(low, high) if _logarithmic(values) else Normalize(low, high)
+        for panel, (text, rows) in zip(own, families):
+            drawn = _map(panel, places[0][rows], places[1][rows], values[rows], norm)
+            panel.set(xlabel=labels[0], ylabel=labels[1])
+            panel.set_title(text, fontsize=7)
+        for panel in own[len(families) :]:
+            panel.set_axis_off()
+        bar(drawn, own, label)
+
+
+def _map(panel: Any, x: np.ndarray, y: np.ndarray, z: np.ndarray, norm: Any) -> Any:
+    """One map, or points where they are no grid."""
+    xs, ys = np.unique(x), np.unique(y)
+    if len(xs) * len(ys) != len(set(zip(x.tolist(), y.tolist()))):
+        return panel.scatter(x, y, c=z, norm=norm, cmap="viridis", s=12)
+    table = np.full((len(ys), len(xs)), np.nan)
+    table[np.searchsorted(ys, y), np.searchsorted(xs, x)] = z
+    return panel.pcolormesh(xs, ys, table, norm=norm, cmap="viridis", shading="nearest")

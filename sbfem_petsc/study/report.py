@@ -25,7 +25,7 @@ from .pictures import lacking
 from .quantities import Quantity, Tree
 from .revive import read_any
 from .run import PICTURES, RunResults
-from .sweep_file import Sweep
+from .sweep_file import WIDEST, Sweep
 
 # Rows of an array that a table shows.
 _ROWS = 60
@@ -55,14 +55,14 @@ p.facts { color: #556; margin-top: .2rem; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; margin: .6rem 0; }
 th, td { padding: .15rem .7rem; text-align: right; border-bottom: 1px solid #e4e8ee; white-space: nowrap; }
-th:first-child, td:first-child { text-align: left; } th { color: #556; font-weight: 600; }
+th:first-child, td:first-child, .values td { text-align: left; } th { color: #556; font-weight: 600; }
+.values td { white-space: normal; overflow-wrap: break-word; }
+img { max-width: 100%; height: auto; } figure { margin: 1rem 0; overflow-x: auto; }
+.beside { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 26rem), 1fr)); gap: 1rem; }
 @media (max-width: 40rem) {
-  table { font-size: .8rem; } th, td { padding: .15rem .3rem; }
-  td:first-child { white-space: normal; overflow-wrap: anywhere; }
-  .values { width: 100%; font-size: .9rem; }
-  .values td { white-space: normal; overflow-wrap: anywhere; padding: .15rem .2rem; }
+  table { font-size: .8rem; } th, td { padding: .15rem .3rem; } td:first-child { white-space: normal; }
+  body > figure img { min-width: 34rem; }
 }
-img { max-width: 100%; height: auto; } figure { margin: 1rem 0; }
 figcaption { color: #556; font-size: .9rem; }
 pre { background: #f4f6f9; padding: .8rem; overflow-x: auto; font-size: .85rem; }
 .failed { color: #a02010; }
@@ -185,11 +185,9 @@ def _label(path: str) -> str:
 
 def _with_unit(value: Any, unit: str) -> str:
     """A value in a unit that suits its magnitude."""
-    if unit in _UNITS and isinstance(value, (float, np.ndarray)):
-        top = float(np.abs(value).max(initial=0.0)) if isinstance(value, np.ndarray) else abs(value)
-        if math.isfinite(top) and top > 0.0:
-            scale, unit = _UNITS[unit](top)
-            value = value * scale
+    if isinstance(value, (float, np.ndarray)):
+        scale, unit = _fitting(unit, np.asarray(value))
+        value = value * scale
     return f"{_shown(value)}{'' if unit == '1' else ' ' + unit.replace('m^(1/2)', '√m')}"
 
 
@@ -214,11 +212,11 @@ def _shown(value: Any) -> str:
     return number(value) if isinstance(value, float) else str(value)
 
 
-def number(value: float) -> str:
-    """A number to six digits, powers of ten as a person writes them."""
+def number(value: float, digits: int = 6) -> str:
+    """A number to some digits, powers of ten as a person writes them."""
     if not math.isfinite(value):
         return "-"
-    text = f"{value:.6g}"
+    text = f"{value:.{digits}g}"
     if "e" not in text:
         return text.replace("-", "−")
     mantissa, power = text.split("e")
@@ -235,32 +233,56 @@ def _sweep(results: Sweep, folder: str, lack: str | None) -> xml.Element:
     page, body = _page(f"Sweep of {os.path.basename(results.case_file)}", facts)
     if lack is not None:
         _add(body, "p", lack, class_="failed")
-    parameters = [
-        (
-            name,
-            str(len(np.unique(column))),
-            f"{column.min():g} to {column.max():g} {results.input_units[name]}".rstrip(),
-        )
-        if column.dtype.kind in "fi"
-        else (name, str(len(np.unique(column))), ", ".join(map(str, np.unique(column))))
-        for name, column in results.inputs.items()
-    ]
-    _table(body, parameters, ("parameter", "values", "range"))
-    scalars = [
-        (name, number(float(np.nanmin(a))), number(float(np.nanmax(a))), results.units.get(name, "1"))
-        for name, a in results.values.items()
-        if a.ndim == 1 and not np.iscomplexobj(a) and np.isfinite(a).any()
-    ]
+    _table(body, list(_parameters(results)), ("parameter", "values", "range"))
     _add(body, "h2", "Quantities")
-    _table(body, scalars, ("quantity", "smallest", "largest", "unit"))
+    _table(body, list(_ranges(results)), ("quantity", "smallest", "largest", "unit"))
     if results.failed:
         rows = [(str(k), reason) for k, reason in enumerate(results.reasons) if reason][:_ROWS]
         _add(body, "h2", "Failed rows")
         _table(body, rows, ("row", "reason"))
     _add(body, "h2", "Indicators")
-    _pictures(body, folder, {})
+    captions = {
+        results.picture_name(name): words.split(",")[0]
+        for name, words in results.value_words.items()
+        if "with noise" not in words
+    }
+    _pictures(_add(body, "div", class_="beside"), folder, captions)
     _case(body, results.text)
     return page
+
+
+def _parameters(results: Sweep) -> Iterator[tuple[str, str, str]]:
+    """What is varied, between which values."""
+    for name, column in results.inputs.items():
+        values = np.unique(column)
+        words = results.input_words[name] or name
+        if column.dtype.kind in "fi":
+            scale, unit = _fitting(results.input_units[name], column)
+            span = f"{number(column.min() * scale)} to {number(column.max() * scale)} {unit}".rstrip()
+        else:
+            span = ", ".join(map(str, values))
+        yield words, str(len(values)), span
+
+
+def _ranges(results: Sweep) -> Iterator[tuple[str, str, str, str]]:
+    """Smallest and largest values of all rows, of each entry of short arrays."""
+    for name, array in results.values.items():
+        table = array.reshape(len(array), -1)
+        if np.iscomplexobj(table) or table.shape[1] > WIDEST or not np.isfinite(table).any():
+            continue
+        scale, unit = _fitting(results.units.get(name, "1"), table)
+        words = results.value_words[name]
+        for k, column in enumerate(table.T * scale, 1):
+            if np.isfinite(column).any():
+                own = words if array.ndim == 1 else f"{words}, {k}"
+                low, high = (number(float(f(column)), 5) for f in (np.nanmin, np.nanmax))
+                yield own, low, high, "" if unit == "1" else unit
+
+
+def _fitting(unit: str, values: np.ndarray) -> tuple[float, str]:
+    """Factor and name of a unit that suits the magnitude of values."""
+    top = float(np.abs(values).max(initial=0.0, where=np.isfinite(values)))
+    return _UNITS[unit](top) if unit in _UNITS and top > 0.0 else (1.0, unit)
 
 
 def _table(body: xml.Element, rows: Sequence[tuple[str, ...]], heading: tuple[str, ...] = ()) -> None:
@@ -272,7 +294,7 @@ def _table(body: xml.Element, rows: Sequence[tuple[str, ...]], heading: tuple[st
         for cell in heading:
             _add(first, "th", cell)
     else:  # names and values, which may take several lines on a narrow screen
-        table = _add(body, "table", class_="values")
+        table = _add(_add(body, "div", class_="wide"), "table", class_="values")
     for row in rows:
         line = _add(table, "tr")
         for cell in row:
@@ -302,7 +324,7 @@ def _pictures(
 
 def _caption(captions: Mapping[str, str], stem: str) -> str:
     """What a picture shows: "contact1" is that of the first crack."""
-    kind = stem.rstrip("0123456789")
+    kind = stem.rstrip("0123456789") if stem not in captions else stem
     return f"{captions.get(kind, kind.replace('_', ' '))} {stem[len(kind) :]}".rstrip()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -72,6 +73,21 @@ class Sweep:
     def input_words(self) -> dict[str, str]:
         """What the parameters are, in words."""
         return {name: words_of(name) for name in self.inputs}
+
+    @property
+    def value_words(self) -> dict[str, str]:
+        """What the values are, in words: "steady: A2/A1 with noise, A" of steady/A2_A1_noisy/A."""
+        found = {}
+        for name in self.values:
+            analysis, quantity, *rest = name.split("/")
+            words = re.sub(r"^(A\d)_(A1)", r"\1/\2", quantity).replace("_noisy", " with noise")
+            found[name] = f"{analysis}: {', '.join([words.replace('_', ' '), *rest])}"
+        return found
+
+    @staticmethod
+    def picture_name(name: str) -> str:
+        """The picture of a quantity with all its points, with and without noise: steady_A2_A1."""
+        return re.sub(r"[^A-Za-z0-9_]+", "_", "/".join(name.split("/")[:2]).removesuffix("_noisy"))
 
     def facts(self) -> dict[str, Any]:
         """Size, failures, names and ranges, as JSON can hold them."""

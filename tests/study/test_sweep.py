@@ -211,18 +211,26 @@ def test_parameters_in_words(name, words):
 
 
 def test_pictures_in_fitting_units(found):
-    """Depths in mm, forces in N, the quantity in words; what is below round-off is drawn at it."""
+    """Depths in mm, forces in N, the quantity in words; what is below round-off is drawn at it. A panel each
+    column; parameters that change nothing make no curves.
+    """
     values = np.where(found.values["steady/A2_A1/A"] > 0.0, 1e-17, np.nan)
     values[-1] = 1e-3
-    drawing = indicator_figure(found, "steady/A2_A1/A", values, "1")
-    axes = drawing.axes[0]
+    words = found.value_words
+    columns = {words["steady/A2_A1/A"]: values, words["steady/A2_A1_noisy/A"]: np.ones(len(values))}
+    drawing = indicator_figure(found, columns, "1")
+    axes, below = drawing.axes
+    assert below.get_ylabel() == "steady: A2/A1 with noise, A"
     over = max(found.inputs, key=lambda name: len(np.unique(found.inputs[name])))
-    assert over == "loads.push.fy" and axes.get_xlabel() == "force of push along y (N)"
+    assert over == "loads.push.fy" and below.get_xlabel() == "force of push along y (N)"
     assert axes.get_ylabel() == "steady: A2/A1, A" and axes.get_yscale() == "log"
-    texts = [text.get_text() for text in axes.get_legend().get_texts()]
+    texts = [text.get_text() for text in drawing.legends[0].get_texts()]
     assert texts == ["depth of notch 1 = 2 mm", "depth of notch 1 = 4 mm"]
     heights = np.concatenate([line.get_ydata() for line in axes.get_lines()])
     assert heights.min() == 1e-12 and heights.max() == 1e-3
+    force = found.inputs["loads.push.fy"]
+    alike = indicator_figure(found, {"frequency": 2.0 * force}, "Hz")
+    assert not alike.legends and len(alike.axes[0].get_lines()) == 1
 
 
 def test_row_files(tmp_path):
