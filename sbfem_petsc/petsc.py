@@ -29,6 +29,8 @@ from .ranks.parallel import alone
 
 # Right-hand sides that MUMPS solves for at a time: a fifth of the time of its own choice.
 _MUMPS_BLOCK = 64
+# Workspace beyond what MUMPS expects to need, per cent, where its own 20 are too little.
+_WORKSPACE = (100, 400, 1600)
 
 __all__ = [
     "MPI",
@@ -41,8 +43,10 @@ __all__ = [
     "count_pivots",
     "dense_columns",
     "direct_solver",
+    "factorise",
     "finite",
     "free",
+    "pivot_signs",
     "make_ksp",
     "negative_eigenvalues",
     "scripted",
@@ -144,15 +148,44 @@ def negative_eigenvalues(matrix: PETSc.Mat, what: str) -> int | None:
         pc.setOperators(matrix)
         pc.setType(PETSc.PC.Type.CHOLESKY)
         pc.setFactorSolverType("mumps")
-        factor = count_pivots(pc)
+        count_pivots(pc)
         configure(pc)
         with solving(what):
-            pc.setUp()
-        negative = int(factor.getInertia()[0])
-        factor.destroy()  # before its owner, which would otherwise leave MUMPS' memory behind
+            factorise(pc, pc.setUp, count_pivots)
+        negative = pivot_signs(pc, what)[0]
+        pc.getFactorMatrix().destroy()  # before its owner, which would otherwise leave MUMPS' memory behind
     finally:
         free(comm, pc)
     return negative
+
+
+def factorise(
+    pc: PETSc.PC, set_up: Callable[[], None], prepare: Callable[[PETSc.PC], object] | None = None
+) -> None:
+    """Factorise by `set_up`, and again by PC.setUp with more workspace where MUMPS has had too little:
+    pivots of indefinite matrices that are put off take more than its analysis expects. `prepare` sets up the
+    factor anew. Collective.
+    """
+    set_up()
+    for percentage in _WORKSPACE:
+        if _mumps_error(pc) not in (-8, -9):
+            return
+        operators = pc.getOperators()
+        pc.reset()
+        pc.setOperators(*operators)
+        pc.setFactorSetUpSolverType()
+        if prepare is not None:
+            prepare(pc)
+        pc.getFactorMatrix().setMumpsIcntl(14, percentage)
+        pc.setUp()
+
+
+def pivot_signs(pc: PETSc.PC, what: str) -> tuple[int, int, int]:
+    """Negative, zero and positive pivots of a factorisation after `count_pivots`. Collective."""
+    if _mumps_error(pc) < 0:
+        raise on_all_ranks(SolveError(f"{what}: {_failure(pc)}"))
+    negative, zero, positive = pc.getFactorMatrix().getInertia()
+    return int(negative), int(zero), int(positive)
 
 
 def make_ksp(
@@ -197,6 +230,7 @@ def make_ksp(
 def set_up(ksp: PETSc.KSP) -> None:
     """Factorise, or make a preconditioner."""
     with stage("Factorisation"), solving(ksp.getOptionsPrefix().rstrip("_")):
+        factorise(ksp.getPC(), ksp.setUp)
         ksp.setUp()
 
 
@@ -344,17 +378,8 @@ def check_ksp(ksp: PETSc.KSP, what: str, remedy: str | None = None) -> None:
     if reason > 0:
         return
     names = {value: name for name, value in vars(PETSc.KSP.ConvergedReason).items() if isinstance(value, int)}
-    if _memory_failed(ksp):
-        told = (
-            "the factorisation ran out of memory; use more ranks on more machines, a coarser mesh, or for "
-            "statics "
-            "an iterative solver (-static_ksp_type cg -static_pc_type gamg)"
-        )
-    elif reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED:
-        told = (
-            "the factorisation failed: is the structure supported against every rigid-body motion, and is "
-            "every part of it connected?"
-        )
+    if reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED:
+        told = _failure(ksp.getPC())
     else:
         told = remedy or f"try another solver or more iterations under -{ksp.getOptionsPrefix()}ksp_..."
     raise on_all_ranks(
@@ -365,9 +390,23 @@ def check_ksp(ksp: PETSc.KSP, what: str, remedy: str | None = None) -> None:
     )
 
 
-def _memory_failed(ksp: PETSc.KSP) -> bool:
-    """Whether MUMPS has told that it had too little memory: -9 and -13, or -8 and -19 for parts of it."""
-    pc = ksp.getPC()
+def _failure(pc: PETSc.PC) -> str:
+    """What is told of a factorisation that failed."""
+    if _mumps_error(pc) in (-8, -9, -13, -19):
+        return (
+            "the factorisation ran out of memory; use more ranks on more machines, a coarser mesh, or for "
+            "statics an iterative solver (-static_ksp_type cg -static_pc_type gamg)"
+        )
+    return (
+        "the factorisation failed: is the structure supported against every rigid-body motion, and is every "
+        "part of it connected?"
+    )
+
+
+def _mumps_error(pc: PETSc.PC) -> int:
+    """What MUMPS tells of a factorisation, 0 or more where it succeeded or another package made it: -9 and
+    -13 of too little memory, -8 and -19 for parts of it.
+    """
     if pc.getType() not in ("cholesky", "lu") or pc.getFactorSolverType() != "mumps":
-        return False
-    return pc.getFactorMatrix().getMumpsInfog(1) in (-8, -9, -13, -19)
+        return 0
+    return int(pc.getFactorMatrix().getMumpsInfog(1))

@@ -19,8 +19,10 @@ from ..petsc import (
     count_pivots,
     dense_columns,
     direct_solver,
+    factorise,
     free,
     negative_eigenvalues,
+    pivot_signs,
     require_thread,
     solving,
 )
@@ -71,11 +73,13 @@ def sparse_modes(
         pc, (factorisation, package) = ksp.getPC(), direct_solver(MPI.COMM_SELF, positive_definite=False)
         pc.setType(factorisation)
         pc.setFactorSolverType(package)
-        counted = count_pivots(pc) if package == "mumps" else None
+        counts = count_pivots if package == "mumps" else None
+        if counts is not None:
+            counts(pc)
         configure(eps)
         with solving("modal"):
-            eps.setUp()
-            negative, zero, _ = (0, 0, 0) if counted is None else counted.getInertia()
+            factorise(pc, eps.setUp, counts)
+            negative, zero, _ = (0, 0, 0) if counts is None else pivot_signs(pc, "modal")
             if negative:
                 raise _indefinite(f"{negative} negative eigenvalues")
             if zero:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from meshing import Beam, VNotch
+from meshing import Beam, CrackLine, Plate, VNotch
 from sbfem_petsc.contact.complementarity import active_set
 from sbfem_petsc.contact.law import FREE, PRESSED, PULLED
 from sbfem_petsc.system.contact.bordered_contact import Bordered
@@ -60,3 +60,18 @@ def test_sequences(structure, kind, count):
             start = found.state if generator.random() < 0.8 else generator.integers(0, 3, len(w))
     assert unsolved <= 0.1 * problems
     assert states >= {FREE, PRESSED} and (PULLED in states) == np.isfinite(laws.table.most[FREE]).any()
+
+
+@pytest.mark.parametrize("edges", [60, 110])
+def test_faces_of_many_edges_that_close(edges):
+    """All 131 and 231 pairs of an oblique crack close, whose borders put off so many pivots that MUMPS needs
+    more workspace than it expects: the forces are those of the flexibility.
+    """
+    crack = CrackLine([(0.06, 0.005), (0.0615, 0.0025)])
+    mesh = Plate([(0, 0), (0.2, 0), (0.2, 0.005), (0, 0.005)], cracks=[crack]).mesh(order=2, face_edges=edges)
+    with sb.Model(mesh, ALUMINIUM, clamped="edge4") as model:
+        count = len(model.gap_operator)
+        with closing(Bordered(model)) as backend:
+            force, moved = backend.closed(np.ones(count, dtype=bool), np.full(count, -1e-8), None)
+        np.testing.assert_allclose(moved, 1e-8, rtol=1e-9)
+        np.testing.assert_allclose(model.compliance.gaps @ force, moved, rtol=1e-7)

@@ -252,7 +252,7 @@ for method, target in ((mesh.save, "mesh.h5"), (mesh.save, "new.h5"), (mesh.expo
 def test_a_full_disk_leaves_nothing_behind(saved):
     before = saved.read_bytes()
     run = subprocess.run(
-        [sys.executable, "-c", FULL, str(saved)],
+        [sys.executable, "-B", "-c", FULL, str(saved)],  # no bytecode, which would be cut for good
         cwd=saved.parent,
         capture_output=True,
         text=True,

@@ -73,7 +73,9 @@ def begun(ranks, *arguments):
 
 
 def full(size):
-    """For a child: no file can grow beyond so many bytes, as on a full disk."""
+    """For a child: no file can grow beyond so many bytes, as on a full disk. It must not write bytecode:
+    Python takes what is cut there for whole, in programs that begin later, too.
+    """
 
     def limit():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
@@ -188,7 +190,7 @@ def test_sweep_ended_and_resumed(number, tmp_path):
 def test_sweep_on_a_full_disk(size, tmp_path):
     """No file can grow beyond some bytes: one sentence; with room again the sweep is completed."""
     path, out = written(tmp_path, CASE + SWEEP), tmp_path / "out"
-    command = [sys.executable, "-m", "sbfem_petsc", "sweep", str(path), "--output", str(out), "--quiet"]
+    command = [sys.executable, "-B", "-m", "sbfem_petsc", "sweep", str(path), "--output", str(out), "--quiet"]
     done = subprocess.run(
         command, cwd=ROOT, capture_output=True, text=True, preexec_fn=full(size), timeout=300
     )
@@ -281,7 +283,7 @@ def test_report_on_a_full_disk(kind, share, files, tmp_path):
     arguments = ["report", str(files[kind][0]), "--output", str(page)]
     assert sbfem(*arguments).code == 0
     before = page.read_bytes()
-    command = [sys.executable, "-m", "sbfem_petsc", *arguments]
+    command = [sys.executable, "-B", "-m", "sbfem_petsc", *arguments]
     limit = full(int(share * len(before)))
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, preexec_fn=limit, timeout=300)
     assert done.returncode == 2 and done.stderr.count("error:") == 1 and "Traceback" not in done.stderr

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from meshing import Beam
+from meshing import Beam, CrackLine, Plate
 from meshing.warnings import RoundOffWarning
+from sbfem_petsc.system.contact import bordered_contact
 from tests.parallel import answer, on_ranks
+from tests.systems import ALUMINIUM
 
 YOUNG, DENSITY, HEIGHT = 70e9, 2700.0, 0.01
 # Bodies of hundreds of metres that bend beyond small displacements are meant here.
@@ -133,3 +135,23 @@ def test_ranks_agree():
             # the axial displacement is round-off
             np.testing.assert_allclose(found[ratio][:4], values[:4], rtol=1e-9)
             assert found[ratio][5] == pytest.approx(values[5], rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings(*SIZES)
+def test_many_pairs_that_close(monkeypatch):
+    """Faces of an oblique edge crack on the compressed side of a beam of 200 heights: by the flexibility,
+    whose solves are refined (of order 5 and 500 heights it leaves 2e-8 of K_II as K_I, which is 0), also
+    where there are so many rows that bordered matrices would be taken, whose round-off is that of the
+    assembled stiffness: forces are 5e-10 of the largest off, those of order 5 and 500 heights 6e-7.
+    """
+    height, length = 0.005, 1.0
+    crack = CrackLine([(0.3 * length, height), (0.3 * length + 0.3 * height, 0.5 * height)])
+    plate = Plate([(0, 0), (length, 0), (length, height), (0, height)], cracks=[crack])
+    mesh, found = plate.mesh(order=3, points={"A": (length, height)}), []
+    for many in (bordered_contact.MANY, 0):
+        monkeypatch.setattr(bordered_contact, "MANY", many)
+        with sb.Model(mesh, ALUMINIUM, clamped="edge4") as model:
+            found.append(sb.static(model, sb.PointForce("A", fy=1.0)).contact_force)
+    assert (found[0] > 0.0).sum() > 40
+    np.testing.assert_allclose(found[1], found[0], rtol=0.0, atol=1e-10 * found[0].max())
