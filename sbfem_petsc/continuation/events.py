@@ -170,9 +170,7 @@ def find_zero(
     bracket, place, widths, poor = (0.0, 1.0), 0.0, [1.0], False
     while len(widths) <= MOST:
         near = min(abs(values[end]) for end in bracket) <= small
-        if widths[-1] <= FINER * (1.0 + 1e-9) or (
-            widths[-1] <= FINE * (1.0 + 1e-9) and near and alike(*(known[end] for end in bracket))
-        ):
+        if _narrow(widths[-1], near, alike, *(known[end] for end in bracket)):
             break
         expected = values if smooth is None else smooth({**around, **known})
         # what is followed may vanish elsewhere than the test, which counts all
@@ -194,6 +192,13 @@ def find_zero(
         widths.append(bracket[1] - bracket[0])
     nearest = min(bracket, key=lambda place: abs(values[place]))
     return known[nearest], known[bracket[0]], known[bracket[1]]
+
+
+def _narrow(
+    width: float, near: bool, alike: Callable[[Point, Point], bool], left: Point, right: Point
+) -> bool:
+    """Whether a bracket needs no point within it, sooner where the test is small and the branch smooth."""
+    return width <= FINER * (1.0 + 1e-9) or (width <= FINE * (1.0 + 1e-9) and near and alike(left, right))
 
 
 def _next_place(values: dict[float, float], lower: float, upper: float) -> float:

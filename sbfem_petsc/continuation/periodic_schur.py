@@ -23,41 +23,53 @@ def reduce_factors(factors: np.ndarray) -> None:
     """Bring real factors (n, s, s), by orthogonal transformations in place, to upper triangular form, the
     last one to upper Hessenberg form.
     """
-    count, size = factors.shape[0], factors.shape[1]
-    last = count - 1
-    # all but the last by Householder reflections, which act on the columns of the next one
+    for k in range(len(factors) - 1):
+        _reflect(factors[k], factors[k + 1])
+    _rotate(factors)
+
+
+@compiled
+def _reflect(factor: np.ndarray, following: np.ndarray) -> None:
+    """Bring a factor to triangular form by Householder reflections, which act on the columns of the next."""
+    size = len(factor)
     mirror = np.empty(size)
-    for k in range(last):
-        for j in range(size - 1):
-            norm = 0.0
+    for j in range(size - 1):
+        norm = 0.0
+        for i in range(j, size):
+            norm += factor[i, j] ** 2
+        norm = np.sqrt(norm)
+        if norm == 0.0:
+            continue
+        head = factor[j, j]
+        mirror[j] = head + norm if head >= 0.0 else head - norm
+        square = mirror[j] ** 2
+        for i in range(j + 1, size):
+            mirror[i] = factor[i, j]
+            square += mirror[i] ** 2
+        for column in range(j, size):
+            total = 0.0
             for i in range(j, size):
-                norm += factors[k, i, j] ** 2
-            norm = np.sqrt(norm)
-            if norm == 0.0:
-                continue
-            head = factors[k, j, j]
-            mirror[j] = head + norm if head >= 0.0 else head - norm
-            square = mirror[j] ** 2
-            for i in range(j + 1, size):
-                mirror[i] = factors[k, i, j]
-                square += mirror[i] ** 2
-            for column in range(j, size):
-                total = 0.0
-                for i in range(j, size):
-                    total += mirror[i] * factors[k, i, column]
-                total *= 2.0 / square
-                for i in range(j, size):
-                    factors[k, i, column] -= total * mirror[i]
-            for i in range(j + 1, size):
-                factors[k, i, j] = 0.0
-            for row in range(size):
-                total = 0.0
-                for i in range(j, size):
-                    total += factors[k + 1, row, i] * mirror[i]
-                total *= 2.0 / square
-                for i in range(j, size):
-                    factors[k + 1, row, i] -= total * mirror[i]
-    # the last by rotations of its rows, each chased through the triangular factors
+                total += mirror[i] * factor[i, column]
+            total *= 2.0 / square
+            for i in range(j, size):
+                factor[i, column] -= total * mirror[i]
+        for i in range(j + 1, size):
+            factor[i, j] = 0.0
+        for row in range(size):
+            total = 0.0
+            for i in range(j, size):
+                total += following[row, i] * mirror[i]
+            total *= 2.0 / square
+            for i in range(j, size):
+                following[row, i] -= total * mirror[i]
+
+
+@compiled
+def _rotate(factors: np.ndarray) -> None:
+    """Bring the last factor to Hessenberg form by rotations of its rows, each chased through the triangular
+    factors.
+    """
+    last, size = len(factors) - 1, factors.shape[1]
     for j in range(size - 2):
         for i in range(size - 1, j + 1, -1):
             one, other = factors[last, i - 1, j], factors[last, i, j]

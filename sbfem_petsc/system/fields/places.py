@@ -172,20 +172,7 @@ def places(
         On rank 0, if a point lies where the faces of a crack coincide.
     """
     comm, other = model.comm, model.held if moved else None
-    homes = [_home(model, np.array(point)) for point in points]
-    mine = np.array([-1 if home is None else home[0] for home in homes], dtype=np.int64)
-    owner = np.where(mine < 0, np.iinfo(np.int64).max, mine)
-    comm.Allreduce(MPI.IN_PLACE, owner, MPI.MIN)
-    with collective(comm):
-        for point, element in zip(points, owner):
-            if element == np.iinfo(np.int64).max:
-                lower, upper = model.extent
-                raise ValueError(
-                    f"the point ({point[0]:g}, {point[1]:g}) m lies outside the structure, which reaches "
-                    f"from ({lower[0]:g}, {lower[1]:g}) to ({upper[0]:g}, {upper[1]:g}) m (and not inside "
-                    "holes)"
-                )
-    held = [(k, home) for k, home in enumerate(homes) if home is not None and home[0] == owner[k]]
+    held = _held(model, points)
     _warn_of_faces(model, points, held)
     tractions = {faces.number: faces for faces in model.tip_faces}
     numbers = {int(tip.element): number for number, tip in enumerate(model.tip_elements)}
@@ -233,6 +220,31 @@ def places(
     if inertia:
         kinds = [replace(rows, inertia=part) for rows, part in zip(kinds, _inertial(model, held, count))]
     return Places(*kinds)
+
+
+def _held(model: Structure, points: list[tuple[float, float]]) -> list[tuple[int, tuple]]:
+    """Numbers of the points that this rank evaluates, with what `_home` tells of them. Collective.
+
+    Raises
+    ------
+    ValueError
+        If a point lies outside the structure; on all ranks.
+    """
+    comm = model.comm
+    homes = [_home(model, np.array(point)) for point in points]
+    mine = np.array([-1 if home is None else home[0] for home in homes], dtype=np.int64)
+    owner = np.where(mine < 0, np.iinfo(np.int64).max, mine)
+    comm.Allreduce(MPI.IN_PLACE, owner, MPI.MIN)
+    with collective(comm):
+        for point, element in zip(points, owner):
+            if element == np.iinfo(np.int64).max:
+                lower, upper = model.extent
+                raise ValueError(
+                    f"the point ({point[0]:g}, {point[1]:g}) m lies outside the structure, which reaches "
+                    f"from ({lower[0]:g}, {lower[1]:g}) to ({upper[0]:g}, {upper[1]:g}) m (and not inside "
+                    "holes)"
+                )
+    return [(k, home) for k, home in enumerate(homes) if home is not None and home[0] == owner[k]]
 
 
 def _warn_of_faces(model: Structure, points: list[tuple[float, float]], held: list) -> None:
