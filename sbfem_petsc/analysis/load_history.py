@@ -21,7 +21,7 @@ from ..motion.loading import loading
 from ..ranks.capacity import require_memory
 from ..ranks.parallel import agreed, collective
 from ..record.record import Record, derived, described, quantity
-from ..reduction.at_rest import ReducedLoadHistory, at_rest, over_time
+from ..reduction.at_rest import ReducedLoadHistory, over_time
 from ..reduction.reduced_model import ReducedModel
 from ..signals.signal import Signal
 from ..system.fields.places import checked_line
@@ -233,7 +233,7 @@ def load_history(
     if isinstance(model, ReducedModel):
         times, signals = _checked(time), loading("load_history", model, load).signals
         over = np.array([[float(signal(t)) for signal in signals] for t in times])
-        return over_time(times, [at_rest("load_history", model, at, contact) for at in over])
+        return over_time("load_history", model, times, over, contact)
     instance("load_history", "model", model, Model, "a Model or ReducedModel")
     with collective(model.comm):
         times = _checked(time)

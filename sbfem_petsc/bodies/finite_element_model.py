@@ -10,6 +10,7 @@ import numpy as np
 from scipy import sparse
 
 from ..checks import choice, flag, instance, integer, names_of, real, real_array, shown
+from ..contact.law import ContactLaw, Unilateral, check_without_layer
 from ..errors import UnknownName, listed
 from .rows import Contact, Row
 from .units import UNITS, tree_of, warn_of_units
@@ -136,6 +137,7 @@ class FiniteElementModel:
         normal: Any = None,
         gap: float | np.ndarray | Callable | None = None,
         matching: bool = True,
+        law: ContactLaw | None = None,
     ) -> Contact:
         """Contact between two faces, or of one face with a rigid wall.
 
@@ -152,6 +154,10 @@ class FiniteElementModel:
             Whether each left node has a right one before it. False: left nodes, of the finer mesh, meet the
             surface between the right ones, linear on triangles of these; a force goes to their corners with
             the same weights.
+        law : ContactLaw, optional
+            Of all pairs, without a layer. Default: `Unilateral`. Faces that rub (`Coulomb`) are those of
+            plane bodies, held along one axis: their slip is along the normal turned clockwise, seen against
+            it. Friction of faces that slide in two directions is no law of rows, and refused.
 
         Raises
         ------
@@ -159,9 +165,11 @@ class FiniteElementModel:
             If there is no such node or set.
         ValueError
             If nodes have no partner or lie beside the right face, if the normal is not known, if faces
-            overlap, or if nothing moves.
+            overlap, if nothing moves, or if faces that rub are not those of a plane body.
         """
         flag("contact", "matching", matching)
+        law = Unilateral() if law is None else law
+        check_without_layer("contact", "law", law)
         one = self._face("left", left)
         x = self.places[[self._node[a] for a in one]]
         other = None if right is None else self._face("right", right)
@@ -171,12 +179,15 @@ class FiniteElementModel:
             vector = _normal(x, self.places[[self._node[a] for a in other]])
         else:
             raise ValueError("contact: a wall needs a normal, from the body to the wall")
-        rows, distance = -self._rows(one, vector), np.zeros(len(one))
+        along = self._slip_direction(law, one + (other or []), vector) if law.rubs else np.zeros(3)
+        rows, slips, distance = -self._rows(one, vector), -self._rows(one, along), np.zeros(len(one))
         if other is not None:
             y = self.places[[self._node[a] for a in other]]
             share = (_partners if matching else _between)(one, x, y, vector)
             met = np.unique(share.indices)
-            rows = rows + share[:, met] @ self._rows([other[k] for k in met], vector)
+            facing = [other[k] for k in met]
+            rows = rows + share[:, met] @ self._rows(facing, vector)
+            slips = slips + share[:, met] @ self._rows(facing, along)
             distance = share @ (y @ vector) - x @ vector
             distance[np.abs(distance) < APART * 1e-6 * np.ptp(x, axis=0).max()] = 0.0
         if gap is not None:
@@ -191,10 +202,32 @@ class FiniteElementModel:
             raise ValueError(
                 f"contact: the faces overlap by {-distance.min():g} m; is the normal from left to right?"
             )
-        moves = abs(rows).max(axis=1).toarray().ravel() > ROUNDING
+        moves, slides = (abs(part).max(axis=1).toarray().ravel() > ROUNDING for part in (rows, slips))
         if not moves.any():
             raise ValueError("contact: all nodes of the faces are held; no displacement moves a gap")
-        return Contact(rows[moves], distance[moves])
+        if (slides & ~moves).any():
+            raise ValueError(
+                f"contact: law = {law!r} rubs, and node {one[(slides & ~moves).argmax()]} is held across the "
+                "faces but slides: no contact force presses on it; free it, or leave it out"
+            )
+        laws = tuple(law if rubs else Unilateral() for rubs in slides) if law.rubs else (law,) * len(one)
+        return Contact(
+            rows[moves],
+            distance[moves],
+            tuple(law for law, gives in zip(laws, moves) if gives),
+            sparse.csr_matrix(slips[moves]),
+        )
+
+    def _slip_direction(self, law: ContactLaw, labels: list[int], normal: np.ndarray) -> np.ndarray:
+        """The one direction in which faces slide: across the normal and an axis along which they are held."""
+        for d in (2, 1, 0):
+            plane = d not in self.unknowns[:, 1] or all((label, d) in self.fixed for label in labels)
+            if plane and abs(normal[d]) <= ROUNDING:
+                return np.cross(normal, np.eye(3)[d])
+        raise ValueError(
+            f"contact: law = {law!r} rubs, and its faces slide in two directions, where friction is a cone "
+            "and no law of rows; hold them along one axis, as in a plane body, or give Unilateral()"
+        )
 
     def summary(self) -> str:
         """Unknowns, nodes, size, mass and sets, a line each."""

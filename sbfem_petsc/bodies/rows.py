@@ -9,6 +9,7 @@ import numpy as np
 from scipy import sparse
 
 from ..checks import shown
+from ..contact.law import ContactLaw
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +57,16 @@ class Contact:
     rows : (pairs, n) sparse matrix
     gap : (pairs,) array
         m.
+    laws : tuple of ContactLaw
+        Of the pairs.
+    slips : (pairs, n) sparse matrix
+        Slips are `slips` u; rows of zeros where nothing rubs.
     """
 
     rows: sparse.csr_matrix
     gap: np.ndarray
+    laws: tuple[ContactLaw, ...]
+    slips: sparse.csr_matrix
 
     def __add__(self, other: Contact) -> Contact:
         other = _same("contact", self, other)
@@ -68,7 +75,12 @@ class Contact:
             again := next((k for k, row in enumerate(other.rows) if _content(row) in held), None)
         ) is not None:
             raise ValueError(f"contact: pair {again} of what is added is there already; leave its node out")
-        return Contact(sparse.vstack([self.rows, other.rows]).tocsr(), np.concatenate([self.gap, other.gap]))
+        return Contact(
+            sparse.vstack([self.rows, other.rows]).tocsr(),
+            np.concatenate([self.gap, other.gap]),
+            self.laws + other.laws,
+            sparse.vstack([self.slips, other.slips]).tocsr(),
+        )
 
     @property
     def size(self) -> int:

@@ -58,8 +58,8 @@ def refuse_friction(owner: str, rubs: str) -> None:
     """Raise ValueError, on all ranks, for what rubs."""
     raise on_all_ranks(
         ValueError(
-            f"{owner} knows no friction yet, and {rubs}; use transient in modes, static or load_history of a "
-            "Model, or contact_laws = Unilateral()"
+            f"{owner} knows no friction yet, and {rubs}; use transient in modes, static or load_history, "
+            "or contact_laws = Unilateral()"
         )
     )
 

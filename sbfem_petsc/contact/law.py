@@ -380,17 +380,22 @@ def row_laws(
             f"{owner}: contact_laws = {shown(laws)} must be a contact law or one for each row, such as Tied()"
         )
     for k, law in enumerate(given):
-        check_law(owner, f"contact_laws[{k}]", law)
-        if law.compliance or getattr(law, "tangential_compliance", 0.0):
-            raise ValueError(
-                f"{owner}: contact_laws[{k}] = {law!r} is a layer in m^3/N of a face's area, which a row of "
-                "matrices has not; give compliance = [...] in m/N of each row"
-            )
+        check_without_layer(owner, f"contact_laws[{k}]", law)
     if len(given) != count:
         raise ValueError(
             f"{owner}: contact_laws has {len(given)} laws for {count} contact rows; give as many"
         )
     return tuple(given)
+
+
+def check_without_layer(owner: str, name: str, law: object) -> None:
+    """Raise unless it is a law of a row whose faces have no area."""
+    check_law(owner, name, law)
+    if getattr(law, "compliance", 0.0) or getattr(law, "tangential_compliance", 0.0):
+        raise ValueError(
+            f"{owner}: {name} = {law!r} is a layer in m^3/N of a face's area, which a row of matrices has "
+            "not; give compliance = [...] in m/N of each row to reduce_matrices"
+        )
 
 
 # Solvers read of a law what stands in `RowLaws` alone: any other class would be one of these under its name.

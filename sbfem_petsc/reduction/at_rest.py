@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import functools
-from typing import ClassVar
+from collections.abc import Iterator
+from typing import Any, ClassVar
 
 import numpy as np
 
-from ..contact.complementarity import solve_complementarity
+from ..contact.complementarity import Complementarity
+from ..contact.friction import Memory, solve_contact
 from ..errors import at_point
 from ..record.record import Record, derived, described, quantity
 from .reduced_model import ReducedModel
@@ -54,6 +56,15 @@ class ReducedStatic(Record):
     strain_energy: float = quantity("J", "that of elastic stops included", row=True)
     iterations: int = quantity("1", "iterations of the active set", least=0)
     directions: dict[str, str] = _directions()
+    slip: np.ndarray | None = quantity(
+        "m", "slips of the rows, where any rubs", "pair", kinds="f", default=None
+    )
+    friction_force: np.ndarray | None = quantity(
+        "N", "friction of the rows, against the changes of their slips", "pair", kinds="f", default=None
+    )
+    friction_loss: float | None = quantity(
+        "J", "lost to friction since the state before, or since rest", kinds="f", default=None
+    )
 
     @derived("N", "sum of the contact forces", row=True)
     def contact_resultant(self) -> float:
@@ -89,6 +100,15 @@ class ReducedLoadHistory(Record):
     gap: np.ndarray = quantity("m", "gaps of the contact rows", "time pair", detail=True)
     strain_energy: np.ndarray = quantity("J", "that of elastic stops included", "time")
     directions: dict[str, str] = _directions()
+    slip: np.ndarray | None = quantity(
+        "m", "slips of the rows, where any rubs", "time pair", kinds="f", default=None, detail=True
+    )
+    friction_force: np.ndarray | None = quantity(
+        "N", "friction of the rows", "time pair", kinds="f", default=None, detail=True
+    )
+    friction_loss: np.ndarray | None = quantity(
+        "J", "lost to friction so far", "time", kinds="f", default=None
+    )
 
     @derived("N", "sum of the contact forces", "time")
     def contact_resultant(self) -> np.ndarray:
@@ -131,43 +151,64 @@ def kept_modes(reduced: ReducedModel, count: int | None, band: tuple[float, floa
 
 
 def at_rest(owner: str, reduced: ReducedModel, amplitudes: np.ndarray, contact: bool) -> ReducedStatic:
-    """The static state under (loads,) amplitudes; exact, for the residual flexibility is that of all modes
-    left out.
+    """The static state under (loads,) amplitudes, in one step from rest; exact, for the residual flexibility
+    is that of all modes left out.
     """
+    return next(_states(owner, reduced, amplitudes[None], contact))
+
+
+def _states(
+    owner: str, reduced: ReducedModel, amplitudes: np.ndarray, contact: bool
+) -> Iterator[ReducedStatic]:
+    """The static states under (n, loads) amplitudes, each from the one before."""
     require_rows(owner, reduced)
-    reduced.require_frictionless(f"{owner} of a reduced model")
     if not reduced.omega.all():
         raise ValueError(
             f"{owner}: the reduced model has rigid-body motions (0 Hz); hold it, say by weak springs"
         )
     give = 1.0 / reduced.omega**2
-    rows = reduced.gap.modes
+    rows, laws, friction, count = reduced.gap.modes, reduced.contact_laws, reduced.friction, reduced.gaps
     flexibility = reduced.gap.contact + (rows * give) @ rows.T
-    modal_load = reduced.load_modes @ amplitudes
-    by_load = rows @ (give * modal_load) + reduced.gap.loads @ amplitudes
-    gap, laws = by_load + reduced.initial_gap, reduced.contact_laws
-    force, active, iterations = np.zeros(len(gap)), np.zeros(len(gap), dtype=bool), 0
-    if contact and laws.touched(gap).any():
-        found = solve_complementarity(flexibility, gap, laws)
-        force, gap, active, iterations = found.force, found.gap, found.active, found.iterations
-    q = give * (modal_load + force @ rows)
-    u = reduced.points(q[None], amplitudes[None], force[None])[0, :, -1]
-    by_loads = modal_load @ (give * modal_load) + amplitudes @ reduced.load_flexibility @ amplitudes
-    energy = 0.5 * (by_loads + force @ flexibility @ force) + force @ by_load
-    names = reduced.points.names
-    return ReducedStatic(
-        dict(zip(names, u.tolist())), force, gap, active, float(energy), iterations, reduced.point_directions
-    )
+    memory = None if friction is None else Memory.none(laws, friction)
+    for loads in amplitudes:
+        modal_load = reduced.load_modes @ loads
+        by_load = rows @ (give * modal_load) + reduced.gap.loads @ loads
+        gap = by_load + reduced.initial_gap
+        found = Complementarity(np.zeros(len(gap)), gap, np.zeros(len(gap), dtype=np.int8), 0)
+        if contact and laws.touched(gap[:count]).any():
+            found = solve_contact(flexibility, gap, laws, friction, memory)
+        force, rubbed = found.force, dict[str, Any]()
+        if friction is not None and memory is not None:
+            former, memory = memory, Memory.of(found, count)
+            lost = memory.lost_since(former, friction)
+            rubbed = {"slip": memory.slip, "friction_force": memory.force, "friction_loss": lost}
+        q = give * (modal_load + force @ rows)
+        u = reduced.points(q[None], loads[None], force[None])[0, :, -1]
+        by_loads = modal_load @ (give * modal_load) + loads @ reduced.load_flexibility @ loads
+        energy = 0.5 * (by_loads + force @ flexibility @ force) + force @ by_load
+        yield ReducedStatic(
+            dict(zip(reduced.points.names, u.tolist())),
+            force[:count],
+            found.gap[:count],
+            found.active[:count],
+            float(energy),
+            found.iterations,
+            reduced.point_directions,
+            **rubbed,
+        )
 
 
-def over_time(time: np.ndarray, states: list[ReducedStatic]) -> ReducedLoadHistory:
-    """The states of some times."""
+def over_time(
+    owner: str, reduced: ReducedModel, time: np.ndarray, amplitudes: np.ndarray, contact: bool
+) -> ReducedLoadHistory:
+    """The states at (n,) times under (n, loads) amplitudes."""
+    states = list(_states(owner, reduced, amplitudes, contact))
+    kept = ["contact_force", "gap", "strain_energy"]
+    kept += ["slip", "friction_force"] * (reduced.friction is not None)
+    found = {name: np.array([getattr(state, name) for state in states]) for name in kept}
+    if reduced.friction is not None:
+        found["friction_loss"] = np.cumsum([state.friction_loss for state in states])
+    u = np.array([list(state.point_displacements.values()) for state in states])
     return ReducedLoadHistory(
-        tuple(states[0].point_displacements),
-        time,
-        np.array([list(state.point_displacements.values()) for state in states]),
-        np.array([state.contact_force for state in states]),
-        np.array([state.gap for state in states]),
-        np.array([state.strain_energy for state in states]),
-        states[0].directions,
+        tuple(states[0].point_displacements), time, u, directions=states[0].directions, **found
     )

@@ -121,10 +121,11 @@ def _reduced_body(
 ) -> ReducedModel:
     """A body of another code, by its matrices."""
     n = len(body.unknowns)
-    rows, gap = sparse.csr_matrix((0, n)), np.zeros(0)
+    none = sparse.csr_matrix((0, n))
+    pairs = Contact(none, np.zeros(0), (), none)
     if contact is not None:
         _of_body("contact", instance("reduce", "contact", contact, Contact, "a Contact, of body.contact"), n)
-        rows, gap = contact.rows, contact.gap
+        pairs = contact
     for name, given in zip(("loads", "points"), named, strict=True):
         if not isinstance(given, Mapping) or not given:
             raise TypeError(
@@ -140,13 +141,15 @@ def _reduced_body(
     return reduce_matrices(
         body.mass,
         body.stiffness,
-        rows,
-        gap,
+        pairs.rows,
+        pairs.gap,
         loads=sparse.vstack([row.weights for row in loads.values()]).T,
         sensors=points,
         modes=modes,
         damping=damped[0],
         rayleigh=damped[1],
+        contact_laws=pairs.laws,
+        tangent_rows=pairs.slips,
     )
 
 

@@ -32,7 +32,7 @@ class ReducedModel(Record):
     with the amplitudes s(t) of unit loads and the contact forces. It stands in the place of its model in
     `transient`, `periodic`, `frequency_response`, `load_response` and the analyses built on them. Where faces
     rub, the slips of contact rows stand behind all gaps, and their friction behind the other forces;
-    `transient` alone takes such a model.
+    `transient`, `static` and `load_history` alone take such a model.
 
     `loads` are the unit loads it was made for, none for a system of matrices; `model` and `modal`, the modes
     themselves, distributed, are None for such a system and for one read from a file.

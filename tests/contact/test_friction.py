@@ -381,8 +381,6 @@ def test_what_takes_no_friction_says_so():
             lambda: sb.frequency_response(model, load, 90.0, 110.0),
             lambda: sb.backbone(model, 1, 1e-9, 1e-6),
             lambda: sb.periodic(sb.reduce(model, load, modes=5), load, 100.0),
-            lambda: sb.static(rubbing_mass(), 1.0),
-            lambda: sb.load_history(rubbing_mass(), 1.0, [0.0, 1.0]),
             lambda: sb.frequency_response(rubbing_mass(), sb.Harmonic(1.0, 1.0), 0.9, 1.1),
             lambda: sb.static(model, sb.PointForce("A", fy=1.0), method="one_pass_tie"),
         ]

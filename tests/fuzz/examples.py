@@ -880,6 +880,7 @@ ARGUMENTS: Arguments = {
     "FiniteElementModel.contact.normal": "x",
     "FiniteElementModel.contact.gap": 1e-3,
     "FiniteElementModel.contact.matching": True,
+    "FiniteElementModel.contact.law": sb.Tied(),
     "Samples.from_csv.path": "given/wave.csv",
     "BoundaryMesh.load.path": "given/mesh.h5",
     "BoundaryMesh.with_gap.gap": 1e-6,
