@@ -26,12 +26,13 @@ from meshing.gmsh.describe import (
     whole_surfaces,
 )
 from meshing.gmsh.discretise import mesh_surfaces
-from meshing.gmsh.files import CAD, IGES, SCRIPTS
+from meshing.gmsh.files import CAD, IGES, NASTRAN, SCRIPTS
 from meshing.gmsh.script_log import check_whole, refused, step_read
 from meshing.gmsh.size_guard import Guard
 from meshing.gmsh_session import initialize
 
 _NAMES_TRIED = 1000  # tags beyond the highest group's at which a name may be left of a group that is empty
+NUMBERED = (*CAD, *NASTRAN)
 _TELLS_FILES = 4  # verbosity from which on gmsh tells what it reads
 
 
@@ -80,6 +81,7 @@ def extract(
         if script:
             check_whole(gmsh.logger.get())
             _refuse_programs(gmsh, trusted)
+            geometry = not gmsh.model.mesh.getElements(2)[1]  # it may name groups of a mesh that it merges
         if suffix in CAD and len(gmsh.model.getEntities(2)) > 1:
             # These formats keep every part by itself; parts that touch are one body.
             gmsh.model.occ.removeAllDuplicates()
@@ -87,12 +89,12 @@ def extract(
         solids = len(gmsh.model.getEntities(3))
         if solids:
             raise Refusal(_of_volumes(gmsh, solids))
-        groups = _numbered_entities(gmsh) if suffix in CAD else physical_groups(gmsh)
+        groups = _numbered_entities(gmsh, suffix) if suffix in NUMBERED else physical_groups(gmsh)
         if geometry:
             _mesh(gmsh, whole_surfaces(groups), size, guard)
     found = describe(gmsh, groups, order, geometry)
     guard.check_cells(found)
-    empty = [] if suffix in CAD else _empty_groups(gmsh)
+    empty = [] if suffix in NUMBERED else _empty_groups(gmsh)
     return replace(found, unnamed=suffix in CAD, empty=empty, **_said(gmsh, script)).packed()
 
 
@@ -214,10 +216,14 @@ def _refuse_crossing_outlines(gmsh, surfaces: list[int]) -> None:
             )
 
 
-def _numbered_entities(gmsh) -> list[list]:
-    """Groups of a format that has none: all surfaces are one material, curves and points have numbers."""
+def _numbered_entities(gmsh, suffix: str) -> list[list]:
+    """Groups of a format that has none: curves and points have numbers, and all surfaces are one material;
+    numbers of Nastran are those of its properties, of which each is a material.
+    """
     entities = [[tag for _, tag in gmsh.model.getEntities(dimension)] for dimension in (0, 1, 2)]
     groups = [[d, f"{KIND[d]}{tag}", [tag]] for d in (0, 1) for tag in entities[d]]
+    if suffix in NASTRAN and len(entities[2]) > 1:
+        return groups + [[2, f"{MATERIAL}{tag}", [tag]] for tag in entities[2]]
     return groups + ([[2, MATERIAL, entities[2]]] if entities[2] else [])
 
 

@@ -10,7 +10,14 @@ from meshing.whole_file import read_whole
 SCRIPTS = (".geo", ".geo_unrolled")
 STEP, IGES = (".step", ".stp"), (".iges", ".igs")
 CAD = (*STEP, ".brep", *IGES)  # these formats carry no physical groups
-FOREIGN = {".inp": "meshing.gmsh.abaqus", ".vtu": "meshing.gmsh.vtk", ".vtk": "meshing.gmsh.vtk"}
+NASTRAN = (".bdf", ".nas")  # groups are the numbers of properties
+FOREIGN = {
+    ".inp": "meshing.gmsh.foreign.abaqus",
+    ".vtu": "meshing.gmsh.foreign.vtk",
+    ".vtk": "meshing.gmsh.foreign.vtk",
+    ".unv": "meshing.gmsh.foreign.universal",
+    ".med": "meshing.gmsh.foreign.salome",
+}
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
@@ -25,7 +32,7 @@ def checked_content(path: Path) -> bytes:
         There is no such file, the ending is not known, or the content is something else or cut.
     """
     suffix, content = path.suffix.lower(), read_whole(path)
-    if content.startswith(_HDF5):
+    if content.startswith(_HDF5) and suffix != ".med":
         raise ValueError(
             f"{path}: it is an HDF5 file, not a gmsh model; meshes that were saved here are read by "
             "BoundaryMesh.load(path)."
@@ -33,7 +40,7 @@ def checked_content(path: Path) -> bytes:
     if suffix not in KNOWN:
         raise ValueError(
             f"{path}: the ending {path.suffix or '(none)'} is not known; {', '.join(KNOWN)} are read, and "
-            "the content must be what the ending says."
+            "the content must be what the ending says; meshio convert FILE FILE.vtu makes one of many others."
         )
     if not content.strip():
         raise ValueError(f"{path}: it is empty.")
@@ -86,6 +93,21 @@ def _check_vtk(path: Path, content: bytes) -> None:
     _expect(path, begins, "a legacy VTK file (it begins with # vtk DataFile)")
 
 
+def _check_unv(path: Path, content: bytes) -> None:
+    begins = re.match(rb"\s* {4}-1\s*\r?\n *[0-9]+", content) is not None and b"\0" not in content
+    _expect(path, begins, "a universal file (it begins with a line -1 and a data set's number)")
+    _complete(path, re.search(rb"(?m)^ {4}-1\s*\Z", content) is not None, "a line -1")
+
+
+def _check_bdf(path: Path, content: bytes) -> None:
+    has = re.search(rb"(?m)^GRID[ *,]", content) is not None and b"\0" not in content
+    _expect(path, has, "a Nastran bulk data file (it has cards GRID)")
+
+
+def _check_med(path: Path, content: bytes) -> None:
+    _expect(path, content.startswith(_HDF5), "a MED file (it is in HDF5)")
+
+
 def _expect(path: Path, holds: bool, what: str) -> None:
     if not holds:
         raise ValueError(f"{path}: its content is not {what}, as its ending says.")
@@ -130,5 +152,8 @@ _CHECKS = {
     ".inp": _check_inp,
     ".vtu": _check_vtu,
     ".vtk": _check_vtk,
+    ".unv": _check_unv,
+    ".med": _check_med,
+    **dict.fromkeys(NASTRAN, _check_bdf),
 }
 KNOWN = tuple(_CHECKS)

@@ -77,8 +77,9 @@ def read_gmsh(
         ``.brep``, ``.iges`` are meshed here, GLL nodes on the true curves; step, brep and iges carry no
         groups: all surfaces are one material, parts that touch are joined, every curve and point has its
         number in its name ("curve5", "point2"); to name them, write a .geo file that merges the file and adds
-        physical groups. ``.inp`` (Abaqus): see
-        `meshing.gmsh.abaqus`. ``.vtu`` and ``.vtk`` are read by meshio, see `meshing.gmsh.vtk`.
+        physical groups. ``.inp`` (Abaqus), ``.unv``, ``.med``, ``.vtu``
+        and ``.vtk``: see the modules of `meshing.gmsh.foreign`. ``.bdf`` (Nastran): groups have the numbers
+        of properties.
     order : int
         Polynomial order of the S-elements' edges, 1 to 20.
     size : float, optional

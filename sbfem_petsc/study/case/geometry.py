@@ -102,7 +102,9 @@ class GmshGeometry(_Geometry):
     mesher: ClassVar = reader.read_gmsh
 
     kind: Literal["gmsh"] = item(text="a model of gmsh's")
-    file: Name = item(text="path of a .msh, .geo, .step, .brep or .inp file, relative to the case file")
+    file: Name = item(
+        text="path of a model that read_gmsh reads (.geo, .msh, .inp, .unv ...), relative to the case file"
+    )
     scale: float | None = item(
         None,
         text="length of the file's unit: 1e-3 for a model in mm; default: that of STEP and IGES, else 1",

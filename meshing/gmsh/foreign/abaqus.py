@@ -22,7 +22,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from meshing.gmsh.confined import Refusal
-from meshing.gmsh.foreign import described
+from meshing.gmsh.foreign import described, ends_first
 
 # CAX4P and R3D3 are what meshio calls quadrilaterals and triangles
 _PLANE = re.compile(r"(?:CPS|CPE|CPEG|M3D|S|STRI|R3D)([34689])(?!\d{2})[A-Z0-9]*|CAX(4)P")
@@ -337,7 +337,7 @@ class _Deck:
             missing = [node for node in nodes if node not in self.nodes]
             if missing:
                 card.refuse(f"has node {missing[0]} in element {label}, which does not exist", line)
-            self.elements[label] = (dimension, self._ends_first(nodes) if dimension == 1 else nodes)
+            self.elements[label] = (dimension, ends_first(nodes, self.nodes) if dimension == 1 else nodes)
             labels.append(label)
         if _SHELLS.fullmatch(card.given["TYPE"].upper()):
             self.shells.update(labels)
@@ -345,14 +345,6 @@ class _Deck:
             card.refuse(f"ends within element {row[0]}")
         if "ELSET" in card.given:
             self._set(card, "ELSET", self.element_sets).labels.update(dict.fromkeys(labels))
-
-    def _ends_first(self, nodes: list[int]) -> list[int]:
-        """Nodes of a line; where there are three, programs disagree on the place of the middle one."""
-        if len(nodes) == 2:
-            return nodes
-        where = np.array([self.nodes[node] for node in nodes])
-        middle = int(np.argmin([np.linalg.norm(where - own, axis=1).max() for own in where]))
-        return [*nodes[:middle], *nodes[middle + 1 :], nodes[middle]]
 
     def _add_set(self, card: _Card, kind: str, sets: dict[str, _Set], known: dict[int, Any]) -> None:
         found = self._set(card, kind, sets)

@@ -13,7 +13,7 @@ import numpy as np
 from meshing.gmsh.confined import Refusal
 from meshing.gmsh.foreign import described
 
-_PLANE = ("triangle", "triangle6", "quad", "quad8", "quad9")  # meshio's names
+PLANE = ("triangle", "triangle6", "quad", "quad8", "quad9")  # meshio's names
 _IGNORED = ("vertex", "line", "line3")
 _MATERIALS = ("material", "gmsh:physical", "CellEntityIds", "medit:ref")
 
@@ -33,23 +33,14 @@ def extract(*, file: str, **options: Any) -> tuple[dict[str, Any], dict[str, np.
     Refusal
         meshio cannot read it, or it is no plane mesh.
     """
-    import meshio
-
-    try:
-        mesh = meshio.read(file)
-    except (Exception, SystemExit) as error:  # meshio's readers raise what they like
-        raise Refusal(f"meshio cannot read it ({' '.join(str(error).split())}); mend the file.") from error
+    mesh = read_by_meshio(file)
     key = next((key for key in _MATERIALS if key in mesh.cell_data), None)
     numbers = mesh.cell_data[key] if key else [None] * len(mesh.cells)
     groups: dict[tuple[int, str], list[list[int]]] = {}
     for block, values in zip(mesh.cells, numbers):
+        check_plane(block, _IGNORED)
         if block.type in _IGNORED:
             continue
-        if block.type not in _PLANE:
-            raise Refusal(
-                f"it holds {len(block.data)} cells of type {block.type!r}, a plane mesh of triangles and "
-                "quadrilaterals was expected."
-            )
         names = ["material"] * len(block.data)
         if values is not None:
             names = [f"material{int(value)}" for value in np.ravel(values)]
@@ -58,3 +49,22 @@ def extract(*, file: str, **options: Any) -> tuple[dict[str, Any], dict[str, np.
     positions = np.zeros((len(mesh.points), 3))
     positions[:, : mesh.points.shape[1]] = mesh.points
     return described(dict(enumerate(positions)), groups, {}, **options)
+
+
+def read_by_meshio(file: str) -> Any:
+    """What meshio reads, or a Refusal."""
+    import meshio
+
+    try:
+        return meshio.read(file)
+    except (Exception, SystemExit) as error:  # meshio's readers raise what they like
+        raise Refusal(f"meshio cannot read it ({' '.join(str(error).split())}); mend the file.") from error
+
+
+def check_plane(block: Any, others: tuple[str, ...]) -> None:
+    """Refusal of cells that are neither plane nor of some other kinds."""
+    if block.type not in (*PLANE, *others):
+        raise Refusal(
+            f"it holds {len(block.data)} cells of type {block.type!r}, a plane mesh of triangles and "
+            "quadrilaterals was expected."
+        )

@@ -67,6 +67,64 @@ def described(
     return model.packed()
 
 
+def ends_first(line: Sequence[int], nodes: Mapping[int, Sequence[float]]) -> list[int]:
+    """Nodes of a line; where there are three, programs disagree on the place of the middle one."""
+    if len(line) == 2:
+        return list(line)
+    where = np.array([nodes[node] for node in line])
+    middle = int(np.argmin([np.linalg.norm(where - own, axis=1).max() for own in where]))
+    return [*line[:middle], *line[middle + 1 :], line[middle]]
+
+
+def sorted_groups(
+    elements: Mapping[int, tuple[int, Sequence[int]]],
+    element_groups: Mapping[str, Sequence[int]],
+    node_groups: Mapping[str, Sequence[int]],
+) -> tuple[dict[tuple[int, str], list[Sequence[int]]], dict[str, Sequence[int]]]:
+    """Groups by dimension and name, and sets of nodes, of files that name groups of elements and of nodes:
+    those of plane elements are materials ("material" where there are none), of lines curves, of points sets.
+
+    Parameters
+    ----------
+    elements : mapping of int to (dimension, nodes)
+    element_groups, node_groups : mapping of str to sequence of int
+        Labels.
+
+    Raises
+    ------
+    Refusal
+        A plane element is of no material or of two, or a group of elements holds none.
+    """
+    groups: dict[tuple[int, str], list[Sequence[int]]] = {}
+    sets = {name: list(labels) for name, labels in node_groups.items()}
+    owner: dict[int, str] = {}
+    for name, labels in element_groups.items():
+        own = [label for label in dict.fromkeys(labels) if label in elements]
+        if not own and not sets.get(name):
+            raise Refusal(
+                f"its group {name!r} holds nothing that is in the file; remove it, or export it again "
+                "(points are in those of gmsh with Mesh.SaveGroupsOfNodes = 1)."
+            )
+        for label in own:
+            dimension, nodes = elements[label]
+            if dimension == 0:
+                sets.setdefault(name, []).extend(nodes)
+                continue
+            groups.setdefault((dimension, name), []).append(nodes)
+            if dimension == 2 and owner.setdefault(label, name) != name:
+                raise Refusal(
+                    f"element {label} is in the groups {owner[label]!r} and {name!r}; it can be of one "
+                    "material only: leave out one of them, or all but lines and one group for each material."
+                )
+    plane = {label: nodes for label, (dimension, nodes) in elements.items() if dimension == 2}
+    if not owner:
+        groups[2, "material"] = list(plane.values())
+    elif left := [label for label in plane if label not in owner]:
+        raise Refusal(f"element {left[0]} is in no group, whose name is the material's; give it one.")
+    used = {name for _, name in groups}
+    return groups, {name: labels for name, labels in sets.items() if name not in used}
+
+
 def _add(model: FileModel, dimension: int, name: str, elements: Sequence[Sequence[int]]) -> int:
     """Add a group to a model, elements of one number of nodes together; its entity."""
     entity = len(model.groups) + 1
