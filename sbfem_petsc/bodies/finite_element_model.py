@@ -244,6 +244,10 @@ class FiniteElementModel:
     def __repr__(self) -> str:
         return f"FiniteElementModel({len(self.unknowns)} unknowns, {len(self.labels)} nodes)"
 
+    def _fingerprint(self) -> object:
+        """What tells it from others, the same on all ranks."""
+        return self.mass, self.stiffness, self.unknowns
+
     def _diagonals(self) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness and mass of the unknowns that are displacements."""
         moves = self.unknowns[:, 1] < 3

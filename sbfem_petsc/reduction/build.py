@@ -18,7 +18,7 @@ from ..damping import DampingTable, ModalDamping, checked_damping, checked_rayle
 from ..errors import caller_level
 from ..loads import Load, SupportMotion, refuse_motion, separate
 from ..petsc import MPI
-from ..ranks.parallel import agreed, collective
+from ..ranks.parallel import agreed, checked_communicator, collective
 from ..system.fields.resolution import warn_of_tips
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
@@ -44,6 +44,7 @@ def reduce(
     points: Mapping[str, Row] | None = None,
     damping: float | Sequence[float] | np.ndarray | DampingTable | None = None,
     rayleigh: tuple[float, float] | None = None,
+    comm: MPI.Comm | None = None,
 ) -> ReducedModel:
     """Reduce a model to its lowest modes and the residual flexibility of its contact, loads and named points.
 
@@ -69,6 +70,8 @@ def reduce(
         Modal damping of a body, as of `reduce_matrices`, default 0; a Model has its own.
     rayleigh : (float, float), optional
         a (1/s) and b (s) of a damping matrix a M + b K of a body beside it, default none.
+    comm : mpi4py communicator, optional
+        Ranks that reduce a body, read alike on each of them, together; default: all. A Model has its own.
 
     Returns
     -------
@@ -86,17 +89,19 @@ def reduce(
             checked_damping("reduce", 0.0 if damping is None else damping),
             checked_rayleigh("reduce", (0.0, 0.0) if rayleigh is None else rayleigh),
         )
-        return _reduced_body(model, contact, (loads, points), modes, damped)
+        return _reduced_body(
+            model, contact, (loads, points), modes, damped, checked_communicator("reduce", comm)
+        )
     if not isinstance(model, Model):
         raise TypeError(
             f"reduce: model = {shown(model)} is not a Model or FiniteElementModel; for matrices use "
             "reduce_matrices"
         )
     with collective(model.comm):
-        if any(given is not None for given in (contact, loads, points, damping, rayleigh)):
+        if any(given is not None for given in (contact, loads, points, damping, rayleigh, comm)):
             raise ValueError(
-                "reduce: contact, loads, points, damping and rayleigh are of a FiniteElementModel; a Model "
-                "has its own"
+                "reduce: contact, loads, points, damping, rayleigh and comm are of a FiniteElementModel; a "
+                "Model has its own"
             )
     most = model.boundary_unknowns // 2
     with collective(model.comm):
@@ -118,6 +123,7 @@ def _reduced_body(
     named: tuple[Mapping[str, Row] | None, Mapping[str, Row] | None],
     modes: int | None,
     damped: tuple[ModalDamping, tuple[float, float]],
+    comm: MPI.Comm,
 ) -> ReducedModel:
     """A body of another code, by its matrices."""
     n = len(body.unknowns)
@@ -150,6 +156,7 @@ def _reduced_body(
         rayleigh=damped[1],
         contact_laws=pairs.laws,
         tangent_rows=pairs.slips,
+        comm=comm,
     )
 
 

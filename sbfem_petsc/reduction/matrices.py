@@ -20,6 +20,8 @@ from ..damping import (
     modal_ratios,
     rayleigh_ratios,
 )
+from ..petsc import MPI
+from ..ranks.parallel import agreed, checked_communicator
 from .outputs import LinearOutput
 from .reduced_model import ReducedModel
 from .sparse import sparse_modes
@@ -28,6 +30,7 @@ from .sparse import sparse_modes
 SYMMETRY = 1e-9
 
 
+@agreed()
 def reduce_matrices(
     mass: np.ndarray | sparse.spmatrix,
     stiffness: np.ndarray | sparse.spmatrix,
@@ -43,6 +46,7 @@ def reduce_matrices(
     contact_laws: ContactLaw | Sequence[ContactLaw] | None = None,
     tangent_rows: np.ndarray | sparse.spmatrix | None = None,
     tangent_compliance: np.ndarray | None = None,
+    comm: MPI.Comm | None = MPI.COMM_SELF,
 ) -> ReducedModel:
     """A system given by its matrices: textbook oscillators, bars, other codes' examples.
 
@@ -80,6 +84,9 @@ def reduce_matrices(
         Slip = tangent_rows u + tangent_compliance friction; needed of rows that rub (`Coulomb`).
     tangent_compliance : (pairs,) array, optional
         Of what gives way along the faces before they slip, m/N of each row.
+    comm : mpi4py communicator, optional
+        Ranks that work on sparse matrices, the same on each of them, together; None: all. Default: each rank
+        for itself.
 
     Raises
     ------
@@ -88,6 +95,7 @@ def reduce_matrices(
         row has no compliance at all: a rigid stop on an unknown whose mass is kept in full has no law in this
         form.
     """
+    comm = checked_communicator("reduce_matrices", comm)
     mass, stiffness = _matrix("mass", mass), _matrix("stiffness", stiffness)
     large = sparse.issparse(mass) or sparse.issparse(stiffness)
     if large:
@@ -95,7 +103,7 @@ def reduce_matrices(
     n = mass.shape[0]
     gap = _array("gap", gap, 1)
     pairs = len(gap)
-    contact_rows, loads = _dense("contact_rows", contact_rows), _dense("loads", loads)
+    contact_rows, loads = _rows("contact_rows", contact_rows), _rows("loads", loads)
     stops = np.zeros(pairs) if compliance is None else _array("compliance", compliance, 1)
     for name, array, shape in (
         ("mass", mass, (n, n)),
@@ -112,20 +120,25 @@ def reduce_matrices(
     _check_symmetric("stiffness", stiffness)
     if (stops < 0.0).any():
         raise ValueError(f"reduce_matrices: compliance {stops.min():g} m/N is negative")
-    if (idle := np.flatnonzero(~contact_rows.any(axis=1))).size:
+    if (idle := np.flatnonzero(contact_rows.getnnz(axis=1) == 0)).size:
         raise ValueError(f"reduce_matrices: contact_rows[{idle[0]}] is zero; no displacement moves its gap")
     laws = row_laws(contact_laws, pairs, "reduce_matrices")
     slips, slack, friction = _sliding(laws, tangent_rows, tangent_compliance, n)
-    contact_rows, stops = np.concatenate([contact_rows, slips]), np.append(stops, slack)
+    contact_rows, stops = sparse.vstack([contact_rows, slips]).tocsr(), np.append(stops, slack)
     heavy = np.count_nonzero(mass.diagonal())
     default, most = (max(min(80, n // 2, heavy), 1), max(n - 1, 1)) if large else (n, n)
     modes = default if modes is None else integer("reduce_matrices", "modes", modes, least=1, most=most)
-    along = tuple(row.direction for row in sensors.values() if isinstance(row, Row))
     seen = _sensor_rows(sensors, n)
+    along = tuple(row.direction for row in sensors.values() if isinstance(row, Row))
     given, factors = _damping(damping, n), checked_rayleigh("reduce_matrices", rayleigh)
 
-    columns = np.concatenate([contact_rows.T, loads], axis=1)
-    values, kept, flexibility = (sparse_modes if large else _dense_modes)(mass, stiffness, columns, modes)
+    columns = sparse.hstack([contact_rows.T, loads]).tocsr()
+    found = (
+        sparse_modes(mass, stiffness, columns, modes, comm)
+        if large
+        else _dense_modes(mass, stiffness, columns.toarray(), modes)
+    )
+    values, kept, flexibility = found
     omega = np.sqrt(values)
     if factors[0] > 0.0 and not omega.all():
         raise ValueError(
@@ -137,7 +150,7 @@ def reduce_matrices(
     gaps = LinearOutput(
         (), contact_rows @ kept, contact_rows @ by_loads, contact_rows @ by_contact + np.diag(stops)
     )
-    weak = np.flatnonzero((np.diag(gaps.contact) <= 0.0) & contact_rows.any(axis=1))
+    weak = np.flatnonzero((np.diag(gaps.contact) <= 0.0) & (contact_rows.getnnz(axis=1) > 0))
     if len(weak):
         what, mend = ("slip", "tangent_compliance") if weak[0] >= pairs else ("stop", "compliance")
         raise ValueError(
@@ -154,7 +167,7 @@ def reduce_matrices(
         omega / (2.0 * np.pi),
         ratios,
         gaps,
-        np.append(RowLaws.of(laws).rest(gap), np.zeros(len(slips))),
+        np.append(RowLaws.of(laws).rest(gap), np.zeros(len(stops) - pairs)),
         pairs,
         kept.T @ loads,
         loads.T @ by_loads,
@@ -164,15 +177,16 @@ def reduce_matrices(
         contact_laws=RowLaws.of(laws),
         friction=friction,
         directions=along or None,
+        ranks=comm if large else None,
     )
 
 
 def _sliding(
     laws: Sequence[ContactLaw], rows: Any, compliance: Any, count: int
-) -> tuple[np.ndarray, np.ndarray, Friction | None]:
+) -> tuple[sparse.csr_matrix, np.ndarray, Friction | None]:
     """Tangential rows and their compliance, one for each law where any rubs, and their friction."""
     pairs = len(laws)
-    slips = np.zeros((pairs, count)) if rows is None else _dense("tangent_rows", rows)
+    slips = sparse.csr_matrix((pairs, count)) if rows is None else _rows("tangent_rows", rows)
     slack = np.zeros(pairs) if compliance is None else _array("tangent_compliance", compliance, 1)
     for name, array, shape in (("rows", slips, (pairs, count)), ("compliance", slack, (pairs,))):
         if array.shape != shape:
@@ -180,7 +194,7 @@ def _sliding(
     if (slack < 0.0).any():
         raise ValueError(f"reduce_matrices: tangent_compliance {slack.min():g} m/N is negative")
     rubs = np.array([law.rubs for law in laws], dtype=bool)
-    if (idle := np.flatnonzero(rubs & ~slips.any(axis=1))).size:
+    if (idle := np.flatnonzero(rubs & (slips.getnnz(axis=1) == 0))).size:
         raise ValueError(
             f"reduce_matrices: contact_laws[{idle[0]}] = {laws[idle[0]]!r} rubs; give tangent_rows, whose "
             f"row {idle[0]} says which displacements move its slip"
@@ -188,7 +202,7 @@ def _sliding(
     if not rubs.any():
         return slips[:0], slack[:0], None
     return (
-        np.where(rubs[:, None], slips, 0.0),
+        sparse.diags(rubs.astype(float)) @ slips,
         np.where(rubs, slack, 0.0),
         Friction.of(laws, np.arange(pairs)),
     )
@@ -244,8 +258,11 @@ def _matrix(name: str, value: Any) -> np.ndarray | sparse.csr_matrix:
     return sparse.csr_matrix(entries.astype(float))
 
 
-def _dense(name: str, value: Any) -> np.ndarray:
-    return _array(name, value.toarray() if sparse.issparse(value) else value, 2)
+def _rows(name: str, value: Any) -> sparse.csr_matrix:
+    """A finite real matrix, sparse."""
+    rows = sparse.csr_matrix(_matrix(name, value))
+    rows.eliminate_zeros()
+    return rows
 
 
 def _check_symmetric(name: str, matrix: np.ndarray | sparse.csr_matrix) -> None:
@@ -269,7 +286,7 @@ def _sensor_rows(sensors: Any, count: int) -> sparse.csr_matrix:
             raise TypeError(f"reduce_matrices: sensors has the name {name!r}; names are strings")
         item = f"sensors[{name!r}]"
         if sparse.issparse(place) or (isinstance(place, np.ndarray) and place.ndim):
-            row = _dense(item, place).ravel() if sparse.issparse(place) else _array(item, place, 1)
+            row = _rows(item, place).toarray().ravel() if sparse.issparse(place) else _array(item, place, 1)
             if len(row) != count:
                 raise ValueError(f"reduce_matrices: {item} has {len(row)} entries, {count} were expected")
             rows[k] = row

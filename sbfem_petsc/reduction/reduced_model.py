@@ -76,6 +76,8 @@ class ReducedModel(Record):
         text="directions of the points of a body", dims="place", default=None, repr=False
     )
 
+    ranks: MPI.Comm | None = field(default=None, repr=False)
+
     @derived(text="the unit loads", dims="load", kinds="U", detail=True)
     def unit_loads(self) -> np.ndarray | None:
         """(l,) texts, None for a system of matrices."""
@@ -155,8 +157,8 @@ class ReducedModel(Record):
 
     @property
     def comm(self) -> MPI.Comm:
-        """Ranks that work on it together; one without a model is each rank's own."""
-        return MPI.COMM_SELF if self.model is None else self.model.comm
+        """Ranks that work on it together; one without a model is each rank's own, but of a body."""
+        return (self.ranks or MPI.COMM_SELF) if self.model is None else self.model.comm
 
     def output_at(self, kind: str, place: tuple[float, float]) -> LinearOutput:
         """Displacement (2 components, m) or stress (xx, yy, xy, Pa) at any point, kept for the next time.

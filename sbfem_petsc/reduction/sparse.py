@@ -1,4 +1,4 @@
-"""Modes and residual flexibility of sparse matrices, by SLEPc and PETSc from one factorisation."""
+"""Modes and residual flexibility of sparse matrices from one factorisation by PETSc."""
 
 from __future__ import annotations
 
@@ -9,33 +9,39 @@ from scipy import sparse
 
 from meshing.warnings import SolverWarning
 
-from ..errors import SolveError, caller_level
+from ..errors import SolveError, caller_level, on_all_ranks
 from ..petsc import (
     MPI,
     PETSc,
-    SLEPc,
-    block_solve,
-    configure,
     count_pivots,
     dense_columns,
-    direct_solver,
     factorise,
     free,
+    make_ksp,
     negative_eigenvalues,
     pivot_signs,
     require_thread,
     solving,
 )
+from ..system.solve.linear_solver import LinearSolver
 
 # Relative residual of K x = b that a solve may have, and the energy of a mode, beside that of its parts, that
 # is told from their round-off.
 RESIDUAL, ZERO = 1e-6, 1e-14
+# Vectors that are solved for at a time, relative residual of K^-1 M x = x / w2 that a mode may have, what is
+# left of a vector that is in the space of others, and vectors a mode at most.
+BLOCK, TOLERANCE, NOTHING, MOST = 8, 1e-9, 1e-10, 8
 
 
 def sparse_modes(
-    mass: sparse.csr_matrix, stiffness: sparse.csr_matrix, columns: np.ndarray, count: int
+    mass: sparse.csr_matrix,
+    stiffness: sparse.csr_matrix,
+    columns: sparse.csr_matrix,
+    count: int,
+    comm: MPI.Comm = MPI.COMM_SELF,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The lowest modes of K phi = w2 M phi and what is left of the flexibility, on each rank alike.
+    Collective.
 
     The residual flexibility is P K^-1 P^T with the projector P = 1 - Phi Phi^T M, without the cancellation
     of K^-1 - Phi Omega^-2 Phi^T.
@@ -48,75 +54,144 @@ def sparse_modes(
     Raises
     ------
     ValueError
-        If the stiffness is indefinite, or admits rigid-body motions.
+        If the stiffness is indefinite, or admits rigid-body motions; on all ranks.
     SolveError
-        If SLEPc does not find the modes, or has left some out.
+        If modes are not found, or some have been left out; on all ranks.
     """
     require_thread()
-    _require_mass(mass, count)
-    k, m = _matrix(stiffness), _matrix(mass)
-    eps = SLEPc.EPS().create(MPI.COMM_SELF)
+    _require_mass(comm, mass, count)
+    k, m = _matrix(comm, stiffness), _matrix(comm, mass)
+    ksp = make_ksp(k, "modal_st_", positive_definite=False, later=True)
     try:
-        eps.setOptionsPrefix("modal_")
-        eps.setOperators(k, m)
-        eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
-        eps.setDimensions(count, min(len(columns), max(2 * count, count + 20)))
-        eps.setTolerances(1e-12, 200)
-        eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
-        eps.setTarget(0.0)
-        st = eps.getST()
-        st.setType(SLEPc.ST.Type.SINVERT)
-        st.setShift(0.0)
-        ksp = st.getKSP()
-        ksp.setOperators(k)
-        ksp.setType(PETSc.KSP.Type.PREONLY)
-        pc, (factorisation, package) = ksp.getPC(), direct_solver(MPI.COMM_SELF, positive_definite=False)
-        pc.setType(factorisation)
-        pc.setFactorSolverType(package)
-        counts = count_pivots if package == "mumps" else None
-        if counts is not None:
-            counts(pc)
-        configure(eps)
-        with solving("modal"):
-            factorise(pc, eps.setUp, counts)
-            negative, zero, _ = (0, 0, 0) if counts is None else pivot_signs(pc, "modal")
-            if negative:
-                raise _indefinite(f"{negative} negative eigenvalues")
-            if zero:
-                raise _not_held()
-            eps.solve()
-        if eps.getConverged() < count:
-            raise SolveError(
-                f"modal: SLEPc found {eps.getConverged()} of {count} eigenpairs; raise "
-                "-modal_eps_max_it or -modal_eps_ncv"
-            )
-        values, vectors = _pairs(eps, k, count)
-        inertia = mass @ vectors
-        if values[0] < 0.0:
-            raise _indefinite(f"eigenvalue {values[0]:g} of M^-1 K")
-        lowest = np.abs(vectors[:, 0])
-        if values[0] * (lowest @ np.abs(inertia[:, 0])) <= ZERO * (lowest @ (abs(stiffness) @ lowest)):
+        _factorise(ksp)
+        solver = LinearSolver(ksp, k)
+        values, vectors, inertia = _lowest(solver, m, count)
+        first = np.abs(_whole(comm, np.stack([vectors[:, 0], inertia[:, 0]], axis=1)))
+        if values[0] * (first[:, 0] @ first[:, 1]) <= ZERO * (first[:, 0] @ (abs(stiffness) @ first[:, 0])):
             raise _not_held()
-        vectors /= np.sqrt((vectors * inertia).sum(axis=0))
-        inertia = mass @ vectors
-        right = np.asfortranarray(columns - inertia @ (vectors.T @ columns))
-        block = dense_columns(k, right)
-        answers = np.empty_like(right, order="F")
-        try:
-            with solving("reduction"):
-                block_solve(ksp, block, answers)
-        finally:
-            free(MPI.COMM_SELF, block)
-        left = np.abs(stiffness @ answers - right).max(initial=0.0)
-        if not left <= RESIDUAL * np.abs(right).max(initial=0.0):
+        right = np.asfortranarray(columns[slice(*k.getOwnershipRange())].toarray())
+        right -= inertia @ _summed(comm, vectors.T @ right)
+        answers = solver.columns(right, "reduction")
+        left = comm.allreduce(float(np.abs(_times(k, answers) - right).max(initial=0.0)), MPI.MAX)
+        if not left <= RESIDUAL * comm.allreduce(float(np.abs(right).max(initial=0.0)), MPI.MAX):
             raise _not_held()
-        _require_all(mass, stiffness, values)
-        return values, vectors, answers - vectors @ (inertia.T @ answers)
+        answers -= vectors @ _summed(comm, inertia.T @ answers)
+        found = values, _whole(comm, vectors), _whole(comm, answers)
     finally:
-        free(MPI.COMM_SELF, eps, k, m)
+        free(comm, ksp, k, m)
+    _require_all(comm, mass, stiffness, values)
+    return found
 
 
-def _require_mass(mass: sparse.csr_matrix, count: int) -> None:
+def _factorise(ksp: PETSc.KSP) -> None:
+    """Factorise a stiffness that is positive definite, as far as the package counts signs of pivots."""
+    pc = ksp.getPC()
+    counts = count_pivots if pc.getFactorSolverType() == "mumps" else None
+    if counts is not None:
+        counts(pc)
+    with solving("modal"):
+        factorise(pc, ksp.setUp, counts)
+    negative, zero, _ = (0, 0, 0) if counts is None else pivot_signs(pc, "modal")
+    if negative:
+        raise _indefinite(f"{negative} negative eigenvalues")
+    if zero:
+        raise _not_held()
+
+
+def _lowest(solver: LinearSolver, m: PETSc.Mat, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Lowest eigenvalues, mass-normalised vectors and M times these, this rank's rows, by Lanczos' method in
+    blocks (Grimes, Lewis and Simon 1994).
+
+    A factor is read once for 8 vectors, which takes twice the time of one, and multiple eigenvalues are met.
+    All vectors are kept, and made orthogonal twice; out of K^-1 M they have no part in what has no mass.
+    """
+    comm, (first, end), n = m.comm.tompi4py(), m.getOwnershipRange(), m.getSize()[0]
+    most = min(n, max(MOST * count, 20 * BLOCK))
+    basis, heavy = (np.empty((end - first, most + BLOCK), order="F") for _ in range(2))
+    products, size = np.zeros((most + BLOCK, most + BLOCK)), 0
+    start = np.random.default_rng(0).standard_normal((n, min(BLOCK, n)))[first:end]  # on any ranks alike
+    block, last = solver.columns(_times(m, np.asfortranarray(start)), "modal"), slice(0, 0)
+    while True:
+        old, old_heavy = basis[:, :size], heavy[:, :size]
+        for _ in range(2 if size else 0):
+            shares = _summed(comm, old_heavy.T @ block)
+            block -= old @ shares
+            products[:size, last] += shares
+        block, inertia, rest = _orthonormal(comm, block, _times(m, block))
+        if size >= min(2 * count, most) or not len(rest):
+            found, parts = np.linalg.eigh(products[:size, :size], UPLO="U")
+            order = np.argsort(-np.abs(found))[:count]
+            found, parts = found[order], parts[:, order]
+            beyond = rest @ parts[last]
+            done = np.linalg.norm(beyond, axis=0) <= TOLERANCE * np.abs(found)
+            if done.all() or size >= most or not len(rest):
+                break
+        last = slice(size, size + len(rest))
+        basis[:, last], heavy[:, last], size = block, inertia, last.stop
+        block = solver.columns(heavy[:, last], "modal")
+    if found.min() < 0.0:
+        raise _indefinite(f"eigenvalue {1.0 / found.min():g} of M^-1 K")
+    if done.sum() < count:
+        raise on_all_ranks(
+            SolveError(f"modal: {done.sum()} of {count} modes were found by {size} vectors; give fewer modes")
+        )
+    # the next step of the iteration is known: no solve
+    vectors, inertia = old @ parts + block @ (beyond / found), old_heavy @ parts + inertia @ (beyond / found)
+    lengths = np.sqrt(_summed(comm, (vectors * inertia).sum(axis=0)))
+    return 1.0 / found, vectors / lengths, inertia / lengths
+
+
+def _orthonormal(
+    comm: MPI.Comm, block: np.ndarray, inertia: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mass-orthonormal vectors of the space of a block, in its place, M times these, and the block's factors
+    in them.
+    """
+    width, count = block.shape[1], 0
+    factors, sizes = np.zeros((width, width)), _summed(comm, (block * inertia).sum(axis=0))
+    for j in range(width):
+        x, y = block[:, j].copy(), inertia[:, j].copy()
+        for _ in range(2):
+            shares = _summed(comm, inertia[:, :count].T @ x)
+            x -= block[:, :count] @ shares
+            y -= inertia[:, :count] @ shares
+            factors[:count, j] += shares
+        square = float(_summed(comm, np.array([x @ y]))[0])
+        if square > NOTHING**2 * sizes[j]:
+            factors[count, j] = np.sqrt(square)
+            block[:, count], inertia[:, count] = x / factors[count, j], y / factors[count, j]
+            count += 1
+    return block[:, :count], inertia[:, :count], factors[:count]
+
+
+def _times(matrix: PETSc.Mat, columns: np.ndarray) -> np.ndarray:
+    """A matrix times this rank's rows of columns, in Fortran's order."""
+    given = dense_columns(matrix, columns)
+    product = matrix.matMult(given)
+    try:
+        return product.getDenseArray().copy(order="F")
+    finally:
+        free(matrix.comm.tompi4py(), given, product)
+
+
+def _summed(comm: MPI.Comm, array: np.ndarray) -> np.ndarray:
+    if comm.size > 1:
+        array = np.ascontiguousarray(array)
+        comm.Allreduce(MPI.IN_PLACE, array)
+    return array
+
+
+def _whole(comm: MPI.Comm, own: np.ndarray) -> np.ndarray:
+    """(n, k): the rows of all ranks."""
+    if comm.size == 1:
+        return own
+    rows = np.array(comm.allgather(len(own)))
+    result = np.empty((rows.sum(), own.shape[1]))
+    comm.Allgatherv(np.ascontiguousarray(own), (result, rows * own.shape[1]))
+    return result
+
+
+def _require_mass(comm: MPI.Comm, mass: sparse.csr_matrix, count: int) -> None:
     """Raise a ValueError unless the mass is positive semi-definite, with unknowns for so many modes."""
     diagonal = mass.diagonal()
     heavy = np.flatnonzero(diagonal)
@@ -128,56 +203,53 @@ def _require_mass(mass: sparse.csr_matrix, count: int) -> None:
     coupled = abs(mass).sum(axis=1).A1 > 0.0
     wrong = (diagonal < 0.0) | (coupled & (diagonal == 0.0))
     negative = int(wrong.sum())
-    negative = negative or _below(mass[heavy][:, heavy], 0.0) or 0
+    negative = negative or _below(comm, mass[heavy][:, heavy]) or 0
     if negative:
         raise ValueError(
             f"reduce_matrices: mass is indefinite ({negative} negative eigenvalues); a mass is at least 0"
         )
 
 
-def _matrix(matrix: sparse.csr_matrix) -> PETSc.Mat:
-    indices = (matrix.indptr.astype(PETSc.IntType), matrix.indices.astype(PETSc.IntType))
-    result = PETSc.Mat().createAIJ(matrix.shape, csr=(*indices, matrix.data), comm=MPI.COMM_SELF)
+def _matrix(comm: MPI.Comm, matrix: sparse.csr_matrix) -> PETSc.Mat:
+    """This rank's rows of a matrix that every rank has."""
+    n = matrix.shape[0]
+    first, end = (n * (comm.rank + k) // comm.size for k in range(2))
+    own = matrix[first:end]
+    indices = (own.indptr.astype(PETSc.IntType), own.indices.astype(PETSc.IntType))
+    size = (end - first, n)
+    result = PETSc.Mat().createAIJ((size, size), csr=(*indices, own.data), comm=comm)
     result.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     return result
 
 
-def _below(matrix: sparse.csr_matrix, shift: float, mass: sparse.csr_matrix | None = None) -> int | None:
-    """Eigenvalues below a shift; None where PETSc has nothing that counts them."""
-    shifted = _matrix(sparse.csr_matrix(matrix if mass is None else matrix - shift * mass))
+def _below(comm: MPI.Comm, matrix: sparse.csr_matrix) -> int | None:
+    """Negative eigenvalues; None where PETSc has nothing that counts them."""
+    made = _matrix(comm, matrix)
     try:
-        return negative_eigenvalues(shifted, "modal")
+        return negative_eigenvalues(made, "modal")
     finally:
-        free(MPI.COMM_SELF, shifted)
+        free(comm, made)
 
 
-def _indefinite(why: str) -> ValueError:
-    return ValueError(f"reduce_matrices: stiffness is indefinite ({why})")
+def _indefinite(why: str) -> Exception:
+    return on_all_ranks(ValueError(f"reduce_matrices: stiffness is indefinite ({why})"))
 
 
-def _not_held() -> ValueError:
-    return ValueError(
-        "reduce_matrices: stiffness admits rigid-body motions; hold the system, by weak "
-        "springs if it is free, or give dense matrices"
+def _not_held() -> Exception:
+    return on_all_ranks(
+        ValueError(
+            "reduce_matrices: stiffness admits rigid-body motions; hold the system, by weak "
+            "springs if it is free, or give dense matrices"
+        )
     )
 
 
-def _pairs(eps: SLEPc.EPS, k: PETSc.Mat, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenpairs in ascending order."""
-    values = np.array([eps.getEigenvalue(i).real for i in range(count)])
-    vectors = np.empty((k.size[0], count), order="F")
-    x = k.createVecRight()
-    for column, i in enumerate(np.argsort(values)):
-        eps.getEigenvector(int(i), x)
-        vectors[:, column] = x.array_r
-    x.destroy()
-    return np.sort(values), vectors
-
-
-def _require_all(mass: sparse.csr_matrix, stiffness: sparse.csr_matrix, values: np.ndarray) -> None:
+def _require_all(
+    comm: MPI.Comm, mass: sparse.csr_matrix, stiffness: sparse.csr_matrix, values: np.ndarray
+) -> None:
     """Raise a SolveError if the inertia below the last eigenvalue says that some are missing."""
     last = values[-1] * (1.0 - 1e-6)
-    below, found = _below(stiffness, last, mass), int((values < last).sum())
+    below, found = _below(comm, stiffness - last * mass), int((values < last).sum())
     if below is None:
         warnings.warn(
             "reduce_matrices: this PETSc has no MUMPS, which counts eigenvalues: whether modes are missing, "
@@ -186,7 +258,8 @@ def _require_all(mass: sparse.csr_matrix, stiffness: sparse.csr_matrix, values: 
             stacklevel=caller_level(),
         )
     elif below > found:
-        raise SolveError(
-            f"modal: {below} eigenvalues lie below the last, but the eigensolver found {found}; raise "
-            "-modal_eps_ncv or ask for more modes"
+        raise on_all_ranks(
+            SolveError(
+                f"modal: {below} eigenvalues lie below the last, but {found} were found; ask for more modes"
+            )
         )

@@ -439,6 +439,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "modes": 1,
             "damping": 0.01,
             "rayleigh": (0.0, 0.0),
+            "comm": None,
         },
     ],
     "FiniteElementModel": [body_arguments],
@@ -452,6 +453,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "contact_laws": sb.Coulomb(0.3),
             "tangent_rows": np.array([[0.0, 1.0]]),
             "tangent_compliance": np.array([1e-4]),
+            "comm": MPI.COMM_WORLD,
         }
     ],
     "write_animation": [

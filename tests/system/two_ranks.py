@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
+import scipy.sparse
 from mpi4py import MPI
 
 import meshing
@@ -113,6 +114,11 @@ def other(value: Any) -> Any:
         return value * 2 + 1
     if isinstance(value, sb.Model):
         return another_model()
+    if isinstance(value, sb.FiniteElementModel):
+        arguments = examples.body_arguments()
+        return sb.FiniteElementModel(**{**arguments, "mass": 2.0 * arguments["mass"]})
+    if scipy.sparse.issparse(value):
+        return 2.0 * value
     if isinstance(value, meshing.BoundaryMesh):
         return meshing.Beam(0.1, 0.011).mesh(order=2)
     if isinstance(value, dict):
