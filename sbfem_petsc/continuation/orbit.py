@@ -198,7 +198,7 @@ class Orbits:
         """
         if isinstance(point, str):
             index = self._index(point)
-            if direction == "y":
+            if isinstance(direction, str) and direction == "y":
                 return self.point_amplitudes[:, index]
         count = len(self.point_amplitudes)
         return np.array([self.orbit(k).amplitude(point, direction) for k in range(count)])
