@@ -7,7 +7,17 @@ Names are loaded when first used, so that a program can read its command line an
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import os
+
+# A file or folder of the user's own may have this name, and stands before the package beside this one.
+_found = importlib.util.find_spec("meshing")
+_places = list(_found.submodule_search_locations or ()) if _found else []
+if not any(os.path.isfile(os.path.join(place, "boundary_mesh.py")) for place in _places):
+    raise ImportError(
+        f"{(_found.origin if _found else None) or _places or 'nothing'} is found where sbfem_petsc looks for "
+        "its package meshing; give it another name, or install sbfem_petsc as a whole"
+    )
 
 # One of these is set in a process that mpiexec, mpirun, srun or aprun has started: there a rank must not wait
 # for one whose program has failed, from here on.

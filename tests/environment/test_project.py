@@ -8,10 +8,12 @@ import ast
 import graphlib
 import importlib
 import inspect
+import os
 import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -60,33 +62,112 @@ def test_version_stands_once():
     assert released[0] == sbfem_petsc.__version__
 
 
-@pytest.mark.slow
-def test_wheel(tmp_path):
-    """A wheel holds every module, says that it is typed, and bears the version."""
-    import sbfem_petsc
-
-    source = tmp_path / "source"  # setuptools leaves what it builds where it builds it
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """Sources as in a clone, and the wheel and the sdist that setuptools makes of them."""
+    folder = tmp_path_factory.mktemp("built")
+    source = folder / "source"  # setuptools leaves what it builds where it builds it
     source.mkdir()
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
     for package in PACKAGES:
         shutil.copytree(ROOT / package, source / package, ignore=shutil.ignore_patterns("__pycache__"))
-    pip = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "--quiet"]
-    done = subprocess.run([*pip, "-w", tmp_path, source], capture_output=True, text=True, timeout=300)
-    if "No module named 'setuptools" in done.stderr:
+    program = (
+        "from setuptools import build_meta as b; "
+        f"b.build_sdist({str(folder)!r}); b.build_wheel({str(folder)!r})"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=source, capture_output=True, text=True, timeout=300
+    )
+    if done.returncode and ("setuptools" in done.stderr or "license" in done.stderr):
         pytest.skip("there is no setuptools of this project's age")
     assert done.returncode == 0, done.stderr
-    (wheel,) = tmp_path.glob("*.whl")
+    return folder
+
+
+@pytest.mark.slow
+def test_wheel_and_sdist(built):
+    """Both hold every module, say that it is typed, and bear the version."""
+    import sbfem_petsc
+
+    (wheel,), (sdist,) = built.glob("*.whl"), built.glob("*.tar.gz")
     assert wheel.name.split("-")[1] == sbfem_petsc.__version__
-    names = set(zipfile.ZipFile(wheel).namelist())
     sources = {
         str(path.relative_to(ROOT))
         for package in PACKAGES
         for path in (ROOT / package).rglob("*")
-        if path.suffix == ".py" or path.name == "py.typed"
+        if path.suffix in (".py", ".toml", ".geo") or path.name == "py.typed"
     }
-    assert sources <= names and {"meshing/py.typed", "sbfem_petsc/py.typed"} <= names
-    assert not {name for name in names if name.startswith(("tests/", "examples/"))}
+    inside = f"sbfem_petsc-{sbfem_petsc.__version__}/"
+    for names in (
+        set(zipfile.ZipFile(wheel).namelist()),
+        {name.removeprefix(inside) for name in tarfile.open(sdist).getnames()},
+    ):
+        assert sources <= names and {"meshing/py.typed", "sbfem_petsc/py.typed"} <= names
+        assert not {name for name in names if name.startswith(("tests/", "examples/"))}
+
+
+@pytest.mark.long
+def test_the_wheel_runs(built, tmp_path):
+    """Installed beside nothing of the sources, by its second name for meshing too, with its starter cases."""
+    (wheel,) = built.glob("*.whl")
+    place = tmp_path / "place"
+    pip = [sys.executable, "-m", "pip", "install", "--no-deps", "--no-index", "--quiet", "--target"]
+    subprocess.run([*pip, place, wheel], check=True, timeout=300)
+    program = """
+import sbfem_petsc as sb
+from sbfem_petsc.meshing import Beam
+import meshing
+assert meshing.Beam is Beam
+model = sb.Model(Beam(1.0, 0.1).mesh(order=2), sb.Material(70e9, 0.3, 2700.0))
+print(sb.__file__, float(sb.modal(model, 1).frequencies[0]))
+from sbfem_petsc.cli import main
+main(["new", "beam", "case.toml"])
+"""
+    environment = {**os.environ, "PYTHONPATH": str(place)}
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    file, frequency = done.stdout.split()[:2]
+    assert Path(file).is_relative_to(place) and (tmp_path / "case.toml").exists()
+    # a slender beam's first frequency by Bernoulli, with shear and rotation 1 % less
+    assert float(frequency) == pytest.approx(0.1615 * 0.1 * (70e9 / 2700.0) ** 0.5, rel=0.015)
+
+
+def test_a_file_of_the_users_called_meshing(tmp_path):
+    """It stands before the package, and is named."""
+    (tmp_path / "meshing.py").write_text("")
+    done = subprocess.run(
+        [sys.executable, "-c", "import sbfem_petsc"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 1
+    assert re.search(r"ImportError: \S*meshing\.py is found .* another name", done.stderr.splitlines()[-1])
+
+
+def test_versions_that_ci_takes():
+    """Each package that pip installs is held to one version, which is one that pyproject.toml allows."""
+    held = dict(
+        line.split("==") for line in (ROOT / ".ci/constraints.txt").read_text().splitlines() if "==" in line
+    )
+    taken = re.search(r"developers_extras=\((.*?)\)", (ROOT / "run").read_text())[1].split()
+    asked = [*PROJECT["dependencies"], *(r for e in taken for r in PROJECT["optional-dependencies"][e])]
+    for requirement in asked:
+        name, condition = split(requirement)
+        if name in ("mpi4py", "tomli"):  # the system's, and older Pythons'
+            continue
+        lowest = [int(part) for part in condition.removeprefix(">=").split(".")]
+        version = re.findall(r"\d+", held[name.lower().replace("_", "-")])
+        assert [int(part) for part in version[: len(lowest)]] >= lowest, requirement
 
 
 def test_citation():
@@ -208,7 +289,8 @@ def test_faces_are_for_users():
     faces = {"meshing", "sbfem_petsc", "sbfem_petsc.indicators", "sbfem_petsc.plot"}
     assert all(hasattr(importlib.import_module(face), "_HOME") for face in faces)
     taken = {(name.split(".")[1], face) for name, found in imported().items() for face in faces & found}
-    assert taken == {("study", "sbfem_petsc"), ("study", "sbfem_petsc.plot"), ("cli", "sbfem_petsc")}
+    names = {("meshing", "meshing")}  # its second name
+    assert taken - names == {("study", "sbfem_petsc"), ("study", "sbfem_petsc.plot"), ("cli", "sbfem_petsc")}
 
 
 @pytest.mark.slow
