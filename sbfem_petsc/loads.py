@@ -165,12 +165,19 @@ class SupportMotion(Load):
 
     Parameters
     ----------
-    ax, ay : float or Signal
-        m/s^2.
+    ax, ay, az : float or Signal
+        m/s^2; `az` of bodies in space alone (`reduce`).
     """
 
     ax: float | Signal = 0.0
     ay: float | Signal = 0.0
+    az: float | Signal = 0.0
+
+    def _check_place(self, structure: LoadAssembler) -> None:
+        if isinstance(self.az, Signal) or self.az:
+            raise ValueError(
+                f"SupportMotion: az = {shown(self.az)} is out of the plane of a Model; a body in space has it"
+            )
 
     def assemble(self, structure: LoadAssembler) -> None:
         """Add the inertia forces."""

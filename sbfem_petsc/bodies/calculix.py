@@ -12,6 +12,7 @@ from scipy import sparse
 from meshing.whole_file import require_regular
 
 from ..checks import choice, path
+from .cells import NODES
 from .finite_element_model import AXES, FiniteElementModel
 from .units import UNITS
 
@@ -29,6 +30,9 @@ REFUSED = (
     "*TIE",
     "*TRANSFORM",
 )
+# Solid elements by VTK's names, whose nodes stand in the same order.
+SOLIDS = {"C3D4": "tetra", "C3D10": "tetra10", "C3D6": "wedge", "C3D15": "wedge15"}
+SOLIDS |= {"C3D8": "hexahedron", "C3D20": "hexahedron20"}
 # Decks that include decks that include decks.
 DEEPEST = 20
 
@@ -62,7 +66,8 @@ def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
     name = path(OWNER, "job", job)
     choice(OWNER, "units", units, tuple(UNITS))
     stem = name.removesuffix(".inp")
-    nodes, sets, held = _deck(f"{stem}.inp")
+    deck = Deck(OWNER, f"{stem}.inp")
+    nodes, held = deck.nodes, deck.held
     unknowns = _unknowns(f"{stem}.dof", nodes)
     stiffness, mass = (_matrix(f"{stem}.{ending}", len(unknowns)) for ending in ("sti", "mas"))
     if stiffness.nnz != mass.nnz:
@@ -78,45 +83,76 @@ def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
                     f"{OWNER}: node {node} has no unknown along {AXES[direction]} in {stem}.dof, and no "
                     f"*BOUNDARY of {stem}.inp holds it; are they of one run?"
                 )
-    return FiniteElementModel(mass, stiffness, unknowns, nodes, sets=sets, fixed=held - free, units=units)
+    return FiniteElementModel(
+        mass,
+        stiffness,
+        unknowns,
+        nodes,
+        sets=deck.sets,
+        fixed=held - free,
+        elements=deck.elements,
+        units=units,
+    )
 
 
-def _deck(file: str) -> tuple[dict[int, tuple[float, ...]], dict[str, list[int]], set[tuple[int, int]]]:
-    """Nodes, sets of them, and the pairs of node and direction that are held."""
-    nodes: dict[int, tuple[float, ...]] = {}
-    sets: dict[str, list[int]] = {}
-    held: set[tuple[int, int]] = set()
-    keyword, options = "", dict[str, str]()
-    for place, line in _lines(file):
-        cells = [cell.strip() for cell in line.split(",")]
-        if line.startswith("*"):
-            keyword = " ".join(cells[0].upper().split())
-            given = (cell.upper().partition("=") for cell in cells[1:])
-            options = {key.strip(): value.strip() for key, _, value in given}
-            if keyword in REFUSED:
-                raise ValueError(
-                    f"{OWNER}: {place} has {keyword}, which changes what the unknowns are or what touches; "
-                    "leave it out of this deck, contact is said by body.contact"
-                )
-            continue
+class Deck:
+    """Nodes, sets of them, pairs of node and direction that are held, and solid elements by kind."""
+
+    def __init__(self, owner: str, file: str):
+        self.owner, self.nodes, self.held = owner, dict[int, tuple[float, ...]](), set[tuple[int, int]]()
+        self.found: dict[str, list[int]] = {}
+        self.cells: dict[str, list[int]] = {}
+        keyword, options = "", dict[str, str]()
+        for place, line in _lines(owner, file):
+            cells = [cell.strip() for cell in line.split(",")]
+            if line.startswith("*"):
+                keyword = " ".join(cells[0].upper().split())
+                given = (cell.upper().partition("=") for cell in cells[1:])
+                options = {key.strip(): value.strip() for key, _, value in given}
+                if keyword in REFUSED:
+                    raise ValueError(
+                        f"{owner}: {place} has {keyword}, which changes what the unknowns are or what "
+                        "touches; leave it out of this deck, contact is said by body.contact"
+                    )
+                continue
+            try:
+                self._take(keyword, options, cells)
+            except (ValueError, KeyError, IndexError) as error:
+                raise ValueError(f"{owner}: {place}: {line!r} is no line of {keyword} ({error})") from None
+
+    def _take(self, keyword: str, options: dict[str, str], cells: list[str]) -> None:
+        """A line below a keyword."""
+        if keyword == "*NODE":
+            self.nodes[int(cells[0])] = tuple(float(cell or 0.0) for cell in [*cells[1:4], "", ""][:3])
+            if "NSET" in options:
+                self.found.setdefault(options["NSET"], []).append(int(cells[0]))
+        elif keyword == "*ELEMENT":  # whose nodes may go on in further lines
+            kind = SOLIDS.get(options["TYPE"].rstrip("RIMHT"))
+            if kind is not None:
+                self.cells.setdefault(kind, []).extend(int(cell) for cell in cells if cell)
+        elif keyword == "*NSET":
+            self.found.setdefault(options["NSET"], []).extend(
+                _members(cells, self.found, "GENERATE" in options)
+            )
+        elif keyword == "*BOUNDARY":
+            first = int(cells[1])
+            last = int(cells[2]) if cells[2:] and cells[2] else first
+            nodes = _members(cells[:1], self.found, False)
+            self.held |= {(n, d - 1) for n in nodes for d in range(first, min(last, 6) + 1)}
+
+    @property
+    def sets(self) -> dict[str, list[int]]:
+        """Labels by name, each once."""
+        return {name: list(dict.fromkeys(labels)) for name, labels in self.found.items()}
+
+    @property
+    def elements(self) -> dict[str, np.ndarray]:
+        """Labels of nodes by kind."""
         try:
-            if keyword == "*NODE":
-                nodes[int(cells[0])] = tuple(float(cell or 0.0) for cell in [*cells[1:4], "", ""][:3])
-                if "NSET" in options:
-                    sets.setdefault(options["NSET"], []).append(int(cells[0]))
-            elif keyword == "*NSET":
-                sets.setdefault(options["NSET"], []).extend(_members(cells, sets, "GENERATE" in options))
-            elif keyword == "*BOUNDARY":
-                first = int(cells[1])
-                last = int(cells[2]) if cells[2:] and cells[2] else first
-                held |= {
-                    (n, d - 1)
-                    for n in _members(cells[:1], sets, False)
-                    for d in range(first, min(last, 6) + 1)
-                }
-        except (ValueError, KeyError, IndexError) as error:
-            raise ValueError(f"{OWNER}: {place}: {line!r} is no line of {keyword} ({error})") from None
-    return nodes, {name: list(dict.fromkeys(labels)) for name, labels in sets.items()}, held
+            rows = {kind: np.array(cells).reshape(-1, NODES[kind] + 1) for kind, cells in self.cells.items()}
+        except ValueError:
+            raise ValueError(f"{self.owner}: an element of the deck has too few or too many nodes") from None
+        return {kind: cells[:, 1:] for kind, cells in rows.items()}
 
 
 def _members(cells: list[str], sets: dict[str, list[int]], generated: bool) -> list[int]:
@@ -128,17 +164,17 @@ def _members(cells: list[str], sets: dict[str, list[int]], generated: bool) -> l
     return [n for cell in given for n in ([int(cell)] if cell.isdigit() else sets[cell.upper()])]
 
 
-def _lines(file: str, depth: int = 0) -> Iterator[tuple[str, str]]:
+def _lines(owner: str, file: str, depth: int = 0) -> Iterator[tuple[str, str]]:
     """Place and text of each line that says something, those of *INCLUDE in its place."""
-    for number, line in enumerate(_read(file).splitlines(), 1):
+    for number, line in enumerate(_read(file, owner).splitlines(), 1):
         text = line.strip()
         if not text or text.startswith("**"):
             continue
         if text.upper().replace(" ", "").startswith("*INCLUDE,INPUT="):
             if depth == DEEPEST:
-                raise ValueError(f"{OWNER}: {file}, line {number}: *INCLUDE is in itself")
+                raise ValueError(f"{owner}: {file}, line {number}: *INCLUDE is in itself")
             other = text.partition("=")[2].strip().strip("\"'")
-            yield from _lines(os.path.join(os.path.dirname(file), other), depth + 1)
+            yield from _lines(owner, os.path.join(os.path.dirname(file), other), depth + 1)
             continue
         yield f"{file}, line {number}", text
 
@@ -177,13 +213,13 @@ def _matrix(file: str, count: int) -> sparse.coo_matrix:
     return sparse.coo_matrix((value, place.astype(np.int64) - 1), (count, count))
 
 
-def _read(file: str) -> str:
+def _read(file: str, owner: str = OWNER) -> str:
     try:
         require_regular(file)
         with open(file, encoding="utf-8", errors="replace") as opened:
             return opened.read()
     except OSError as error:
         raise ValueError(
-            f"{OWNER}: {file} cannot be read ({error.strerror or error}); a step with *FREQUENCY, "
+            f"{owner}: {file} cannot be read ({error.strerror or error}); a step with *FREQUENCY, "
             "SOLVER=MATRIXSTORAGE writes .sti, .mas and .dof beside the deck"
         ) from None

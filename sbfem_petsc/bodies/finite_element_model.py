@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from ..checks import choice, flag, instance, integer, names_of, real, real_array, shown
+from ..checks import Bounds, choice, flag, instance, integer, names_of, real, real_array, shown
 from ..contact.law import ContactLaw, Unilateral, check_without_layer
 from ..errors import UnknownName, listed
+from .cells import checked_cells
 from .rows import Contact, Row
 from .units import UNITS, tree_of, warn_of_units
 
@@ -24,7 +25,7 @@ ROUNDING = 1e-9
 
 
 class FiniteElementModel:
-    """A body given by another code's matrices of its free unknowns, SI inside.
+    """A body given by another code's matrices, SI inside.
 
     Parameters
     ----------
@@ -37,7 +38,10 @@ class FiniteElementModel:
     sets : dict of str to sequence of int
         Labels of nodes.
     fixed : iterable of (int, int)
-        Nodes and directions that are held and left out of the matrices.
+        Nodes and directions that are held: left out of the matrices, or in them, which a base that moves
+        needs for the inertia that held nodes share.
+    elements : dict of str to (e, k) array of int
+        Labels by kind, as VTK names and orders them ("tetra10", "hexahedron" ...): what is drawn.
     units : {"SI", "mm-N-t", "mm-kg-mN"}
         Those of the matrices and nodes.
 
@@ -62,6 +66,7 @@ class FiniteElementModel:
         *,
         sets: Mapping[str, Iterable[int]] | None = None,
         fixed: Iterable[tuple[int, int]] = (),
+        elements: Mapping[str, Any] | None = None,
         units: str = "SI",
     ) -> None:
         length, stiff, heavy = UNITS[choice(OWNER, "units", units, tuple(UNITS))]
@@ -91,7 +96,9 @@ class FiniteElementModel:
                 "as of a Lagrange multiplier?"
             )
         self.sets = _sets({} if sets is None else sets, self._node)
+        self.elements = checked_cells(OWNER, {} if elements is None else elements, self._node)
         self.fixed = _held(fixed)
+        self._hold()
         idle = np.flatnonzero(self.stiffness.diagonal() <= 0.0)
         if len(idle):
             node, direction = self.unknowns[idle[0]]
@@ -104,6 +111,28 @@ class FiniteElementModel:
                 f"FiniteElementModel: mass is negative, {self.mass.diagonal().min():g} kg on its diagonal"
             )
         warn_of_units(OWNER, units, self._diagonals(), self.places, max(self._masses()))
+
+    def _hold(self) -> None:
+        """Leave out what is held; (n, 3) inertia forces of unit accelerations, kg, know of it."""
+        along = (self.unknowns[:, 1:] == np.arange(3)).astype(float)
+        free = np.array([tuple(pair) not in self.fixed for pair in self.unknowns.tolist()])
+        if not free.any():
+            raise ValueError("FiniteElementModel: fixed holds all unknowns; leave some free")
+        self.inertia = np.asarray(self.mass @ along)[free]
+        if not free.all():
+            self.mass, self.stiffness = self.mass[free][:, free], self.stiffness[free][:, free]
+            self.unknowns = self.unknowns[free]
+            self._unknown = {(int(a), int(d)): k for k, (a, d) in enumerate(self.unknowns)}
+
+    def nodal(self, unknowns: np.ndarray) -> np.ndarray:
+        """(nodes, 3): displacements at all nodes in the order of `labels`, of (n,) values of the unknowns."""
+        values = real_array("nodal", "unknowns", unknowns, 1)
+        if len(values) != len(self.unknowns):
+            raise ValueError(f"nodal: {len(values)} unknowns are given, {len(self.unknowns)} were expected")
+        found, moves = np.zeros(self.places.shape), self.unknowns[:, 1] < 3
+        rows = [self._node[int(label)] for label in self.unknowns[moves, 0]]
+        found[rows, self.unknowns[moves, 1]] = values[moves]
+        return found
 
     def at(self, place: Any, direction: Any) -> Row:
         """The displacement at a place: of a node's label, the mean of a set, the node at (x, y, z) in m.
@@ -138,6 +167,8 @@ class FiniteElementModel:
         gap: float | np.ndarray | Callable | None = None,
         matching: bool = True,
         law: ContactLaw | None = None,
+        offset: float = 0.0,
+        interference: bool = False,
     ) -> Contact:
         """Contact between two faces, or of one face with a rigid wall.
 
@@ -158,6 +189,11 @@ class FiniteElementModel:
             Of all pairs, without a layer. Default: `Unilateral`. Faces that rub (`Coulomb`) are those of
             plane bodies, held along one axis: their slip is along the normal turned clockwise, seen against
             it. Friction of faces that slide in two directions is no law of rows, and refused.
+        offset : float
+            m from the nodes to the faces, of both sides together: half the thicknesses of shells, which is
+            taken off the distance of the nodes.
+        interference : bool
+            Let faces overlap at rest, as of a press fit; `static` and histories from equilibrium carry it.
 
         Raises
         ------
@@ -170,6 +206,8 @@ class FiniteElementModel:
         flag("contact", "matching", matching)
         law = Unilateral() if law is None else law
         check_without_layer("contact", "law", law)
+        flag("contact", "interference", interference)
+        real("contact", "offset", offset, "m", within=Bounds(least=0.0))
         one = self._face("left", left)
         x = self.places[[self._node[a] for a in one]]
         other = None if right is None else self._face("right", right)
@@ -189,6 +227,7 @@ class FiniteElementModel:
             rows = rows + share[:, met] @ self._rows(facing, vector)
             slips = slips + share[:, met] @ self._rows(facing, along)
             distance = share @ (y @ vector) - x @ vector
+            distance -= offset
             distance[np.abs(distance) < APART * 1e-6 * np.ptp(x, axis=0).max()] = 0.0
         if gap is not None:
             values = _gap_at(gap, x) if callable(gap) else gap
@@ -198,9 +237,10 @@ class FiniteElementModel:
                 distance = np.full(len(one), real("contact", "gap", values, "m"))
             if len(distance) != len(one):
                 raise ValueError(f"contact: gap has {len(distance)} values, {len(one)} were expected")
-        if (distance < 0.0).any():
+        if (distance < 0.0).any() and not interference:
             raise ValueError(
-                f"contact: the faces overlap by {-distance.min():g} m; is the normal from left to right?"
+                f"contact: the faces overlap by {-distance.min():g} m; is the normal from left to right? Say "
+                "interference=True if they are to press on each other at rest"
             )
         moves, slides = (abs(part).max(axis=1).toarray().ravel() > ROUNDING for part in (rows, slips))
         if not moves.any():

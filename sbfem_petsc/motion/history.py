@@ -9,6 +9,7 @@ import numpy as np
 
 from meshing.warnings import IncompleteHistory
 
+from ..bodies.finite_element_model import FiniteElementModel
 from ..checks import Bounds, real, shown
 from ..errors import SolveError, UnknownName, caller_level, on_all_ranks
 from ..ranks.parallel import agreed
@@ -227,8 +228,8 @@ def _alone(values: np.ndarray) -> np.ndarray:
     return values[:, 0] if values.shape[1] == 1 else values
 
 
-def model_with_fields(owner: str, motion: object) -> Model:
-    """The model whose fields a motion keeps.
+def model_with_fields(owner: str, motion: object) -> Model | FiniteElementModel:
+    """The model or body whose fields a motion keeps.
 
     Raises
     ------
@@ -238,16 +239,17 @@ def model_with_fields(owner: str, motion: object) -> Model:
     if not isinstance(motion, Motion):
         raise on_all_ranks(TypeError(f"{owner}: motion = {shown(motion)} is neither a History nor an Orbit"))
     states = motion.states
+    model: Model | FiniteElementModel | None
     if isinstance(states, ModalStates):
-        model = states.reduced.model
+        model = states.reduced.body if states.reduced.whole is not None else states.reduced.model
     else:
         model = None if states.fields is None else states.fields.model
     if model is None:
         raise on_all_ranks(
             SolveError(
-                f"{owner}: the motion keeps no fields, being that of matrices, of an unreduced model with "
-                "too many instants, or read from a file; give one that transient or periodic has just made "
-                "of a Model"
+                f"{owner}: the motion keeps no fields, being that of matrices, of a body without shapes, of "
+                "an unreduced model with too many instants, or read from a file; give one that transient or "
+                "periodic has just made of a Model or a body"
             )
         )
     return model

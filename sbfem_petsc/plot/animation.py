@@ -15,13 +15,16 @@ from ..checks import Bounds, integer, real, shown
 from ..continuation.orbit import Orbit
 from ..errors import SolveError
 from ..motion.history import Motion, model_with_fields
-from ..ranks.parallel import agreed, collective, on_root
+from ..petsc import MPI
+from ..ranks.parallel import agreed, collective, on_root, ranks_of
 from ..record.units import force_unit, length_unit, time_unit
+from ..system.model import Model
 from ..writing import destination, replaced
 from .crack import Window, plain, round_down
 from .drawing import BLUE, STYLE, VERMILION, Sheet, crack_title
-from .outlines import Piece, Region, gather_outline, gather_region
+from .outlines import Piece, gather_outline, gather_region
 from .picture import CHECKS
+from .solids import Solid
 
 DOTS = 100  # per inch
 
@@ -46,7 +49,8 @@ def animate_crack(
     Parameters
     ----------
     motion : Orbit or History
-        Of a model, reduced or not; a steady state repeats without a seam.
+        Of a model, reduced or not, or of a body with elements, which is drawn as a whole, beside the gap that
+        moves most; a steady state repeats without a seam.
     path : str
         Ends in .gif or .mp4.
     crack : int
@@ -60,6 +64,7 @@ def animate_crack(
     magnification : float, optional
         Default: chosen by the largest displacement.
     colour : {"von_mises", "displacement"}
+        Of a body the displacement.
 
     Returns
     -------
@@ -73,36 +78,57 @@ def animate_crack(
         If the motion keeps no fields, or, for an MP4, if there is no ffmpeg or it fails.
     """
     model = model_with_fields("animate_crack", motion)
-    with collective(model.comm):
+    with collective(ranks_of(model) or MPI.COMM_SELF):
         frames = integer("animate_crack", "frames", frames, least=2, most=1000)
         real("animate_crack", "seconds", seconds, "s", within=Bounds(least=0.1, most=600.0))
         for name, value in (("magnification", magnification), ("crack", crack), ("colour", colour)):
             CHECKS[name]("animate_crack", name, value)
-        if crack >= len(model.cracks):
-            raise ValueError(
-                f"animate_crack: crack = {crack} does not exist; the model has {len(model.cracks)}"
-            )
+        cracks = len(model.cracks) if isinstance(model, Model) else 1
+        if crack >= cracks:
+            raise ValueError(f"animate_crack: crack = {crack} does not exist; the model has {cracks}")
+        if not isinstance(model, Model) and not model.elements:
+            raise ValueError("animate_crack: the body has no elements to draw; give elements= with its nodes")
         instants = _instants(motion, between, frames)
         writer = _writer(path, len(instants) / seconds)
-    facts = model.cracks[crack]
     fields = [motion.field(float(motion.time[instant])) for instant in instants]
+    if not isinstance(model, Model):
+        rows = np.argsort(np.ptp(motion.gap, axis=0))
+        states = [field.nodal for field in fields]
+        return _written(
+            motion, path, (Solid(model), states, []), rows, instants, (writer, magnification, "contact")
+        )
+    facts = model.cracks[crack]
     half = 1.1 * facts.length
     regions = [gather_region(model, field, np.array(facts.tip), half) for field in fields]
     outline = gather_outline(model, fields, max(2 * model.order, 8))
     rows = np.flatnonzero(model.pairs.crack == crack)
-    mouth = rows[np.argmax(model.pairs.position[rows])] if len(rows) else None
-    curves = {"gap": motion.gap[:, mouth] if mouth is not None else np.zeros(len(motion.time))}
+    rows = rows[np.argsort(model.pairs.position[rows], kind="stable")]
+    drawn = Window(facts, half, colour), regions, outline
+    return on_root(
+        model.comm,
+        lambda: _written(motion, path, drawn, rows, instants, (writer, magnification, crack_title(facts))),
+    )
+
+
+def _written(
+    motion: Motion,
+    path: str,
+    drawn: tuple[Any, list[Any], Any],
+    rows: np.ndarray,
+    instants: np.ndarray,
+    how: tuple[AbstractMovieWriter, float | None, str],
+) -> str:
+    """The file: what is drawn beside gap and resultant of rows, the last of which is the mouth."""
+    curves = {"gap": motion.gap[:, rows[-1]] if len(rows) else np.zeros(len(motion.time))}
     curves["resultant"] = motion.contact_resultant
     closed = (motion.contact_force[:, rows] > 0.0).sum(axis=1)
-
-    def write() -> str:
-        with rc_context(STYLE):
-            film = _Film(Window(facts, half, colour), regions, outline, motion.time, curves, magnification)
-            pairs = [f"{count} of {len(rows)} pairs closed" for count in closed]
-            film.write(path, writer, instants, crack_title(facts), pairs)
-        return os.fspath(path)
-
-    return on_root(model.comm, write)
+    writer, magnification, title = how
+    with rc_context(STYLE):
+        film = _Film(*drawn, motion.time, curves, magnification)
+        film.write(
+            path, writer, instants, title, [f"{count} of {len(rows)} pairs closed" for count in closed]
+        )
+    return os.fspath(path)
 
 
 def _instants(motion: Motion, between: Sequence[float] | None, frames: int) -> np.ndarray:
@@ -155,8 +181,8 @@ class _Film:
 
     def __init__(
         self,
-        window: Window,
-        regions: list[Region | None],
+        window: Window | Solid,
+        regions: list[Any],
         outline: list[Piece] | None,
         time: np.ndarray,
         curves: dict[str, np.ndarray],
@@ -174,7 +200,7 @@ class _Film:
         self.unit_of_time, name = time_unit(float(time[-1]))
         self.curves, self.marks = [], []
         units = {"gap": length_unit, "resultant": force_unit}
-        labels = {"gap": "gap at the mouth", "resultant": "contact resultant"}
+        labels = {"gap": window.gap, "resultant": "contact resultant"}
         for row, (key, values) in enumerate(curves.items()):
             scale, unit = units[key](float(np.abs(values).max()))
             axes = panels[row]

@@ -115,6 +115,8 @@ class Window:
     colour : {"von_mises", "displacement"}
     """
 
+    gap = "gap at the mouth"
+
     def __init__(self, crack: Any, half: float, colour: str):
         self.tip, self.half, self.colour = np.array(crack.tip), float(half), colour
         self.notch = Notch(crack, self.half)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
+from dataclasses import field
 from typing import Any, ClassVar
 
 import numpy as np
 
+from ..bodies.finite_element_model import FiniteElementModel
+from ..checks import integer
 from ..contact.complementarity import Complementarity
 from ..contact.friction import Memory, solve_contact
-from ..errors import at_point
+from ..errors import SolveError, at_point
 from ..record.record import Record, derived, described, quantity
 from .reduced_model import ReducedModel
 
@@ -32,10 +35,25 @@ class ReducedModal(Record):
         "1/sqrt(kg)", f"{_ALONG} in each mode", "mode place", called="displacement", by="place"
     )
     directions: dict[str, str] = _directions()
+    body: FiniteElementModel | None = field(default=None, repr=False)
+    shapes: np.ndarray | None = field(default=None, repr=False)
 
     def displacement(self, point: str) -> np.ndarray:
         """(n,): of a named point in each mode, along its own direction."""
         return at_point(self.point_shapes, point)
+
+    def nodal(self, mode: int) -> np.ndarray:
+        """(nodes, 3): a mode of a body, 0 the lowest, at all nodes in the order of `body.labels`.
+
+        Raises
+        ------
+        SolveError
+            If the shapes are not kept.
+        """
+        if self.body is None or self.shapes is None:
+            raise SolveError("nodal: the modes are read from a file, or those of a model that kept no shapes")
+        most = len(self.frequencies) - 1
+        return self.body.nodal(self.shapes[:, integer("nodal", "mode", mode, least=0, most=most)])
 
     def __repr__(self) -> str:
         shown = ", ".join(f"{f:.6g}" for f in self.frequencies[:TOLD])
@@ -64,6 +82,9 @@ class ReducedStatic(Record):
     )
     friction_loss: float | None = quantity(
         "J", "lost to friction since the state before, or since rest", kinds="f", default=None
+    )
+    field: np.ndarray | None = quantity(
+        "m", "displacements of all nodes of a body", "node xyz", detail=True, default=None, repr=False
     )
 
     @derived("N", "sum of the contact forces", row=True)
@@ -147,7 +168,9 @@ def kept_modes(reduced: ReducedModel, count: int | None, band: tuple[float, floa
         )
     keep = np.arange(len(f))[:count] if band is None else np.flatnonzero((f >= band[0]) & (f <= band[1]))
     shapes = {name: reduced.points.modes[k, -1, keep] for k, name in enumerate(reduced.points.names)}
-    return ReducedModal(f[keep], reduced.damping[keep], shapes, reduced.point_directions)
+    whole = None if reduced.whole is None else reduced.whole.modes[:, keep]
+    facts = f[keep], reduced.damping[keep], shapes, reduced.point_directions
+    return ReducedModal(*facts, reduced.body, whole)
 
 
 def at_rest(owner: str, reduced: ReducedModel, amplitudes: np.ndarray, contact: bool) -> ReducedStatic:
@@ -194,6 +217,7 @@ def _states(
             float(energy),
             found.iterations,
             reduced.point_directions,
+            field=reduced.field(q, loads, force).nodal if reduced.shows else None,
             **rubbed,
         )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy import sparse
@@ -13,7 +14,7 @@ from meshing.warnings import BandWarning
 
 from ..bodies.finite_element_model import FiniteElementModel
 from ..bodies.rows import Contact, Row
-from ..checks import instance, optional_integer, positive, shown
+from ..checks import flag, instance, optional_integer, positive, real, shown
 from ..damping import DampingTable, ModalDamping, checked_damping, checked_rayleigh
 from ..errors import caller_level
 from ..loads import Load, SupportMotion, refuse_motion, separate
@@ -40,11 +41,12 @@ def reduce(
     modes: int | None = None,
     band: float | None = None,
     contact: Contact | None = None,
-    loads: Mapping[str, Row] | None = None,
+    loads: Mapping[str, Row | SupportMotion] | None = None,
     points: Mapping[str, Row] | None = None,
     damping: float | Sequence[float] | np.ndarray | DampingTable | None = None,
     rayleigh: tuple[float, float] | None = None,
     comm: MPI.Comm | None = None,
+    shapes: bool = True,
 ) -> ReducedModel:
     """Reduce a model to its lowest modes and the residual flexibility of its contact, loads and named points.
 
@@ -64,14 +66,18 @@ def reduce(
     contact : Contact, optional
         Of a body, as of `FiniteElementModel.contact`.
     loads, points : dict of str to Row
-        Of a body: unit loads in the order of a later load's numbers, and what is seen, each in the place of a
-        point's y displacement.
+        Of a body: unit loads in the order of a later load's numbers, and what is seen, a number each. A load
+        may be a `SupportMotion` of numbers: displacements are relative to the base, the load's number is a
+        factor on its accelerations.
     damping : float, sequence of float or DampingTable, optional
         Modal damping of a body, as of `reduce_matrices`, default 0; a Model has its own.
     rayleigh : (float, float), optional
         a (1/s) and b (s) of a damping matrix a M + b K of a body beside it, default none.
     comm : mpi4py communicator, optional
         Ranks that reduce a body, read alike on each of them, together; default: all. A Model has its own.
+    shapes : bool
+        Keep what all unknowns of a body do, for fields, files and pictures of the whole: 8 bytes for each
+        unknown and mode, load and contact row.
 
     Returns
     -------
@@ -89,9 +95,9 @@ def reduce(
             checked_damping("reduce", 0.0 if damping is None else damping),
             checked_rayleigh("reduce", (0.0, 0.0) if rayleigh is None else rayleigh),
         )
-        return _reduced_body(
-            model, contact, (loads, points), modes, damped, checked_communicator("reduce", comm)
-        )
+        ranks = checked_communicator("reduce", comm)
+        found = _reduced_body(model, contact, (loads, points), modes, damped, ranks)
+        return replace(found, body=model) if flag("reduce", "shapes", shapes) else replace(found, whole=None)
     if not isinstance(model, Model):
         raise TypeError(
             f"reduce: model = {shown(model)} is not a Model or FiniteElementModel; for matrices use "
@@ -120,7 +126,7 @@ def reduce(
 def _reduced_body(
     body: FiniteElementModel,
     contact: Contact | None,
-    named: tuple[Mapping[str, Row] | None, Mapping[str, Row] | None],
+    named: tuple[Mapping[str, Row | SupportMotion] | None, Mapping[str, Row] | None],
     modes: int | None,
     damped: tuple[ModalDamping, tuple[float, float]],
     comm: MPI.Comm,
@@ -141,6 +147,10 @@ def _reduced_body(
             if not isinstance(key, str):
                 raise TypeError(f"reduce: {name} has the name {shown(key)}; names are strings")
             item = f"{name}[{key!r}]"
+            if name == "loads" and isinstance(row, SupportMotion):
+                for direction, value in row.components.items():
+                    real("reduce", f"{item}.{direction}", value, "m/s^2")
+                continue
             _of_body(item, instance("reduce", item, row, Row, "a Row, of body.at"), n)
     loads, points = named
     assert loads is not None and points is not None
@@ -149,7 +159,7 @@ def _reduced_body(
         body.stiffness,
         pairs.rows,
         pairs.gap,
-        loads=sparse.vstack([row.weights for row in loads.values()]).T,
+        loads=sparse.hstack([_column(body, load) for load in loads.values()]),
         sensors=points,
         modes=modes,
         damping=damped[0],
@@ -158,6 +168,13 @@ def _reduced_body(
         tangent_rows=pairs.slips,
         comm=comm,
     )
+
+
+def _column(body: FiniteElementModel, load: Row | SupportMotion) -> sparse.spmatrix:
+    """(n, 1): forces of a unit load."""
+    if isinstance(load, Row):
+        return load.weights.T
+    return sparse.csr_matrix(-body.inertia @ np.array([[load.ax], [load.ay], [load.az]], dtype=float))
 
 
 def _of_body(name: str, given: Row | Contact, count: int) -> None:

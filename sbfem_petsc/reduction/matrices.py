@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from scipy import linalg, sparse
+
+from meshing.warnings import BandWarning
 
 from ..bodies.rows import Row
 from ..checks import integer, real_array, shown
@@ -20,6 +23,7 @@ from ..damping import (
     modal_ratios,
     rayleigh_ratios,
 )
+from ..errors import caller_level
 from ..petsc import MPI
 from ..ranks.parallel import agreed, checked_communicator
 from .outputs import LinearOutput
@@ -140,6 +144,7 @@ def reduce_matrices(
     )
     values, kept, flexibility = found
     omega = np.sqrt(values)
+    _warn_of_superelement(mass, stiffness, omega)
     if factors[0] > 0.0 and not omega.all():
         raise ValueError(
             f"reduce_matrices: rayleigh = {rayleigh} damps a rigid-body motion, which has no damping ratio; "
@@ -150,13 +155,7 @@ def reduce_matrices(
     gaps = LinearOutput(
         (), contact_rows @ kept, contact_rows @ by_loads, contact_rows @ by_contact + np.diag(stops)
     )
-    weak = np.flatnonzero((np.diag(gaps.contact) <= 0.0) & (contact_rows.getnnz(axis=1) > 0))
-    if len(weak):
-        what, mend = ("slip", "tangent_compliance") if weak[0] >= pairs else ("stop", "compliance")
-        raise ValueError(
-            f"contact row {weak[0] % pairs}: a rigid {what} on an unknown with mass has no compliance; keep "
-            f"fewer modes than unknowns or give it one ({mend})"
-        )
+    _require_compliance(gaps, contact_rows, pairs)
 
     def at_sensors(array: np.ndarray) -> np.ndarray:
         result = np.zeros((len(sensors), 1 if along else 2, array.shape[1]))
@@ -178,7 +177,37 @@ def reduce_matrices(
         friction=friction,
         directions=along or None,
         ranks=comm if large else None,
+        whole=LinearOutput((), kept, by_loads, by_contact),
     )
+
+
+def _require_compliance(gaps: LinearOutput, contact_rows: sparse.csr_matrix, pairs: int) -> None:
+    """Refuse a row whose gap or slip nothing but kept modes moves."""
+    weak = np.flatnonzero((np.diag(gaps.contact) <= 0.0) & (contact_rows.getnnz(axis=1) > 0))
+    if len(weak):
+        what, mend = ("slip", "tangent_compliance") if weak[0] >= pairs else ("stop", "compliance")
+        raise ValueError(
+            f"contact row {weak[0] % pairs}: a rigid {what} on an unknown with mass has no compliance; keep "
+            f"fewer modes than unknowns or give it one ({mend})"
+        )
+
+
+def _warn_of_superelement(mass: Any, stiffness: Any, omega: np.ndarray) -> None:
+    """Warn of modes above the highest one that a Craig-Bampton superelement has inside."""
+    k, m = sparse.csr_matrix(stiffness), sparse.csr_matrix(mass)
+    beside = [abs(a - sparse.diags(a.diagonal())).sum(axis=1).A1 for a in (k, m)]
+    inside = (beside[0] == 0.0) & (beside[1] > 0.0)  # modal coordinates: coupled by their mass alone
+    if not inside.any() or inside.all():
+        return
+    highest = float(np.sqrt((k.diagonal()[inside] / m.diagonal()[inside]).max()))
+    if beyond := int((omega > highest).sum()):
+        warnings.warn(
+            f"reduce_matrices: {beyond} of {len(omega)} modes lie above {highest / (2.0 * np.pi):.6g} Hz, "
+            "where the modes inside this superelement (Craig-Bampton) end: they are none of the structure, "
+            f"and shorten the steps; keep modes = {len(omega) - beyond}",
+            BandWarning,
+            stacklevel=caller_level(),
+        )
 
 
 def _sliding(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..bodies.finite_element_model import FiniteElementModel
 from ..contact.closed_sets import ClosedSets, thin_factors
 from ..contact.friction import Friction, refuse_friction
 from ..contact.law import RowLaws
@@ -35,7 +36,8 @@ class ReducedModel(Record):
     `transient`, `static` and `load_history` alone take such a model.
 
     `loads` are the unit loads it was made for, none for a system of matrices; `model` and `modal`, the modes
-    themselves, distributed, are None for such a system and for one read from a file.
+    themselves, distributed, are None for such a system and for one read from a file. `whole` are the
+    displacements of all unknowns of a system of matrices, `body` is the body that has them.
     """
 
     frequencies: np.ndarray = quantity("Hz", "natural frequencies", "mode", least=0.0)
@@ -75,6 +77,8 @@ class ReducedModel(Record):
     directions: tuple[str, ...] | None = quantity(
         text="directions of the points of a body", dims="place", default=None, repr=False
     )
+    whole: LinearOutput | None = field(default=None, repr=False)
+    body: FiniteElementModel | None = field(default=None, repr=False)
 
     ranks: MPI.Comm | None = field(default=None, repr=False)
 
@@ -129,6 +133,11 @@ class ReducedModel(Record):
     def point_directions(self) -> dict[str, str]:
         """Directions of the points of a body by their names."""
         return dict(zip(self.points.names, self.directions or ()))
+
+    @property
+    def shows(self) -> bool:
+        """Whether it keeps the shapes of a body."""
+        return self.body is not None and self.whole is not None
 
     @property
     def gaps(self) -> int:
@@ -207,8 +216,8 @@ class ReducedModel(Record):
         if self.model is None or self.modal is None:
             raise on_all_ranks(
                 SolveError(
-                    f"{what}: a reduced model of matrices, or one read from a file, knows its named points "
-                    "alone; reduce the model again"
+                    f"{what}: a reduced model of matrices or of a body without shapes, or one read from a "
+                    "file, knows its named points alone; reduce the model again"
                 )
             )
         return self.model
@@ -226,8 +235,10 @@ class ReducedModel(Record):
         Raises
         ------
         SolveError
-            If it has no model; on all ranks.
+            If it has neither model nor body; on all ranks.
         """
+        if self.body is not None and self.whole is not None:
+            return Field(self.body.nodal(self.whole(q[None], amplitudes[None], force[None])[0]))
         model, found = self._model("field"), self.modal
         assert found is not None
         require_thread()

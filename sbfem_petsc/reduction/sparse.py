@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-from scipy import sparse
+from scipy import linalg, sparse
 
 from meshing.warnings import SolverWarning
 
@@ -28,6 +28,9 @@ from ..system.solve.linear_solver import LinearSolver
 # Relative residual of K x = b that a solve may have, and the energy of a mode, beside that of its parts, that
 # is told from their round-off.
 RESIDUAL, ZERO = 1e-6, 1e-14
+# Of the squares of the highest frequencies, about: what makes a stiffness definite where 0 is an eigenvalue;
+# and of that, what 0 is told by.
+SHIFT, SAME = 1e-9, 1e-4
 # Vectors that are solved for at a time, relative residual of K^-1 M x = x / w2 that a mode may have, what is
 # left of a vector that is in the space of others, and vectors a mode at most.
 BLOCK, TOLERANCE, NOTHING, MOST = 8, 1e-9, 1e-10, 8
@@ -54,37 +57,91 @@ def sparse_modes(
     Raises
     ------
     ValueError
-        If the stiffness is indefinite, or admits rigid-body motions; on all ranks.
+        If the stiffness is indefinite, or rigid-body motions are more than modes; on all ranks.
     SolveError
         If modes are not found, or some have been left out; on all ranks.
     """
     require_thread()
     _require_mass(comm, mass, count)
-    k, m = _matrix(comm, stiffness), _matrix(comm, mass)
-    ksp = make_ksp(k, "modal_st_", positive_definite=False, later=True)
-    try:
-        _factorise(ksp)
-        solver = LinearSolver(ksp, k)
-        values, vectors, inertia = _lowest(solver, m, count)
-        first = np.abs(_whole(comm, np.stack([vectors[:, 0], inertia[:, 0]], axis=1)))
-        if values[0] * (first[:, 0] @ first[:, 1]) <= ZERO * (first[:, 0] @ (abs(stiffness) @ first[:, 0])):
-            raise _not_held()
-        right = np.asfortranarray(columns[slice(*k.getOwnershipRange())].toarray())
-        right -= inertia @ _summed(comm, vectors.T @ right)
-        answers = solver.columns(right, "reduction")
-        left = comm.allreduce(float(np.abs(_times(k, answers) - right).max(initial=0.0)), MPI.MAX)
-        if not left <= RESIDUAL * comm.allreduce(float(np.abs(right).max(initial=0.0)), MPI.MAX):
-            raise _not_held()
-        answers -= vectors @ _summed(comm, inertia.T @ answers)
-        found = values, _whole(comm, vectors), _whole(comm, answers)
-    finally:
-        free(comm, ksp, k, m)
-    _require_all(comm, mass, stiffness, values)
+    found = _solved((mass, stiffness), columns, count, comm, 0.0)
+    if found is None:  # with rigid-body motions
+        heavy = mass.diagonal() > 0.0
+        shift = SHIFT * float(np.median(stiffness.diagonal()[heavy] / mass.diagonal()[heavy]))
+        found = _solved((mass, stiffness), columns, count, comm, shift)
+    assert found is not None
+    _require_all(comm, mass, stiffness, found[0])
     return found
 
 
-def _factorise(ksp: PETSc.KSP) -> None:
-    """Factorise a stiffness that is positive definite, as far as the package counts signs of pivots."""
+def _solved(
+    matrices: tuple[sparse.csr_matrix, sparse.csr_matrix],
+    columns: sparse.csr_matrix,
+    count: int,
+    comm: MPI.Comm,
+    shift: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """See `sparse_modes`, by K + shift M; None where a shift of 0 meets rigid-body motions."""
+    mass, stiffness = matrices
+    definite = sparse.csr_matrix(stiffness + shift * mass) if shift else stiffness
+    k, m = _matrix(comm, definite), _matrix(comm, mass)
+    ksp = make_ksp(k, "modal_st_", positive_definite=False, later=True)
+    try:
+        if not _factorised(ksp, sure=shift > 0.0):
+            return None
+        solver = LinearSolver(ksp, k)
+        values, vectors, inertia = _lowest(solver, m, count)
+        whole, values = _whole(comm, vectors), values - shift
+        if not shift:
+            first = np.abs(_whole(comm, np.stack([vectors[:, 0], inertia[:, 0]], axis=1)))
+            if values[0] * (first[:, 0] @ first[:, 1]) <= ZERO * (
+                first[:, 0] @ (abs(stiffness) @ first[:, 0])
+            ):
+                return None
+        values = np.where(np.abs(values) <= SAME * shift, 0.0, values)
+        if values[0] < 0.0:
+            raise _indefinite(f"eigenvalue {values[0]:g} of M^-1 K")
+        own = slice(*k.getOwnershipRange())
+        right = np.asfortranarray(columns[own].toarray())
+        right -= inertia @ _summed(comm, vectors.T @ right)
+        if shift:
+            answers = _pinned(comm, stiffness, whole[:, values == 0.0], right)
+        else:
+            answers = solver.columns(right, "reduction")
+        left = np.abs(stiffness[own] @ _whole(comm, answers) - right).max(initial=0.0)
+        if not comm.allreduce(left, MPI.MAX) <= RESIDUAL * comm.allreduce(
+            np.abs(right).max(initial=0.0), MPI.MAX
+        ):
+            raise _not_held(count)
+        answers -= vectors @ _summed(comm, inertia.T @ answers)
+        return values, whole, _whole(comm, answers)
+    finally:
+        free(comm, ksp, k, m)
+
+
+def _pinned(comm: MPI.Comm, stiffness: sparse.csr_matrix, rigid: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """A displacement under forces in equilibrium, with as many unknowns held at 0 as there are rigid-body
+    motions: those that tell them apart best.
+    """
+    pins = linalg.qr(rigid.T, pivoting=True, mode="r")[1][: rigid.shape[1]]
+    loose = np.ones(len(rigid))
+    loose[pins] = 0.0
+    held = sparse.diags(loose) @ stiffness @ sparse.diags(loose)
+    matrix = _matrix(comm, sparse.csr_matrix(held + sparse.diags((1.0 - loose) * stiffness.diagonal())))
+    ksp = make_ksp(matrix, "modal_pinned_", positive_definite=False, later=True)
+    try:
+        if not _factorised(ksp, sure=False):  # more motions without energy than modes that show them
+            raise _not_held(rigid.shape[1])
+        own = slice(*matrix.getOwnershipRange())
+        forces = np.asfortranarray(loose[own, None] * right)
+        return LinearSolver(ksp, matrix).columns(forces, "reduction")
+    finally:
+        free(comm, ksp, matrix)
+
+
+def _factorised(ksp: PETSc.KSP, sure: bool) -> bool:
+    """Whether a matrix is positive definite, as far as the package counts signs of pivots; ValueError where
+    it is sure to be but for an indefinite stiffness.
+    """
     pc = ksp.getPC()
     counts = count_pivots if pc.getFactorSolverType() == "mumps" else None
     if counts is not None:
@@ -92,10 +149,9 @@ def _factorise(ksp: PETSc.KSP) -> None:
     with solving("modal"):
         factorise(pc, ksp.setUp, counts)
     negative, zero, _ = (0, 0, 0) if counts is None else pivot_signs(pc, "modal")
-    if negative:
+    if negative and sure:
         raise _indefinite(f"{negative} negative eigenvalues")
-    if zero:
-        raise _not_held()
+    return not negative and not zero
 
 
 def _lowest(solver: LinearSolver, m: PETSc.Mat, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -235,11 +291,11 @@ def _indefinite(why: str) -> Exception:
     return on_all_ranks(ValueError(f"reduce_matrices: stiffness is indefinite ({why})"))
 
 
-def _not_held() -> Exception:
+def _not_held(count: int) -> Exception:
     return on_all_ranks(
         ValueError(
-            "reduce_matrices: stiffness admits rigid-body motions; hold the system, by weak "
-            "springs if it is free, or give dense matrices"
+            f"reduce_matrices: stiffness admits motions that take no energy beside the lowest {count} modes; "
+            "keep more modes than there are rigid-body motions, hold the system, or give dense matrices"
         )
     )
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from ..checks import flag, integer, optional_integer, path, real_array, text
 from ..motion.history import Motion, model_with_fields
-from ..ranks.parallel import agreed, collective
+from ..petsc import MPI
+from ..ranks.parallel import agreed, collective, ranks_of
 from ..writing import check_output_folder
 from .vtu import write_vtu, write_xml
 
@@ -33,7 +34,7 @@ def write_animation(
     folder : str
         Made if it is missing.
     motion : History or Orbit
-        Of a model, reduced or not; the fields are those of `motion.field`, the residual
+        Of a model, reduced or not, or of a body; the fields are those of `motion.field`, the residual
         flexibility of contact and loads included.
     times : sequence of float, optional
         s; the nearest recorded instants are taken.
@@ -58,7 +59,8 @@ def write_animation(
         model.
     """
     model = model_with_fields("write_animation", motion)
-    with collective(model.comm):
+    comm = ranks_of(model) or MPI.COMM_SELF
+    with collective(comm):
         instants = _instants(motion.time, times, every)
         text("write_animation", "name", name)
         if os.path.basename(name) != name or not name.isprintable():
@@ -68,7 +70,7 @@ def write_animation(
         flag("write_animation", "stress", stress)
         subdivisions = optional_integer("write_animation", "subdivisions", subdivisions, least=1, most=100)
         path("write_animation", "folder", folder)
-    folder = check_output_folder(folder, model.comm)
+    folder = check_output_folder(folder, comm)
     files = [
         write_vtu(
             os.path.join(folder, f"{name}_{number:04d}.vtu"),
@@ -80,8 +82,8 @@ def write_animation(
         for number, instant in enumerate(instants)
     ]
     whole = os.path.join(folder, f"{name}.pvd")
-    with collective(model.comm):
-        if model.comm.rank == 0:
+    with collective(comm):
+        if comm.rank == 0:
             _write_pvd(whole, motion.time[instants], files)
     return whole
 

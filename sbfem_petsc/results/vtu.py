@@ -10,8 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import flag, instance, optional_integer, shown
-from ..ranks.parallel import agreed, collective
+from ..bodies.finite_element_model import FiniteElementModel
+from ..checks import flag, instance, optional_integer, real_array, shown
+from ..petsc import MPI
+from ..ranks.parallel import agreed, collective, ranks_of
+from ..reduction.at_rest import ReducedModal
 from ..system.fields.sampling import Patches, point_grid_cells, sample
 from ..system.model import Model
 from ..system.solve.modal_result import Modal, chosen_modes
@@ -25,7 +28,7 @@ _MODES_UNIT = "/sqrt(kg)"
 @agreed("fields")  # of this rank's nodes
 def write_vtu(
     path: str,
-    model: Model,
+    model: Model | FiniteElementModel,
     fields: Mapping[str, Any],
     *,
     stress: bool = True,
@@ -41,8 +44,9 @@ def write_vtu(
     path : str
         Name of the file; its extension is replaced by .vtu on one rank and by .pvtu on several (pieces:
         _0.vtu, _1.vtu ...).
-    model : Model
-    fields : dict of str to Static, Field or (m, 2) array
+    model : Model or FiniteElementModel
+        Of a body its own elements are written, or points where it has none, without stresses.
+    fields : dict of str to Static, Field or (m, 2) array, of a body ReducedStatic, Field or (nodes, 3) array
         `Motion.field(time)` is a field; an array holds displacements of this rank's nodes alone, m, without
         what contact and loads on the faces inside tip elements add there; modes by `write_modes`.
     stress : bool
@@ -66,8 +70,8 @@ def write_vtu(
     gives it. Cell data: "element" and "material" (numbers), "rank". The stress at a scaling centre, a crack
     tip for one, is that at a hundredth of the way to the boundary.
     """
-    instance("write_vtu", "model", model, Model, "a Model")
-    with collective(model.comm):
+    instance("write_vtu", "model", model, (Model, FiniteElementModel), "a Model or FiniteElementModel")
+    with collective(ranks_of(model) or MPI.COMM_SELF):
         if not isinstance(fields, Mapping) or not all(isinstance(name, str) for name in fields):
             raise TypeError(f"write_vtu: fields = {shown(fields)} must be a dict of fields by name")
         flag("write_vtu", "stress", stress)
@@ -78,7 +82,7 @@ def write_vtu(
 @agreed()
 def write_modes(
     path: str,
-    modal: Modal,
+    modal: Modal | ReducedModal,
     modes: Sequence[int] | None = None,
     *,
     stress: bool = False,
@@ -91,8 +95,8 @@ def write_modes(
     ----------
     path, stress, subdivisions
         See `write_vtu`.
-    modal : Modal
-        Of a `Model`.
+    modal : Modal or ReducedModal
+        Of a `Model`, or of a body whose shapes are kept.
     modes : sequence of int, optional
         0 the lowest; default: all.
 
@@ -101,12 +105,12 @@ def write_modes(
     str
         The file to open.
     """
-    instance("write_modes", "modal", modal, Modal, "a Modal")
-    model = modal.model
-    if not isinstance(model, Model):
-        raise TypeError("write_modes: modal must be the modes of a Model")
+    instance("write_modes", "modal", modal, (Modal, ReducedModal), "a Modal or ReducedModal")
+    model = modal.body if isinstance(modal, ReducedModal) else modal.model
+    if not isinstance(model, (Model, FiniteElementModel)):
+        raise TypeError("write_modes: modal must be the modes of a Model, or of a body with its shapes")
     count = len(modal.frequencies)
-    with collective(model.comm):
+    with collective(ranks_of(model) or MPI.COMM_SELF):
         chosen = chosen_modes("write_modes", range(count) if modes is None else modes, count)
         flag("write_modes", "stress", stress)
         subdivisions = optional_integer("write_modes", "subdivisions", subdivisions, least=1, most=100)
@@ -116,18 +120,21 @@ def write_modes(
 
 def _write(
     path: str,
-    model: Model,
+    model: Model | FiniteElementModel,
     fields: Mapping[str, Any],
     stress: bool,
     subdivisions: int | None,
     per: str,
 ) -> str:
-    comm = model.comm
+    comm = ranks_of(model) or MPI.COMM_SELF  # each rank has a body of its own
     with collective(comm):
         destination(path, "VTU file")
         stem, suffix = os.path.splitext(os.fspath(path))
         stem = stem if suffix.lower() in (".vtu", ".pvtu") else stem + suffix
         piece = f"{stem}_{comm.rank}.vtu" if comm.size > 1 else f"{stem}.vtu"
+        if isinstance(model, FiniteElementModel):
+            _write_piece(piece, _of_body(model, fields, per))
+            return piece
         patches = sample(model, dict(fields), subdivisions, stress)
         if patches:
             _write_piece(piece, _mesh(model, patches, per))
@@ -149,6 +156,23 @@ def _displacement(name: str, per: str) -> str:
 
 def _stress(name: str, component: str, per: str) -> str:
     return f"{name} {component} (Pa{per})"
+
+
+def _of_body(body: FiniteElementModel, fields: Mapping[str, Any], per: str) -> dict:
+    """A body's own elements, or its nodes, as the arguments of a meshio mesh."""
+    data = {"node": body.labels}
+    for name, given in fields.items():
+        found = real_array(
+            "write_vtu", f"fields[{name!r}]", np.asarray(getattr(given, "field", given)), 2, "m"
+        )
+        if found.shape != body.places.shape:
+            raise ValueError(
+                f"write_vtu: field {name!r} has shape {found.shape}; displacements of all nodes have "
+                f"{body.places.shape}"
+            )
+        data[_displacement(name, per)] = found
+    cells = body.elements or {"vertex": np.arange(len(body.labels))[:, None]}
+    return {"points": body.places, "cells": list(cells.items()), "point_data": data}
 
 
 def _mesh(model: Model, patches: list[Patches], per: str) -> dict:

@@ -316,6 +316,7 @@ def test_few_arguments_by_position():
 # Public functions whose options, by keyword only, are more than six arguments in all.
 OPTIONS = {
     "sbfem_petsc/analysis/backbone.py: backbone",
+    "sbfem_petsc/bodies/finite_element_model.py: contact",
     "sbfem_petsc/analysis/basins.py: basins",
     "sbfem_petsc/analysis/estimate.py: estimate",
     "sbfem_petsc/analysis/locus.py: loci",

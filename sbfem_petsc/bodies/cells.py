@@ -1,0 +1,47 @@
+"""Elements of a body as VTK names and numbers them: what is drawn and written of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..checks import choice, instance, real_array, shown
+
+# Corners of the faces by shape, and nodes by kind.
+FACES: dict[str, tuple[tuple[int, ...], ...]] = {
+    "triangle": ((0, 1, 2),),
+    "quad": ((0, 1, 2, 3),),
+    "tetra": ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)),
+    "wedge": ((0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (0, 3, 5, 2)),
+    "hexahedron": ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (0, 4, 7, 3)),
+}
+NODES = {"triangle": 3, "triangle6": 6, "quad": 4, "quad8": 8, "tetra": 4, "tetra10": 10, "wedge": 6}
+NODES |= {"wedge15": 15, "hexahedron": 8, "hexahedron20": 20}
+
+
+def checked_cells(owner: str, given: Any, nodes: Mapping[int, int]) -> dict[str, np.ndarray]:
+    """(elements, k) rows of nodes by kind, from labels."""
+    found = {}
+    for kind, labels in instance(owner, "elements", given, Mapping, "a dict of kinds to labels").items():
+        choice(owner, "elements", kind, tuple(NODES))
+        cells = real_array(owner, f"elements[{kind!r}]", labels, 2)
+        if cells.shape[1] != NODES[kind]:
+            raise ValueError(f"{owner}: elements {kind!r} have {cells.shape[1]} nodes, not {NODES[kind]}")
+        if lost := {*cells.ravel().tolist()} - {*nodes}:
+            raise ValueError(f"{owner}: elements {kind!r} have node {shown(min(lost))}, which nodes has not")
+        found[kind] = np.array([[nodes[int(a)] for a in cell] for cell in cells])
+    return found
+
+
+def surface(cells: Mapping[str, np.ndarray]) -> list[np.ndarray]:
+    """(faces, corners) rows of nodes of the faces that one element alone has, those of triangles first."""
+    found = dict[tuple[int, ...], tuple[int, ...] | None]()
+    for kind, elements in cells.items():
+        for corners in FACES[kind.rstrip("0123456789")]:
+            for face in map(tuple, elements[:, corners].tolist()):
+                key = tuple(sorted(face))
+                found[key] = None if key in found else face
+    outer = [face for face in found.values() if face is not None]
+    return [np.array([face for face in outer if len(face) == k]).reshape(-1, k) for k in (3, 4)]
