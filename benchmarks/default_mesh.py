@@ -93,9 +93,9 @@ def floor(work, modes: int) -> float:
     """Seconds of the large products and the eigenvalues of some work; see above."""
     size, entries, own = 2 * modes, [], Derivative.__call__
 
-    def counted(derivative, q, v, sources=None):
-        entries.append(len(derivative.contacts.factors) * q.shape[1])
-        return own(derivative, q, v, sources)
+    def counted(derivative, x, sources=None):
+        entries.append(len(derivative.contacts.factors) * x.shape[1])
+        return own(derivative, x, sources)
 
     with (
         mock.patch.object(Derivative, "__call__", counted),

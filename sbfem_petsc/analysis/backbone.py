@@ -192,7 +192,7 @@ class Backbone(Orbits, Record):
         )
 
 
-@analysis(BackboneOptions)
+@analysis(BackboneOptions, rubs=True)
 def backbone(
     model: Model | ReducedModel,
     mode: int,
@@ -356,6 +356,7 @@ def _reduction(model: Model | ReducedModel, mode: int, modes: int | None) -> Red
     """The reduced model whose motions are followed from one of its elastic modes. Collective."""
     kept = modes or 3 * mode + MODES
     with collective(communicator(model)):
+        model.require_frictionless("backbone", "follows free motions, which friction brings to rest")
         if isinstance(model, ReducedModel) and modes is not None:
             raise ValueError(
                 f"backbone: modes = {modes} has no meaning beside a reduced model; reduce it to so many"

@@ -32,7 +32,7 @@ from .options import PeriodicOptions
 DOUBLINGS = 7
 
 
-@analysis(PeriodicOptions)
+@analysis(PeriodicOptions, rubs=True)
 def periodic(
     model: Model | ReducedModel,
     load,
@@ -132,6 +132,8 @@ def periodic(
                     "periodic: search is for a reduced model with contact and segments = 1; without contact "
                     "the motion is that of linear modes, and in segments it is found from guess alone"
                 )
+        if segments > 1:
+            model.require_frictionless("periodic in segments")
         if reduction is None:
             segmented = segments if segments > 1 else None
             asked: dict[str, Any] = {"guess": guess, "tolerance": tolerance, "search": search}
@@ -164,7 +166,7 @@ def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
     most = MOST if settings.steps is None else 1
     if settings.segments > 1:
         return _in_segments(task, settings.segments, period, guess, most * period.steps)
-    state = period.at(task.frequency).linear_state if guess is None else guess.state
+    state = period.begun(period.at(task.frequency).linear_state if guess is None else guess.state)
     find = functools.partial(
         find_steady_state, jacobian=settings.jacobian, search=task.search, progress=task.progress
     )

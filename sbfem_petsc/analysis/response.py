@@ -41,7 +41,7 @@ DOUBLED = "period doubling"
 INSTANTS = 256
 
 
-@analysis(FrequencyResponseOptions)
+@analysis(FrequencyResponseOptions, rubs=True)
 def frequency_response(
     model: Model | ReducedModel,
     load,
@@ -122,7 +122,7 @@ def frequency_response(
     return run.unreduced(over, stability) if reduction is None else run.reduced(over, reduction)
 
 
-@analysis(LoadResponseOptions)
+@analysis(LoadResponseOptions, rubs=True)
 def load_response(
     model: Model | ReducedModel,
     load,
@@ -256,7 +256,7 @@ class _Run:
 def _first(period: Period, over: ParameterRange, guess: Orbit | None) -> np.ndarray:
     """State of the first motion of a curve."""
     driven = over.at(period, over.start)
-    state = driven.linear_state if guess is None else guess.state
+    state = period.begun(driven.linear_state if guess is None else guess.state)
     if over.name == "frequency":
         return find_steady_state(driven, state, multiples=False)[0].state
     return shoot(driven, state).state

@@ -149,12 +149,19 @@ class Contacts:
         The rows of B^T of all instants, one instant after the other.
     shifts : (s, e) array
         B^T dq is added to by so much for each of e parameters.
+    pushes : (s, m) array
+        What the rows' forces push; where nothing rubs, the factors themselves.
+    reads, writes : (s, k) arrays
+        Factors on what rows that rub remember, and what is taken off that; see `rubbing_tangent`.
     """
 
     instants: np.ndarray
     counts: np.ndarray
     factors: np.ndarray
     shifts: np.ndarray
+    pushes: np.ndarray
+    reads: np.ndarray
+    writes: np.ndarray
 
 
 def exact_contacts(
@@ -303,7 +310,8 @@ class _Thin:
             known[empty] = np.eye(known.shape[1])[np.nonzero(empty)[1]]
             maps = np.linalg.solve(self.held, np.linalg.solve(known, self.scaled.T[self.pivots]))
             shifts = (maps[which] @ pressed)[owner, place]
-        return Contacts(instants, counts, self.factors[which[owner], place], shifts)
+        factors, nothing = self.factors[which[owner], place], np.zeros((len(owner), 0))
+        return Contacts(instants, counts, factors, shifts, factors, nothing, nothing)
 
 
 def _congruent(matrices: np.ndarray, columns: np.ndarray) -> np.ndarray:

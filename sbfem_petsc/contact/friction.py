@@ -54,12 +54,12 @@ class Friction(Record):
         return other is not None and all(map(np.array_equal, mine, (other.rows, other.kinetic, other.static)))
 
 
-def refuse_friction(owner: str, rubs: str) -> None:
-    """Raise ValueError, on all ranks, for what rubs."""
+def refuse_friction(owner: str, rubs: str, why: str) -> None:
+    """Raise ValueError, on all ranks, for what rubs, in an analysis with a reason why it cannot."""
     raise on_all_ranks(
         ValueError(
-            f"{owner} knows no friction yet, and {rubs}; use transient in modes, static or load_history, "
-            "or contact_laws = Unilateral()"
+            f"{owner} {why}, and {rubs}; use transient, periodic, frequency_response or "
+            "load_response in modes, static or load_history, or contact_laws = Unilateral()"
         )
     )
 

@@ -140,7 +140,8 @@ class Derivative:
     """The linearised motion over all steps.
 
     The contacts of a block, P = B^T dq at each of its instants, obey coupling P = rows y + shifts with the
-    state y in the frame before the block, and y - effects^T P is the state behind it.
+    state y in the frame before the block, and y - effects^T P is the state behind it. What rows that rub
+    remember stands behind the modes and does not move by itself.
 
     Parameters
     ----------
@@ -162,9 +163,10 @@ class Derivative:
         for k in (0, 1):
             np.multiply(contacts.factors, propagation.rows[k, self._late][owner], out=rows[:, k])
         effects = propagation.effects(instants, self._late, steps)[owner]
-        effects *= contacts.factors[:, None]
-        self._rows = rows.reshape(len(owner), 2 * modes)
-        self._effects = effects.reshape(len(owner), 2 * modes)
+        effects *= contacts.pushes[:, None]
+        flat = len(owner), 2 * modes
+        self._rows = np.concatenate([rows.reshape(flat), contacts.reads], axis=1)
+        self._effects = np.concatenate([effects.reshape(flat), contacts.writes], axis=1)
         self._owner = owner
         self._blocks = [self._blocks_of(frame) for frame in range(len(self._first))]
 
@@ -201,21 +203,20 @@ class Derivative:
             place += count or 0
         return result
 
-    def __call__(self, q: np.ndarray, v: np.ndarray, sources: Callable | None = None) -> np.ndarray:
-        """Columns of dq above those of dv after the last step, (2 m, k).
+    def __call__(self, x: np.ndarray, sources: Callable | None = None) -> np.ndarray:
+        """Columns of dq above those of dv and the memory after the last step, (2 m + k, n).
 
         Parameters
         ----------
-        q, v : (m, k) arrays
+        x : (2 m + k, n) array
             At the start. The last e columns are derivatives with the e parameters of the contacts, the others
             with the initial state.
         sources : callable, optional
             What the parameters themselves add to q and v over moves from one instant to another without
             contact between: (starts, ends) -> (n, 2 m, e).
         """
-        columns = q.shape[1]
-        x = np.concatenate([q, v])
-        first = columns - self.contacts.shifts.shape[1]
+        x, moving = x.copy(), 2 * self.contacts.factors.shape[1]
+        first = x.shape[1] - self.contacts.shifts.shape[1]
         shifts, added = self._of_parameters(sources)
         now = 0
         for frame, begin in enumerate(self._begin.tolist()):
@@ -230,22 +231,23 @@ class Derivative:
                     x, now = self._moved(x, 1), begin + 1
                 x -= self._effects[one:other].T @ forces
             if added is not None:
-                x[:, first:] += added[frame]
+                x[:moving, first:] += added[frame]
         x = self._moved(x, self.steps - now)
         if added is not None:
-            x[:, first:] += added[-1]
+            x[:moving, first:] += added[-1]
         return x
 
     def _moved(self, x: np.ndarray, steps: int) -> np.ndarray:
         """D^steps x."""
-        m = len(x) // 2
+        m = self.contacts.factors.shape[1]
         power = self.propagation.power(steps)
         result, other = np.empty_like(x), np.empty_like(x[:m])
         for k in (0, 1):
             part = result[k * m : (k + 1) * m]
             np.multiply(x[:m], power[k, 0][:, None], out=part)
-            np.multiply(x[m:], power[k, 1][:, None], out=other)
+            np.multiply(x[m : 2 * m], power[k, 1][:, None], out=other)
             part += other
+        result[2 * m :] = x[2 * m :]
         return result
 
     def _of_parameters(self, sources: Callable | None) -> tuple[np.ndarray, np.ndarray | None]:
@@ -280,7 +282,7 @@ class Derivative:
             found[early, :, parameter] = self._moved(found[early, :, parameter].T, 1).T
         total = _sums(found)
         added = total[edges[1:]] - total[edges[:-1]]
-        return shifts + np.einsum("sj,sje->se", self._rows, before[self._owner]), added
+        return shifts + np.einsum("sj,sje->se", self._rows[:, : before.shape[1]], before[self._owner]), added
 
 
 def _sums(values: np.ndarray) -> np.ndarray:

@@ -46,7 +46,12 @@ class Branch(Orbits, OfPeriod):
         least=0.0,
         unit_of=lambda branch: "Hz" if branch.parameter == "frequency" else "1",
     )
-    states: np.ndarray = quantity("m sqrt(kg)/s", "(Omega q, q') at t = 0", "point state", detail=True)
+    states: np.ndarray = quantity(
+        "m sqrt(kg)/s",
+        "(Omega q, q') at t = 0, and what faces that rub remember: slips over the root of their compliance",
+        "point state",
+        detail=True,
+    )
     point_harmonics: np.ndarray = quantity(
         "m",
         "harmonics 0 to 20 of the displacement",
@@ -93,7 +98,7 @@ class Branch(Orbits, OfPeriod):
 
     def check(self) -> None:
         """Raise ValueError unless points, model and loads belong together."""
-        size = 0 if self.reduced is None else 2 * len(self.reduced.omega)
+        size = 0 if self.map is None else self.map.unknowns
         if (
             not len(self.value)
             or self.states.shape[1] != size

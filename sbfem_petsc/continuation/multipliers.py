@@ -75,7 +75,7 @@ def multipliers(
     SolveError
         If SLEPc finds fewer than were asked for.
     """
-    size = 2 * driven.period.modes
+    size = driven.period.unknowns
     if size > WHOLE if whole is None else not whole:
         return _largest(driven, motion, size)
     matrix = driven.monodromy(motion) if monodromy is None else monodromy()

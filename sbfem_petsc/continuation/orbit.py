@@ -14,7 +14,7 @@ from ..checks import choice
 from ..errors import SolveError, at_point, on_all_ranks
 from ..motion.excitation import one_sided
 from ..motion.history import Motion
-from ..motion.period_map import DrivenPeriod, FixedPoint, PeriodMotion
+from ..motion.period_map import DrivenPeriod, FixedPoint, PeriodMotion, stays
 from ..motion.states import ModalStates, Point
 from ..record.record import derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
@@ -41,7 +41,9 @@ class Orbit(Motion):
     `path` is how it was reached: "Newton", "history" (some periods integrated before it), "ramp of the load",
     "ramp of the damping", "neighbouring frequency", "multiple shooting", "point of a curve" or "period
     doubling". `uncertainty` is `multiplier_error`, or what computes it when it is first asked for. State and
-    multipliers are empty for an unreduced model.
+    multipliers are empty for an unreduced model. Where faces rub their slips at the instant before t = 0 are
+    part of the state; slips that stick throughout the period keep what the search came upon, and have no part
+    in the stability.
     """
 
     frequency: float = quantity("Hz", "forcing frequency f", least=1e-300)
@@ -51,7 +53,11 @@ class Orbit(Motion):
     )
     path: str = quantity(text="how it was reached")
     state: np.ndarray = quantity(
-        "m sqrt(kg)/s", "(Omega q, q') at t = 0", "state", detail=True, default_factory=lambda: np.zeros(0)
+        "m sqrt(kg)/s",
+        "(Omega q, q') at t = 0, and what faces that rub remember: slips over the root of their compliance",
+        "state",
+        detail=True,
+        default_factory=lambda: np.zeros(0),
     )
     multipliers: np.ndarray = quantity(
         "1",
@@ -67,6 +73,12 @@ class Orbit(Motion):
     converged: bool = quantity("1", "whether it is one", default=True)
     step_error: float = quantity(
         "1", "relative change of the displacements from half as many steps", finite=False, default=math.nan
+    )
+    friction_loss: float | None = quantity(
+        "J", "lost to friction over the period, where faces rub", kinds="f", default=None, row=True
+    )
+    sticking: int | None = quantity(
+        "1", "slips that stick throughout the period, on which the motion depends", kinds="iu", default=None
     )
 
     @property
@@ -97,6 +109,8 @@ class Orbit(Motion):
         """Raise ValueError unless state and periods fit the instants."""
         super().check()
         size = 2 * self.states.q.shape[1] if isinstance(self.states, ModalStates) else 0
+        if self.sticking is not None and self.reduced is not None:
+            size += len(self.reduced.initial_gap) - self.reduced.gaps
         if len(self.state) != size or self.periods > len(self.time):
             raise ValueError(f"a state of {len(self.state)} numbers and {self.periods} periods do not fit")
 
@@ -161,6 +175,13 @@ class Orbit(Motion):
             verdict = {True: "stable", False: "unstable", None: "stability undecided"}[self.stable]
             verdict += f" (largest multiplier {np.abs(self.multipliers[0]):.7f})"
         model = f"{len(self.reduced.omega)} modes" if self.reduced is not None else "unreduced model"
+        if self.friction_loss is not None:
+            verdict += f", {self.friction_loss:.6g} J lost to friction a period"
+        if self.sticking:
+            verdict += (
+                f", {self.sticking} slips stick throughout and have no part in that: the motion depends on "
+                "them, and they on where the search began"
+            )
         return (
             f"Orbit(at {self.frequency:.6g} Hz, {self.periods} forcing period{'s' * (self.periods > 1)}, "
             f"{len(self.time)} steps, {model}, {self.states.pairs} pairs, {self.iterations} Newton "
@@ -232,7 +253,7 @@ def multiplier_error(fixed: FixedPoint, value: complex) -> float:
     period = fixed.driven.period
     try:
         finer, other = fixed.driven.in_steps(2 * period.steps), None
-        if 2 * period.modes <= WHOLE:
+        if period.unknowns <= WHOLE:
             other = shoot_nearby(finer, fixed.state, fixed.monodromy)
         if other is None:
             other = shoot(finer, fixed.state)
@@ -272,6 +293,7 @@ def make_orbit(
 ) -> Orbit:
     """An `Orbit` from a fixed point."""
     driven, motion, p = fixed.driven, fixed.motion, fixed.driven.period
+    rubs = p.friction is not None
     q, v = modal_motion(driven, motion)
     forces = np.zeros((p.steps, len(p.reduced.initial_gap)))
     forces[:, : p.pairs] = motion.forces[:-1]
@@ -291,6 +313,8 @@ def make_orbit(
         fixed.state,
         values,
         uncertainty,
+        friction_loss=float(motion.lost.sum()) if rubs else None,
+        sticking=int(stays(motion, len(p.laws)).sum()) if rubs else None,
     )
 
 

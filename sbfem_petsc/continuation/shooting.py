@@ -59,7 +59,7 @@ def shoot(
 
     if jacobian != "auto":
         return solve(jacobian)
-    if 2 * driven.period.modes > WHOLE:
+    if driven.period.unknowns > WHOLE:
         return solve("matrix-free")
     if iterations is None and driven.period.modes >= MANY:
         found = _from_fewer_steps(driven, state)

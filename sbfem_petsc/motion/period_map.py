@@ -2,18 +2,20 @@
 
 The unknowns are the state x = (Omega q, q') at t = 0, whose norm is that of energy. The linear steady state
 is subtracted in closed form: what is integrated is the difference z, driven by contact alone, so that a
-motion without contact is exact whatever the step.
+motion without contact is exact whatever the step. Where faces rub, the slips at the instant before t = 0, in
+units of energy, stand behind: what the faces remember (`contact.rubbing_tangent`).
 """
 
 from __future__ import annotations
 
 import copy
 import functools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..contact.closed_sets import ClosedSets, exact_contacts, located_contacts, thin_factors
+from ..contact.friction import STICKS
 from ..contact.marching import (
     StepHistory,
     StepLoads,
@@ -22,6 +24,8 @@ from ..contact.marching import (
     step_constants,
 )
 from ..contact.pivoting import contact_forces, empty_factor
+from ..contact.rubbing import empty_sets, rubbing_forces, rubbing_of
+from ..contact.rubbing_tangent import rubbing_contacts
 from ..contact.tangent import Derivative, Propagation
 from ..errors import SolveError, on_all_ranks
 from ..petsc import MPI
@@ -37,13 +41,18 @@ class PeriodMotion:
 
     Attributes
     ----------
-    residual : (2 m,) array
+    residual : (2 m + k,) array
         x(T) - x(0).
     states, velocities : (n + 1, m) arrays
         Difference z of modal displacement and velocity to the linear steady state.
     forces : (n + 1, pairs) array
+        Of slips behind those of gaps.
     work : (n,) array
-        Of the contact forces in each step, J; none in the exact motion.
+        Of the contact forces in each step beside what friction takes, J; none in the exact motion.
+    rows : (n + 1, pairs) int8 array
+        States of the rows, see `contact.friction`; empty where nothing rubs.
+    lost : (n,) array
+        To friction in each step, J; empty where nothing rubs.
     """
 
     residual: np.ndarray
@@ -51,6 +60,8 @@ class PeriodMotion:
     velocities: np.ndarray
     forces: np.ndarray
     work: np.ndarray
+    rows: np.ndarray = field(default_factory=lambda: np.empty((0, 0), dtype=np.int8))
+    lost: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
 class Period:
@@ -70,7 +81,9 @@ class Period:
         r = reduced
         self.rows = r.gap.modes if contact else r.gap.modes[:0]
         self.pairs, self.modes = len(self.rows), len(r.omega)
-        self.laws = r.contact_laws.first(self.pairs)
+        self.laws, self.friction = r.contact_laws.first(self.pairs), r.friction if contact else None
+        slack = np.diagonal(r.gap.contact)[r.gaps :] if self.friction is not None else np.zeros(0)
+        self.slip_units = np.sqrt(np.where(slack > 0.0, slack, 1.0))
         if contact:
             (self.left, self.right), self.sets = r.thin_gaps, r.closed_sets
         else:
@@ -94,7 +107,7 @@ class Period:
     @property
     def unknowns(self) -> int:
         """Of a state."""
-        return 2 * self.modes
+        return 2 * self.modes + len(self.slip_units)
 
     @property
     def comm(self) -> MPI.Comm:
@@ -151,14 +164,23 @@ class Period:
 
     @property
     def rest(self) -> np.ndarray:
-        """(2 m,) state at rest under the constant loads, contact included: what motions are about, and may be
-        far larger than they are.
+        """State at rest under the constant loads, contact included: what motions are about, and may be far
+        larger than they are. Faces that rub are loaded in one step.
         """
         if self._rest is None:
             constant = self.excitation.amplitudes[self.excitation.orders == 0].real.sum(axis=0)
-            q, _ = at_rest(self.reduced, constant, self.pairs > 0)
-            self._rest = np.concatenate([self.weights * q, np.zeros(self.modes)])
+            q, found = at_rest(self.reduced, constant, self.pairs > 0)
+            slip = found.gap[self.pairs - len(self.slip_units) :] / self.slip_units
+            self._rest = np.concatenate([self.weights * q, np.zeros(self.modes), slip])
         return self._rest
+
+    def begun(self, state: np.ndarray) -> np.ndarray:
+        """A state of a motion with or without friction as one of this period: faces that have not rubbed are
+        as at rest.
+        """
+        moving = 2 * self.modes
+        slips = self.rest if len(state) == moving < self.unknowns else state
+        return np.concatenate([state[:moving], slips[moving : self.unknowns]])
 
     def size(self, state: np.ndarray) -> float:
         """How far a state is from rest: what changes of it are compared with."""
@@ -212,13 +234,13 @@ class _Length:
         r = period.reduced
         self._reduced, self._step, self._steps = r, step, period.steps
         self.coefficients = step_coefficients(r.omega, r.damping, step, "exact")
+        residual = period.residual_flexibility
         self.constants = step_constants(
-            [self.coefficients],
-            (period.left, period.right),
-            period.residual_flexibility,
-            period.laws,
-            r.omega,
+            [self.coefficients], (period.left, period.right), residual, period.laws, r.omega
         )
+        if period.friction is not None:
+            rubbing = rubbing_of(period.friction, residual, len(period.laws))
+            self.constants = self.constants._replace(rubbing=rubbing)
 
     @functools.cached_property
     def propagation(self) -> Propagation:
@@ -242,8 +264,10 @@ class DrivenPeriod:
         self.loads, static = p.loaded(factor)
         self.free_gap = p.over_time((self.amplitudes @ p.right) @ p.left.T) + static
         self._kept: tuple | None = None
+        # faces that rub are as at rest
+        kept = p.rest[2 * p.modes :] if p.friction is not None else np.zeros(0)
         self.linear_state = self._state(
-            self.amplitudes.sum(axis=0).real, (self.speeds * self.amplitudes).sum(axis=0).real
+            self.amplitudes.sum(axis=0).real, (self.speeds * self.amplitudes).sum(axis=0).real, kept
         )
 
     @property
@@ -253,8 +277,8 @@ class DrivenPeriod:
         q, v = self.amplitudes[moving], (self.speeds * self.amplitudes)[moving]
         return float(np.linalg.norm(self._state(q.sum(axis=0).real, v.sum(axis=0).real)))
 
-    def _state(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        return np.concatenate([self.period.weights * q, v])
+    def _state(self, q: np.ndarray, v: np.ndarray, slip: np.ndarray | None = None) -> np.ndarray:
+        return np.concatenate([self.period.weights * q, v, np.zeros(0) if slip is None else slip])
 
     def in_steps(self, steps: int) -> DrivenPeriod:
         """The same in so many steps."""
@@ -273,35 +297,21 @@ class DrivenPeriod:
     def run(self, state: np.ndarray) -> PeriodMotion:
         """Integrate one period from a state x."""
         p, m, steps = self.period, self.period.modes, self.period.steps
-        difference = state - self.linear_state
-        q, v = difference[:m] / p.weights, difference[m:].copy()
-        force = np.zeros(p.pairs)
-        states, velocities, forces, work = (
-            np.empty((steps + 1, m)),
-            np.empty((steps + 1, m)),
-            np.zeros((steps + 1, p.pairs)),
-            np.empty(steps),
-        )
-        gap = self.free_gap[0] + p.left @ (p.right.T @ q)
-        reached, settled = 0, 0
-        rows = p.laws.touched(gap)
-        if rows.any():
-            settled = contact_forces(
-                p.residual_flexibility,
-                gap,
-                p.laws.table,
-                rows,
-                empty_factor(p.pairs),
-                force,
-            )
-        states[0], velocities[0], forces[0] = q, v, force
+        difference = state[: 2 * m] - self.linear_state[: 2 * m]
+        q, v, slip = difference[:m] / p.weights, difference[m:].copy(), p.slip_units * state[2 * m :]
+        states, velocities = np.empty((steps + 1, m)), np.empty((steps + 1, m))
+        forces, work = np.zeros((steps + 1, p.pairs)), np.empty(steps)
+        kept = (steps + 1, p.pairs) if len(slip) else (0, 0)
+        rows, slips = np.empty(kept, dtype=np.int8), np.empty((kept[0], len(slip)))
+        lost = np.empty(len(slips[1:]))
+        begin = StepState(q, v, forces[0].copy(), np.zeros(p.pairs, dtype=np.int8), slip.copy())
+        reached, settled = 0, self._touch(begin)
+        states[0], velocities[0], forces[0] = q, v, begin.force
+        rows[:1], slips[:1] = begin.rows[: rows.shape[1]], begin.slip
         if settled >= 0:
-            reached = march(
-                self.constants,
-                StepLoads(np.zeros((0, m)), self.free_gap, np.zeros(steps, dtype=np.int8)),
-                StepState(q, v, force, rows),
-                StepHistory(states[1:], velocities[1:], forces[1:], work),
-            ).steps
+            loads = StepLoads(np.zeros((0, m)), self.free_gap, np.zeros(steps, dtype=np.int8))
+            told = states[1:], velocities[1:], forces[1:], work, np.empty(0, dtype=np.int8), lost
+            reached = march(self.constants, loads, begin, StepHistory(*told, rows[1:], slips[1:])).steps
         if reached < steps:
             raise on_all_ranks(
                 SolveError(
@@ -309,7 +319,29 @@ class DrivenPeriod:
                     "was not solved; use more steps, or pairs of like size"
                 )
             )
-        return PeriodMotion(self._state(q, v) - difference, states, velocities, forces, work)
+        # the slips that are left are those of the last instant but one
+        residual = self._state(q, v, (slips[-2:-1].ravel() - slip) / p.slip_units)
+        residual[: 2 * m] -= difference
+        return PeriodMotion(residual, states, velocities, forces, work, rows, lost)
+
+    def _touch(self, begin: StepState) -> int:
+        """Contact at t = 0, where the modes are and after the slips before; negative if it is not solved."""
+        p = self.period
+        gap = self.free_gap[0] + p.left @ (p.right.T @ begin.q)
+        if p.friction is None:
+            begin.rows[:] = p.laws.touched(gap)
+            if not begin.rows.any():
+                return 0
+            room = empty_factor(p.pairs)
+            return int(
+                contact_forces(p.residual_flexibility, gap, p.laws.table, begin.rows, room, begin.force)
+            )
+        sets, count = empty_sets(p.pairs), len(p.laws)
+        held = (p.laws.table, self.constants.rubbing, begin.rows)
+        before = np.append(np.zeros(count), begin.slip)
+        settled = rubbing_forces(p.residual_flexibility, (gap, before), held, sets, begin.force)
+        begin.slip[:] = np.where(begin.rows[count:] == STICKS, begin.slip, sets.free[count:])
+        return int(settled)
 
     def oscillations(self) -> tuple[np.ndarray, np.ndarray]:
         """Modal forces of the oscillating loads and velocities of the linear steady state over time,
@@ -334,27 +366,30 @@ class DrivenPeriod:
         parameters: tuple[str, ...] = (),
         located: bool = False,
     ) -> np.ndarray:
-        """Derivative of x(T) along columns of x(0), (2 m, c), and behind them with the named parameters,
+        """Derivative of x(T) along columns of x(0), (2 m + k, c), and behind them with the named parameters,
         "frequency" or "load", at fixed x(0).
 
-        Exact for the steps as they are; `located` moves closing and opening pairs to where they do so inside
-        a step (see `closed_sets.located_contacts`); without parameters.
+        Exact for the steps as they are, but that slips which stay what they are over the whole period count
+        as if they came to nothing: any others are as periodic. `located` moves closing and opening pairs to
+        where they do so inside a step (see `closed_sets.located_contacts`), where nothing rubs; without
+        parameters.
         """
         p, m = self.period, self.period.modes
         gap_rates = np.zeros((p.steps + 1, p.pairs, len(parameters)))
-        shifts = np.zeros((2 * m, len(parameters)))
+        shifts = np.zeros((p.unknowns, len(parameters)))
         for k, name in enumerate(parameters):
-            gap_rates[:, :, k], shifts[:, k] = (
+            gap_rates[:, :, k], shifts[: 2 * m, k] = (
                 self._frequency_rates() if name == "frequency" else self._load_rates()
             )
         derivative = self._derivative(motion, gap_rates, located, keep=columns.shape[1] < m)
         columns = np.concatenate([columns, -shifts], axis=1)
+        columns[:m] /= p.weights[:, None]
         result = derivative(
-            columns[:m] / p.weights[:, None],
-            columns[m:],
+            columns,
             functools.partial(self._sources, motion, parameters) if "frequency" in parameters else None,
         )
         result[:m] *= p.weights[:, None]
+        result[2 * m :][stays(motion, len(p.laws))] = 0.0
         result[:, result.shape[1] - len(parameters) :] += shifts
         return result
 
@@ -366,8 +401,11 @@ class DrivenPeriod:
         key = (located, motion)
         if gap_rates.shape[2] == 0 and self._kept is not None and self._kept[0] == key:
             return self._kept[1]
-        closed = p.laws.acting(motion.forces)
-        if located:
+        if p.friction is None:
+            closed = p.laws.acting(motion.forces)
+        if p.friction is not None:
+            contacts = rubbing_contacts(self.constants, p.slip_units, motion.rows, gap_rates)
+        elif located:
 
             def gaps(instants: np.ndarray, rows: np.ndarray) -> np.ndarray:
                 elastic = np.einsum("kr,kr->k", motion.states[instants] @ p.right, p.left[rows])
@@ -385,8 +423,8 @@ class DrivenPeriod:
         return result
 
     def monodromy(self, motion: PeriodMotion) -> np.ndarray:
-        """dx(T) / dx(0) of the motion, (2 m, 2 m), with switches located inside their steps."""
-        return self.carried(motion, np.eye(2 * self.period.modes), located=True)
+        """dx(T) / dx(0) of the motion, with switches located inside their steps, see `carried`."""
+        return self.carried(motion, np.eye(self.period.unknowns), located=True)
 
     def _frequency_rates(self) -> tuple[np.ndarray, np.ndarray]:
         """Rates of the free gaps and of the linear state with the frequency."""
@@ -434,16 +472,22 @@ class DrivenPeriod:
         )
 
     def linear_resolvent(self, vectors: np.ndarray) -> np.ndarray:
-        """(Phi - 1)^-1 of the motion without contact, mode by mode, on (2 m,) vectors: the preconditioner of
-        matrix-free shooting.
+        """(Phi - 1)^-1 of the motion without contact, mode by mode, and of slips that are forgotten, on
+        vectors like states: the preconditioner of matrix-free shooting.
         """
         p, r, m = self.period, self.period.reduced, self.period.modes
         a, b, _, _, _, c, d, _, _, _ = step_coefficients(r.omega, r.damping, self.duration, "exact")
         w = p.weights
         a, b, c, d = a - 1.0, w * b, c / w, d - 1.0
         determinant = a * d - b * c
-        x, y = vectors[:m], vectors[m:]
-        return np.concatenate([(d * x - b * y) / determinant, (a * y - c * x) / determinant])
+        x, y, slip = np.split(vectors, [m, 2 * m])
+        return np.concatenate([(d * x - b * y) / determinant, (a * y - c * x) / determinant, -slip])
+
+
+def stays(motion: PeriodMotion, count: int) -> np.ndarray:
+    """(k,): the slips, behind `count` normal rows, that stick throughout a period."""
+    found: np.ndarray = (motion.rows[:, count:] == STICKS).all(axis=0)
+    return found
 
 
 def modal_forces(reduced: ReducedModel, amplitudes: np.ndarray, speeds: np.ndarray) -> np.ndarray:
@@ -456,11 +500,11 @@ class FixedPoint:
 
     Attributes
     ----------
-    state : (2 m,) array
+    state : (2 m + k,) array
         x(0).
     driven : DrivenPeriod
     motion : PeriodMotion
-    residual : (2 m,) array
+    residual : (2 m + k,) array
         x(T) - x(0).
     residuals : tuple of float
         Norm of x(T) - x(0) at each Newton iterate.
@@ -480,5 +524,5 @@ class FixedPoint:
 
     @functools.cached_property
     def monodromy(self) -> np.ndarray:
-        """(2 m, 2 m): dx(T) / dx(0), with switches located inside their steps."""
+        """dx(T) / dx(0), see `DrivenPeriod.monodromy`."""
         return self.driven.monodromy(self.motion)

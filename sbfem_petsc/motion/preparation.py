@@ -171,6 +171,7 @@ def require_unreduced(owner: str, model: object, given: Mapping[str, Any]) -> No
     """
     if not isinstance(model, Model):
         raise ValueError(f"{owner}: reduction = None needs the model itself, not a reduced one")
+    model.require_frictionless(f"{owner} of the unreduced model")
     for name, value in given.items():
         if value is not None:
             raise ValueError(

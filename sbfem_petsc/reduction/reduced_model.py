@@ -33,7 +33,8 @@ class ReducedModel(Record):
     with the amplitudes s(t) of unit loads and the contact forces. It stands in the place of its model in
     `transient`, `periodic`, `frequency_response`, `load_response` and the analyses built on them. Where faces
     rub, the slips of contact rows stand behind all gaps, and their friction behind the other forces;
-    `transient`, `static` and `load_history` alone take such a model.
+    `transient`, `static`, `load_history`, `periodic`, `frequency_response` and `load_response` take such a
+    model.
 
     `loads` are the unit loads it was made for, none for a system of matrices; `model` and `modal`, the modes
     themselves, distributed, are None for such a system and for one read from a file. `whole` are the
@@ -144,10 +145,10 @@ class ReducedModel(Record):
         """Contact rows that are gaps; slips stand behind them."""
         return len(self.initial_gap) - (0 if self.friction is None else len(self.friction.rows))
 
-    def require_frictionless(self, owner: str) -> None:
+    def require_frictionless(self, owner: str, why: str = "knows no friction yet") -> None:
         """Raise ValueError, on all ranks, where faces rub."""
         if self.friction is not None:
-            refuse_friction(owner, "the contact rows of the reduced model rub")
+            refuse_friction(owner, "the contact rows of the reduced model rub", why)
 
     @functools.cached_property
     def omega(self) -> np.ndarray:

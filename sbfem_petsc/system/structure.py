@@ -343,11 +343,11 @@ class Structure:
         return result
 
     # ------------------------------------------------------------------ contact and outputs
-    def require_frictionless(self, owner: str) -> None:
+    def require_frictionless(self, owner: str, why: str = "knows no friction yet") -> None:
         """Raise ValueError, on all ranks, where faces rub."""
         rubbing = [name for name, law in self.contact_laws.items() if law.rubs]
         if rubbing:
-            refuse_friction(owner, f"{listed(rubbing)} has the law {self.contact_laws[rubbing[0]]!r}")
+            refuse_friction(owner, f"{listed(rubbing)} has the law {self.contact_laws[rubbing[0]]!r}", why)
 
     @functools.cached_property
     def point_holders(self) -> dict[str, list[int]]:

@@ -377,11 +377,12 @@ def test_what_takes_no_friction_says_so():
     with sb.Model(beam, ALUMINIUM, damping=0.01, contact_laws=sb.Coulomb(0.3)) as model:
         calls = [
             lambda: sb.transient(model, load, duration=1e-3, reduction=None),
-            lambda: sb.periodic(model, load, 100.0),
-            lambda: sb.frequency_response(model, load, 90.0, 110.0),
-            lambda: sb.backbone(model, 1, 1e-9, 1e-6),
-            lambda: sb.periodic(sb.reduce(model, load, modes=5), load, 100.0),
-            lambda: sb.frequency_response(rubbing_mass(), sb.Harmonic(1.0, 1.0), 0.9, 1.1),
+            lambda: sb.periodic(model, load, 100.0, reduction=None),
+            lambda: sb.frequency_response(model, sb.PointForce("A", fy=1.0), 90.0, 110.0, reduction=None),
+            lambda: sb.swept_response(
+                sb.reduce(model, load, modes=5), sb.PointForce("A", fy=1.0), 90.0, 110.0, duration=1.0
+            ),
+            lambda: sb.swept_response(rubbing_mass(), 1.0, 0.9, 1.1, duration=10.0),
             lambda: sb.static(model, sb.PointForce("A", fy=1.0), method="one_pass_tie"),
         ]
         for call in calls:

@@ -328,9 +328,13 @@ def test_contact_laws(kind):
 
 
 def test_analyses_that_know_no_friction_say_so():
-    with pytest.raises(ValueError, match="'periodic' knows no friction yet, and the faces of 'crack1' rub"):
-        case_from_text(with_law("coulomb", "friction = 0.2", "periodic"))
-    assert case_from_text(with_law("coulomb", "friction = 0.0", "periodic"))
+    of = "of the unreduced model knows no friction yet, and the faces of 'crack1' rub"
+    rubs = with_law("coulomb", "friction = 0.2", "periodic")
+    with pytest.raises(ValueError, match=f"'periodic' {of}"):
+        case_from_text(f"{rubs}reduced = false\n")
+    with pytest.raises(ValueError, match="'periodic' in segments knows no friction yet"):
+        case_from_text(f"{rubs}segments = 2\n")
+    assert case_from_text(rubs)
     with pytest.raises((KeyError, ValueError), match="crack9"):
         text = with_law("coulomb", "friction = 0.2").replace("crack1", "crack9")
         objects.model(case_from_text(text), MPI.COMM_SELF)

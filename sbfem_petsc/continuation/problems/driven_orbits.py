@@ -193,7 +193,9 @@ class OrbitState(FixedPoint):
         forces = np.zeros((len(motion.forces) - 1, len(r.initial_gap)))
         forces[:, : driven.period.pairs] = motion.forces[:-1]
         q, _ = modal_motion(driven, motion)
-        return r.points(q[:-1], driven.loads[:-1], forces), motion.forces[:-1].sum(axis=1)
+        return r.points(q[:-1], driven.loads[:-1], forces), motion.forces[:-1, : len(driven.period.laws)].sum(
+            axis=1
+        )
 
     @functools.cached_property
     def rate(self) -> np.ndarray:

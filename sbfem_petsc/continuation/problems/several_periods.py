@@ -16,7 +16,9 @@ def distances(driven: DrivenPeriod, motion: PeriodMotion) -> dict[int, float]:
     """
     p = driven.period
     periods = p.excitation.periods
-    size = p.size(driven.linear_state + _difference(p, motion, 0))
+    begin = driven.linear_state.copy()
+    begin[: 2 * p.modes] += _difference(p, motion, 0)
+    size = p.size(begin)
     result = {}
     for fewer in range(1, periods):
         if periods % fewer or (p.steps * fewer) % periods or (p.excitation.orders * fewer % periods).any():

@@ -105,11 +105,11 @@ def _analyses(case: Any) -> Iterator[Problem]:
                 path, "cannot be a name of an analysis; use letters, digits, '-' and '_', at most 100 of them"
             )
         rubbing = [crack for crack, law in case.model.contact_laws.items() if law.rubs]
-        if rubbing and not analysis.rubs:
+        if rubbing and analysis.frictionless is not None:
             yield Problem(
                 (*path, "kind"),
-                f"= {analysis.kind!r} knows no friction yet, and the faces of {rubbing[0]!r} rub; leave it "
-                f"out, or give model.contact_laws.{rubbing[0]} another kind",
+                f"= {analysis.kind!r}{analysis.frictionless} knows no friction yet, and the faces of "
+                f"{rubbing[0]!r} rub; leave it out, or give model.contact_laws.{rubbing[0]} another kind",
             )
         for problem in analysis.against(case):
             yield Problem((*path, *problem.path), problem.text)

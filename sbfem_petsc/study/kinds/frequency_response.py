@@ -21,6 +21,7 @@ class Curve(Kind):
     """A kind whose result is a response curve."""
 
     reduced: bool = item(True, text="false: the unreduced model")
+    rubs = True
     running = "curve.journal"
     captions = {"curve": "response curve"}
 
@@ -34,6 +35,10 @@ class Curve(Kind):
             yield "stability", "= true is for the reduced model; leave out reduced = false or stability"
         if getattr(asked, "parameter", "load") != "load":
             yield "parameter", f'= "{asked.parameter}" is for the reduced model; leave out reduced = false'
+
+    @property
+    def frictionless(self) -> str | None:
+        return None if self.reduced else " of the unreduced model"
 
     @property
     def reduction(self) -> str | None:

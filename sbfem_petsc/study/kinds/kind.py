@@ -149,6 +149,11 @@ class Kind(Table):
         """Names of its loads."""
         return [name for key in self.loads_in for name in getattr(self, key)]
 
+    @property
+    def frictionless(self) -> str | None:
+        """Which of it knows no friction, in words behind its name; None if it takes faces that rub."""
+        return None if self.rubs else ""
+
     def against(self, case: CaseTables) -> Iterator[Problem]:
         """What contradicts the rest of the case, at paths within the table."""
         if not self.free and case.model.clamped == [] and not case.model.supports:

@@ -55,6 +55,7 @@ class Steady(Kind):
             "stable": Quantity(result.stable, "1", "stability, None if it was not asked for or is not known"),
             "displacement": of_points(points, result.displacement, "m", "displacement (x, y)", detail=True),
             "iterations": Quantity(int(result.iterations), "1", "Newton iterations"),
+            "friction_loss": Quantity(result.friction_loss, "J", "lost to friction over the period"),
         }
         if result.periods > 1:
             tree["subharmonics"] = of_points(
@@ -85,12 +86,15 @@ class Steady(Kind):
         if len(result.multipliers):
             values["largest_multiplier"] = (float(np.abs(result.multipliers[0])), "1")
             values["stable"] = (truth(result.stable), "1")
+        if result.friction_loss is not None:
+            values["friction_loss"] = (result.friction_loss, "J")
         balance = self._energy_balance(wanted.case, result)
         return values if balance is None else values | {"energy_error": (balance, "1")}
 
     def _energy_balance(self, case: Any, result: Any) -> float | None:
-        """What the loads supply over a period less what damping takes, relative to the former: zero but for
-        the time steps' error. None where loads other than point forces act, or nothing is damped.
+        """What the loads supply over a period less what damping and friction take, relative to the former:
+        zero but for the time steps' error. None where loads other than point forces act, or nothing is
+        damped.
         """
         loads = [case.tables.loads[name] for name in self.loads()]
         reduced, states = result.reduced, result.states
@@ -98,6 +102,7 @@ class Steady(Kind):
             return None
         duration = result.periods / result.frequency
         lost = 2.0 * duration * float((reduced.damping * reduced.omega * (states.v**2).mean(axis=0)).sum())
+        lost += result.friction_loss or 0.0
         supplied, column = 0.0, 0
         for load in loads:
             for key, value in load.components.items():
@@ -137,6 +142,12 @@ class Periodic(PeriodicOptions, Steady, Loaded):
 
     kind: Literal["periodic"] = item(text="steady state")
     reduced: bool = item(True, text="false: the unreduced model")
+    rubs = True
+
+    @property
+    def frictionless(self) -> str | None:
+        parts = {" of the unreduced model": not self.reduced, " in segments": self.segments > 1}
+        return next((part for part, asked in parts.items() if asked), None)
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """What the unreduced model has not, too."""

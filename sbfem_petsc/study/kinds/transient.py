@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -13,13 +13,9 @@ import sbfem_petsc as sb
 from ...analysis.options import TransientOptions
 from ...indicators.detection import contact_duty
 from ...options import item
-from ..case.tables import Problem
 from ..costs import Cost, Size
 from ..quantities import Quantity, Tree, of_points
 from .kind import Drawn, Loaded, Run, Values, Wanted
-
-if TYPE_CHECKING:
-    from ..case.case import CaseTables
 
 _ENERGIES = {
     "kinetic": "kinetic energy",
@@ -49,17 +45,9 @@ class Transient(TransientOptions, Loaded):
         if self.scheme == "paper" and self.reduced and "reduced" in self.model_fields_set:
             yield "scheme", '= "paper" integrates the unreduced model; leave reduced = true out'
 
-    def against(self, case: CaseTables) -> Iterator[Problem]:
-        """Faces that rub in the unreduced model, too."""
-        yield from super().against(case)
-        rubbing = [crack for crack, law in case.model.contact_laws.items() if law.rubs]
-        if rubbing and (not self.reduced or self.scheme == "paper"):
-            yield Problem(
-                ("kind",),
-                f"= 'transient' of the unreduced model knows no friction yet, and the faces of "
-                f"{rubbing[0]!r} rub; take the reduced one, or give model.contact_laws.{rubbing[0]} "
-                "another kind",
-            )
+    @property
+    def frictionless(self) -> str | None:
+        return " of the unreduced model" if not self.reduced or self.scheme == "paper" else None
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.History:
         return sb.transient(

@@ -1,0 +1,260 @@
+"""Steady states with friction: the derivative of a period against differences of it, histories located by
+another integration, closed forms of motions that stick, figures of an independent program.
+"""
+
+import math
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from meshing import Beam, VNotch
+from sbfem_petsc.contact.friction import AGAINST, ALONG, STICKS
+from sbfem_petsc.motion.excitation import Excitation
+from sbfem_petsc.motion.period_map import Period
+from tests.contact.test_friction_in_motion import FRICTION, PRESSURE, SLIDER, SPRING, jenkins, slider
+from tests.parallel import ROOT
+
+RATE = 1.7
+FREQUENCY = RATE / (2.0 * math.pi)
+
+
+def chain(modes=4):
+    """Masses on springs with three elastic stops that rub, four of six modes kept."""
+    k = np.diag(np.full(6, 2.0)) - np.eye(6, k=1) - np.eye(6, k=-1)
+    rows = np.eye(6)
+    return sb.reduce_matrices(
+        np.eye(6),
+        k,
+        rows[[0, 2, 5]],
+        np.array([0.05, 0.0, -0.1]),
+        loads=rows[:, [1, 4]],
+        sensors={"first": 0, "last": 5},
+        modes=modes,
+        damping=0.02,
+        compliance=np.full(3, 0.05),
+        contact_laws=sb.Coulomb(0.4),
+        tangent_rows=rows[[1, 3, 4]] - 0.3 * rows[[0, 2, 5]],
+        tangent_compliance=np.full(3, 0.1),
+    )
+
+
+def driven_chain(frequency=0.09, steps=512):
+    signals = [sb.Harmonic(0.3, frequency) + 0.02, sb.Harmonic(0.4, 2 * frequency, 0.4)]
+    return Period(chain(), Excitation.of(signals, frequency, None, 8), steps).at(frequency)
+
+
+@pytest.fixture(scope="module")
+def chain_motion():
+    """All states of rows are met; slips are carried over both ends of the period."""
+    driven = driven_chain()
+    state = driven.linear_state
+    for _ in range(3):
+        state = state + driven.run(state).residual
+    state[8:] *= 1.001
+    motion = driven.run(state)
+    assert set(np.unique(motion.rows[:, 3:])) == {0, STICKS, ALONG, AGAINST}
+    assert (motion.rows[0, 3:] == STICKS).any() and (np.diff(motion.rows, axis=0) != 0).sum() > 20
+    return driven, state, motion
+
+
+def slope(driven, state, way, size):
+    """Central difference of x(T); the rows keep their states."""
+    ends = []
+    for sign in (1.0, -1.0):
+        there = state + sign * size * way
+        motion = driven.run(there)
+        ends.append(motion.residual + there)
+    return (ends[0] - ends[1]) / (2.0 * size)
+
+
+def test_derivative_with_state_and_memory(chain_motion):
+    """Central differences by 1e-7, piecewise linear but for rounding; 1e-6 is asked for."""
+    driven, state, motion = chain_motion
+    exact = driven.carried(motion, np.eye(len(state)))
+    size = 1e-7 * np.linalg.norm(state)
+    for k, unit in enumerate(np.eye(len(state))):
+        assert exact[:, k] == pytest.approx(slope(driven, state, unit, size), abs=1e-8 * np.abs(exact).max())
+    assert np.abs(exact[:, 8:]).max() > 0.1
+
+
+@pytest.mark.parametrize("name", ["frequency", "load"])
+def test_derivative_with_a_parameter(chain_motion, name):
+    driven, state, motion = chain_motion
+    exact = driven.carried(motion, np.zeros((len(state), 0)), (name,))[:, 0]
+    step, period, ends = 1e-6, driven.period, []
+    for sign in (1.0, -1.0):
+        at = (
+            (driven.frequency * (1.0 + sign * step), 1.0)
+            if name == "frequency"
+            else (driven.frequency, 1.0 + sign * step)
+        )
+        ends.append(period.at(*at).run(state).residual + state)
+    expected = (ends[0] - ends[1]) / (2.0 * step * (driven.frequency if name == "frequency" else 1.0))
+    assert exact == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.long
+def test_jacobian_test_of_petsc():
+    """-shooting_snes_test_jacobian, PETSc's own differences: every ratio it prints is below 1e-6."""
+    program = """
+import sys
+import petsc4py
+petsc4py.init([sys.argv[0], "-shooting_snes_test_jacobian"])
+import sbfem_petsc as sb
+from tests.contact.test_friction_in_periods import chain
+load = [sb.Harmonic(0.3, 0.09) + 0.02, sb.Harmonic(0.4, 0.18, 0.4)]
+sb.periodic(chain(), load, 0.09, jacobian="dense", stability=False)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    lines = [line for line in done.stdout.splitlines() if "||J - Jfd||_F/||J||_F = " in line]
+    ratios = [float(line.split("||J - Jfd||_F/||J||_F = ")[1].split(",")[0]) for line in lines]
+    assert len(ratios) >= 3 and max(ratios) < 1e-6, ratios
+
+
+# ---------------------------------------------------------------------- few rows
+def shaken(amplitude):
+    """Loads of `slider`: a push, and what presses."""
+    return [sb.Harmonic(amplitude, FREQUENCY), sb.Constant(-2.0)]
+
+
+@pytest.fixture(scope="module")
+def mass():
+    return slider(modes=1)
+
+
+def settled(amplitude, rate, steps, periods=12):
+    """Displacement over a period that SciPy's history settles on, and what is lost in it."""
+    times = 2.0 * math.pi / rate * np.arange((periods + 1) * steps) / steps
+    x, lost = jenkins(amplitude, rate, times)
+    return x[-steps:], lost - jenkins(amplitude, rate, times[: periods * steps])[1]
+
+
+def test_orbit_against_located_events(mass):
+    """Displacements and loss of a period are those that a history settles on, the better the more steps; the
+    exact derivative makes Newton's method converge quadratically.
+    """
+    errors = []
+    for steps in (256, 1024):
+        found = sb.periodic(mass, shaken(1.0), FREQUENCY, steps=steps, jacobian="dense")
+        x, lost = settled(1.0, RATE, steps)
+        errors.append(np.abs(found.displacement("x")[:, 1] - x).max() / np.abs(x).max())
+        assert found.friction_loss == pytest.approx(lost, rel=1e-3) and found.sticking == 0 and found.stable
+        assert found.iterations <= 5 and found.residuals[-1] < 1e-10 * found.residuals[-2]
+    assert errors[0] < 4e-4 and errors[1] < 2e-5
+    assert found.contact_force == pytest.approx(PRESSURE)
+    assert np.abs(found.friction_force).max() == pytest.approx(FRICTION * PRESSURE)
+
+
+def test_multipliers_against_differences_of_the_map(mass):
+    """The rate at which disturbances of the state and of what the faces remember die out."""
+    period = Period(
+        mass, Excitation.of([sb.Harmonic(1.0, FREQUENCY), sb.Constant(-2.0)], FREQUENCY, None, 8), 512
+    )
+    driven = period.at(FREQUENCY)
+    found = sb.periodic(mass, shaken(1.0), FREQUENCY)
+    whole = np.array([slope(driven, found.state, unit, 1e-6) for unit in np.eye(3)]).T
+    expected = sorted(np.linalg.eigvals(whole), key=abs)[::-1]
+    assert found.multipliers == pytest.approx(np.array(expected), abs=1e-6)
+    other = sb.periodic(mass, shaken(1.0), FREQUENCY, jacobian="matrix-free")
+    assert other.displacement("x") == pytest.approx(found.displacement("x"), abs=1e-9)
+
+
+def test_motions_that_stick(mass, tmp_path):
+    """A mass on both springs, in closed form. Where it rests between them depends on where the search began,
+    and that is told; its multipliers are those of the two springs.
+    """
+    expected = 0.2 / (SPRING + SLIDER - RATE**2)
+    pushed = sb.periodic(mass, [sb.Harmonic(1.0, FREQUENCY) + 0.5, sb.Constant(-2.0)], FREQUENCY)
+    motions = [sb.periodic(mass, shaken(0.2), FREQUENCY, guess=guess) for guess in (None, pushed)]
+    means = [motion.harmonics("x")[0].real for motion in motions]
+    assert abs(means[0] - means[1]) > 1e-3
+    for motion, mean in zip(motions, means):
+        assert abs(motion.harmonics("x")[1]) == pytest.approx(expected, rel=1e-4)
+        assert motion.sticking == 1 and motion.friction_loss == 0.0 and "stick throughout" in repr(motion)
+        # the slider's pull holds the spring's
+        assert motion.friction_force.mean() == pytest.approx(SPRING * mean, rel=1e-9)
+        turn = np.exp(1j * math.sqrt(SPRING + SLIDER) * motion.period)
+        assert sorted(motion.multipliers, key=np.imag) == pytest.approx(
+            sorted([turn, turn.conjugate(), 0.0], key=np.imag), abs=1e-3
+        )
+    sb.save(tmp_path / "orbit.h5", motions[1])
+    kept = sb.read(tmp_path / "orbit.h5")
+    assert (kept.sticking, kept.friction_loss) == (1, 0.0) and np.array_equal(kept.slip, motions[1].slip)
+    again = sb.periodic(mass, shaken(0.2), FREQUENCY, guess=motions[1])
+    assert again.iterations == 0
+
+
+def test_curves(mass):
+    """Over the frequency and the load: histories settle on the same motions; the first slip is where friction
+    reaches its bound.
+    """
+    curve = sb.frequency_response(mass, [1.0, sb.Constant(-2.0)], 0.24, 0.29)
+    for k in (0, -1):
+        x, _ = settled(1.0, 2.0 * math.pi * curve.value[k], 256, periods=8)
+        assert curve.amplitude("x")[k] == pytest.approx(0.5 * np.ptp(x), rel=1e-3)
+    assert curve.complete and curve.stable.all() and curve.orbit(3).friction_loss > 0.0
+    found = sb.load_response(mass, [1.0, sb.Constant(-2.0)], FREQUENCY, 0.5, stop=1.0)
+    alone = 1.0 / (SPRING + SLIDER - RATE**2)
+    relative = found.amplitude("x") / found.value
+    first = FRICTION * PRESSURE / SLIDER / alone
+    assert relative[found.value < first] == pytest.approx(alone, rel=1e-3)
+    assert relative[-1] > 1.2 * alone
+
+
+def test_what_is_refused(mass):
+    load = [1.0, sb.Constant(-2.0)]
+    with pytest.raises(ValueError, match="in segments knows no friction yet"):
+        sb.periodic(mass, shaken(1.0), FREQUENCY, segments=2)
+    with pytest.raises(ValueError, match="backbone follows free motions, which friction brings to rest"):
+        sb.backbone(mass, 1, 1e-3, 1.0)
+    with pytest.raises(ValueError, match="swept_response knows no friction yet"):
+        sb.swept_response(mass, load, 0.3, 0.4, duration=10.0)
+    with pytest.raises(ValueError, match="quasi_periodic knows no friction yet"):
+        sb.quasi_periodic(mass, load, (FREQUENCY, 0.1))
+
+
+def test_without_friction_nothing_changes():
+    """A coefficient of zero is the frictionless law, bit by bit."""
+    one, other = (
+        sb.periodic(slider(contact_laws=law, modes=1, damping=0.1), shaken(1.0), FREQUENCY)
+        for law in (None, sb.Coulomb(0.0))
+    )
+    assert np.array_equal(one.states.q, other.states.q) and other.friction_loss is None
+
+
+# ---------------------------------------------------------------------- bodies
+# amplitude of the first harmonic, the second and third relative to it, J a period
+FIGURES = {
+    0.1: (8.335e-5, 0.01525, 2.1e-4, 4.07e-4),
+    0.3: (8.217e-5, 0.01606, 4.6e-4, 8.86e-4),
+    0.6: (8.046e-5, 0.01722, 5.9e-4, 1.07e-3),
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("friction", FIGURES)
+def test_tilted_crack(friction):
+    """Of a plain program with another mesh at the tip, which has two to four digits."""
+    beam = Beam(0.4, 0.005, [VNotch(0.08, 0.0025, 0.0, tilt=45.0)])
+    laws = {"crack1": sb.Coulomb(friction)}
+    with sb.Model(beam.mesh(), sb.Material(70e9, 0.33, 2700), damping=0.002, contact_laws=laws) as model:
+        found = sb.periodic(model, sb.PointForce("A", fy=300.0), 3000.0, modes=80)
+    first, second, third, lost = FIGURES[friction]
+    u = np.abs(found.harmonics("A"))
+    assert u[1] == pytest.approx(first, rel=1e-3)
+    assert u[2] / u[1] == pytest.approx(second, rel=1e-3)
+    assert u[3] / u[1] == pytest.approx(third, abs=0.6e-5)
+    assert found.friction_loss == pytest.approx(lost, rel=4e-3)
+    assert found.stable and found.path == "Newton" and found.iterations <= 9
