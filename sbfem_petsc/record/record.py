@@ -6,6 +6,7 @@ attributes in docstrings are read from there.
 
 from __future__ import annotations
 
+import base64
 import dataclasses
 import functools
 import importlib
@@ -37,6 +38,8 @@ KINDS = {"bool": "b", "int": "iu", "float": "f", "complex": "c", "str": "U"}
 NONE = "values"
 # Entries up to which an array stands in a summary.
 LONGEST = 100_000
+# Entries up to which an array is shown by its numbers.
+_FEW = 12
 # Stands for the axes that a part is given where it is a field.
 GIVEN = "*"
 
@@ -462,9 +465,22 @@ class Record:
                 f"<td>{escape(cell)}</td>"
                 for cell in (q.name, _shown(q.value), "" if q.unit == "1" else q.unit, q.about.text)
             )
-            for q in self._presented(lambda about: not about.distributed)
+            for q in self._presented(lambda about: not (about.distributed or about.detail))
         ]
-        return f"<b>{escape(repr(self))}</b><table><tr>{'</tr><tr>'.join(lines)}</tr></table>"
+        head, table = f"<b>{escape(repr(self))}</b>", f"<table><tr>{'</tr><tr>'.join(lines)}</tr></table>"
+        return head + self._picture() + table
+
+    def _picture(self) -> str:
+        """A small picture for notebooks, where it has one and there is Matplotlib."""
+        try:
+            drawing = importlib.import_module(f"{__package__.split('.')[0]}.plot.inline")
+        except ImportError:
+            return ""
+        found = drawing.small_picture(self)
+        if found is None:
+            return ""
+        data = base64.b64encode(found).decode()
+        return f'<br><img style="max-width: min(34em, 100%)" alt="" src="data:image/png;base64,{data}">'
 
 
 def record_class(name: str) -> type[Record]:
@@ -527,7 +543,9 @@ def plain(item: Any) -> Any:
 
 
 def _shown(item: Any) -> str:
-    """A value in few words."""
-    if isinstance(item, np.ndarray) and item.size > 4:
-        return f"{' x '.join(map(str, item.shape))} values"
-    return f"{item:.6g}" if isinstance(item, float) else str(item)
+    """A value in few words, short arrays by their numbers."""
+    if isinstance(item, np.ndarray) and item.ndim:
+        if item.size > _FEW:
+            return f"{' x '.join(map(str, item.shape))} values"
+        return ("; " if item.ndim > 1 or item.dtype.kind == "U" else ", ").join(map(_shown, item))
+    return f"{item:.6g}" if isinstance(item, (float, complex)) else str(item)

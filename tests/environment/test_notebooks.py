@@ -1,5 +1,7 @@
 """What a notebook shows: a picture that ends a cell, and a bar below it while something is under way."""
 
+import base64
+import re
 import sys
 import types
 
@@ -8,7 +10,7 @@ from matplotlib.figure import Figure
 from mpi4py import MPI
 
 import sbfem_petsc as sb
-from meshing import Beam
+from meshing import Beam, VNotch
 from sbfem_petsc import progress
 from sbfem_petsc.plot import plot_discretisation, plot_harmonics
 from tests.systems import one_mass
@@ -26,6 +28,24 @@ def test_pictures_are_shown():
     assert single._repr_png_().startswith(PNG)
     given = Figure().add_subplot()
     assert not any(hasattr(part, "_repr_png_") for part in (plot_discretisation(mesh, ax=given), given))
+
+
+@pytest.mark.slow
+def test_results_show_a_table_and_a_small_picture(monkeypatch):
+    """Numbers of short arrays, and a PNG below half a megabyte; without Matplotlib the table alone."""
+    mesh = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.02)]).mesh(order=2)
+    model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700.0), damping=0.01)
+    force = sb.PointForce("A", fy=100.0)
+    modes, pushed = sb.modal(model, count=3), sb.static(model, force)
+    orbit = sb.periodic(one_mass(1.0, 0.05), [1e-3], 0.1, steps=64, stability=False)
+    for result in (modes, pushed, orbit):
+        page = result._repr_html_()
+        (data,) = re.findall(r'src="data:image/png;base64,([^"]+)"', page)
+        assert base64.b64decode(data).startswith(PNG) and len(data) < 500_000
+        assert page.count("<table>") == 1
+    assert f"{modes.frequencies[2]:.6g}" in modes._repr_html_()
+    monkeypatch.setitem(sys.modules, "sbfem_petsc.plot.inline", None)
+    assert "<img" not in pushed._repr_html_() and "contact forces" in pushed._repr_html_()
 
 
 @pytest.fixture
