@@ -99,6 +99,8 @@ _HOME = {
     "QuasiPeriodicBranch": "continuation.problems.curve_branch",
     "FiniteElementModel": "bodies.finite_element_model",
     "read_calculix": "bodies.calculix",
+    "read_matrices": "bodies.matrix_files",
+    "join": "bodies.join",
     "ReducedModel": "reduction.reduced_model",
     "ReducedModal": "reduction.at_rest",
     "ReducedStatic": "reduction.at_rest",

@@ -25,6 +25,7 @@ REFUSED = (
     "*DISTRIBUTING COUPLING",
     "*EQUATION",
     "*GAP",
+    "*INSTANCE",
     "*MPC",
     "*RIGID BODY",
     "*TIE",

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import meshio
 import numpy as np
 import pytest
+import scipy.io
 import scipy.linalg
 import scipy.sparse
 
 import sbfem_petsc as sb
 from sbfem_petsc import plot
+
+DECK = Path(__file__).parent / "calculix" / "blocks.inp"
 
 
 @pytest.fixture(scope="module")
@@ -170,3 +175,117 @@ def test_offset_and_interference(parts, body):
     assert found.contact_force == pytest.approx(force, rel=1e-6) and (force > 0.0).all()
     still = sb.transient(rom, sb.Harmonic(1e-6, 1000.0), 1e-3, initial="equilibrium")
     assert still.contact_resultant == pytest.approx(force.sum(), rel=1e-4)
+
+
+def test_join_beside_dense(parts, body):
+    """A body and its mirror image behind a stop: labels, sets and places of both; the force between them by
+    hand, and none where the stop is wide.
+    """
+    places = dict(zip(body.labels.tolist(), body.places * [-1.0, 1.0, 1.0] + [0.16, 0.0, 0.0]))
+    turned = scipy.sparse.diags(np.where(body.unknowns[:, 1] == 0, -1.0, 1.0))
+    k2, m2 = (turned @ matrix @ turned for matrix in (body.stiffness, body.mass))
+    other = sb.FiniteElementModel(m2, k2, body.unknowns, places, sets=body.sets, fixed=body.fixed)
+    both = sb.join(body, other)
+    assert both.sets["LEFT.2"] == tuple(100 + label for label in body.sets["LEFT"])
+    assert len(both.labels) == 2 * len(body.labels) and both.elements["hexahedron"].shape == (16, 8)
+    one, two = ([int(a) for a in b.labels[np.abs(b.places[:, 0] - 0.08) < 1e-9]] for b in (body, other))
+    stop = both.contact(one, [100 + label for label in two], normal="x", gap=1e-6)
+    end = both.at(one[0], "x")
+    for a in one[1:]:
+        end = end + both.at(a, "x")
+    rom = sb.reduce(
+        both, contact=stop, loads={"F": end}, points={"end": both.at(two[0] + 100, "x")}, modes=20
+    )
+    n = len(body.unknowns)
+    k = 1e3 * parts["stiffness"].toarray()
+    flexible, rows, f = np.zeros((2 * n, 2 * n)), stop.rows.toarray(), end.weights.toarray()[0]
+    flexible[:n, :n], flexible[n:, n:] = np.linalg.inv(k), np.linalg.inv(k2.toarray())
+    free = rows @ flexible @ (1e4 * f) + 1e-6
+    force = np.linalg.solve(rows @ flexible @ rows.T, -free)
+    assert (force > 0.0).all()
+    found = sb.static(rom, 1e4)
+    assert found.contact_force == pytest.approx(force, rel=1e-6)
+    u = flexible @ (1e4 * f + rows.T @ force)
+    assert found.displacement("end") == pytest.approx(
+        u[both.at(two[0] + 100, "x").weights.indices[0]], rel=1e-6
+    )
+    assert sb.static(rom, -1e4).contact_resultant == 0.0
+    assert both.inertia[:n] == pytest.approx(body.inertia)
+    with pytest.raises(TypeError, match="body 2 is 3, no FiniteElementModel"):
+        sb.join(body, 3)
+
+
+def abaqus(file, matrix, unknowns):
+    """Text of *MATRIX OUTPUT, FORMAT=MATRIX INPUT: the upper triangle, directions from 1; 1e36 is held."""
+    upper = scipy.sparse.triu(matrix).tocoo()
+    lines = ["** MATRIX INPUT"]
+    for row, column, value in zip(upper.row, upper.col, upper.data):
+        (a, i), (b, j) = unknowns[row], unknowns[column]
+        lines.append(f"{a},{i + 1}, {b},{j + 1}, {value!r}")
+    file.write_text("\n".join(lines) + "\n")
+
+
+@pytest.fixture
+def files(parts, tmp_path):
+    """The same matrices in all kinds of files, those of Abaqus with what is held."""
+    from petsc4py import PETSc
+
+    for name in ("stiffness", "mass"):
+        matrix = parts[name]
+        scipy.io.mmwrite(tmp_path / f"{name}.mtx", matrix, symmetry="symmetric", precision=16)
+        scipy.sparse.save_npz(tmp_path / f"{name}.npz", matrix)
+        made = PETSc.Mat().createAIJ(
+            matrix.shape, csr=(matrix.indptr, matrix.indices, matrix.data), comm=PETSc.COMM_SELF
+        )
+        viewer = PETSc.Viewer().createBinary(str(tmp_path / f"{name}.petsc"), "w", comm=PETSc.COMM_SELF)
+        made.view(viewer)
+        viewer.destroy()
+        held = scipy.sparse.diags(np.full(len(parts["fixed"]), 1e36 if name == "stiffness" else 0.5))
+        whole = scipy.sparse.block_diag([matrix, held])
+        abaqus(tmp_path / f"{name}.txt", whole, [*map(tuple, parts["unknowns"].tolist()), *parts["fixed"]])
+    return tmp_path
+
+
+@pytest.mark.parametrize("ending", ["mtx", "npz", "petsc", "txt"])
+def test_files_of_matrices(parts, body, files, ending):
+    given = {"sets": parts["sets"], "units": "mm-N-t"}
+    if ending != "txt":
+        given |= {"unknowns": parts["unknowns"], "fixed": parts["fixed"]}
+    found = sb.read_matrices(files / f"stiffness.{ending}", files / f"mass.{ending}", parts["nodes"], **given)
+    order = [found._unknown[tuple(pair)] for pair in body.unknowns.tolist()]
+    for one, other in ((found.stiffness, body.stiffness), (found.mass, body.mass)):
+        assert abs(one[order][:, order] - other).max() <= 1e-12 * abs(other).max()
+    assert found.fixed == body.fixed and found.sets == body.sets
+
+
+def test_a_deck_for_nodes(tmp_path):
+    """Sets, elements and supports of CalculiX's blocks beside its matrices."""
+    right = sb.read_calculix(DECK)
+    for name in ("stiffness", "mass"):
+        scipy.sparse.save_npz(tmp_path / f"{name}.npz", getattr(right, name) / 1e3)
+    found = sb.read_matrices(
+        tmp_path / "stiffness.npz", tmp_path / "mass.npz", DECK, right.unknowns, units="mm-N-t"
+    )
+    assert found.sets == right.sets and found.fixed == right.fixed
+    assert found.elements["tetra"].tolist() == right.elements["tetra"].tolist()
+    assert abs(found.stiffness - right.stiffness).max() <= 1e-12 * abs(right.stiffness).max()
+
+
+WRONG = [
+    ("mtx", lambda text: text[:200], "stiffness.mtx is missing or cut"),
+    ("npz", lambda text: text[:100], "stiffness.npz is missing or cut"),
+    ("petsc", lambda text: text[:-8], "stiffness.petsc is missing or cut.*has no 150 rows"),
+    ("txt", lambda text: text[:-30], "stiffness.txt is missing or cut"),
+    ("txt", lambda text: text.replace(b"\n", b"\n-7,1, -7,1, 1.0\n", 1), "node -7 is an internal one"),
+    ("txt", lambda text: b"1 2 3\n", "lines of node, direction, node, direction, value were expected"),
+]
+
+
+@pytest.mark.parametrize(("ending", "change", "sentence"), WRONG)
+def test_wrong_files_of_matrices(parts, files, ending, change, sentence):
+    file = files / f"stiffness.{ending}"
+    file.write_bytes(change(file.read_bytes()))
+    given = {} if ending == "txt" else {"unknowns": parts["unknowns"]}
+    with pytest.raises(ValueError, match=sentence) as raised:
+        sb.read_matrices(file, files / f"mass.{ending}", parts["nodes"], **given)
+    assert "\n" not in str(raised.value)

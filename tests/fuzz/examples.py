@@ -447,6 +447,18 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
     "FiniteElementModel": [body_arguments],
     # a missing deck: the arguments are checked before it is looked for
     "read_calculix": [lambda: {"job": "missing", "units": "mm-N-t"}],
+    "read_matrices": [
+        lambda: {
+            "stiffness": "missing.npz",
+            "mass": "missing.mtx",
+            "nodes": {1: (0.0, 0.0, 0.0)},
+            "unknowns": [[1, 0]],
+            "sets": {"A": [1]},
+            "fixed": [(1, 1)],
+            "units": "SI",
+        },
+    ],
+    "join": [lambda: {"bodies": body_of_springs()}],
     "reduce_matrices": [
         lambda: {
             **matrices(),

@@ -70,7 +70,7 @@ print("fine", flush=True)
 
 # Public functions that each rank calls for itself: they work on files, arrays or what rank 0 alone has.
 FOR_ITSELF = {
-    "rayleigh_factors", "on_root", "read_gmsh", "read_calculix",
+    "rayleigh_factors", "on_root", "read_gmsh", "read_calculix", "read_matrices", "join",
     "read", "plot.save_picture", "plot.save_pictures",
 }  # fmt: skip
 

@@ -1,0 +1,60 @@
+"""Assemblies: several bodies as one, between which contact is said."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse
+
+from ..checks import shown
+from .finite_element_model import FiniteElementModel
+
+
+def join(*bodies: FiniteElementModel) -> FiniteElementModel:
+    """Several bodies as one, each where it is, for contact between them; nothing else connects them.
+
+    Parameters
+    ----------
+    *bodies : FiniteElementModel
+        Labels of nodes of the first one stay; those of a further one that are in use are moved up by a power
+        of ten. A set's name that is in use gets the body's number: "LEFT" is "LEFT.2" of the second.
+
+    Returns
+    -------
+    FiniteElementModel
+        In SI. Rows and contacts of its parts are not its own: make them of it.
+
+    Raises
+    ------
+    TypeError
+        If there is none, or one is no body.
+    """
+    for k, body in enumerate(bodies):
+        if not isinstance(body, FiniteElementModel):
+            raise TypeError(f"join: body {k + 1} is {shown(body)}, no FiniteElementModel")
+    if not bodies:
+        raise TypeError("join: no body is given; give two or more")
+    nodes: dict[int, np.ndarray] = {}
+    sets: dict[str, tuple[int, ...]] = {}
+    unknowns, fixed, cells = [], set[tuple[int, int]](), dict[str, list[np.ndarray]]()
+    for number, body in enumerate(bodies, 1):
+        own = body.labels.tolist()
+        used = bool({*own} & {*nodes})
+        up = 10 ** len(str(max(map(abs, [*nodes, *own])))) if used else 0
+        nodes |= {label + up: place for label, place in zip(own, body.places)}
+        for name, labels in body.sets.items():
+            sets[f"{name}.{number}" if name in sets else name] = tuple(label + up for label in labels)
+        unknowns.append(body.unknowns + [up, 0])
+        fixed |= {(label + up, d) for label, d in body.fixed}
+        for kind, rows in body.elements.items():
+            cells.setdefault(kind, []).append(body.labels[rows] + up)
+    found = FiniteElementModel(
+        sparse.block_diag([body.mass for body in bodies]),
+        sparse.block_diag([body.stiffness for body in bodies]),
+        np.concatenate(unknowns),
+        nodes,
+        sets=sets,
+        fixed=fixed,
+        elements={kind: np.concatenate(parts) for kind, parts in cells.items()},
+    )
+    found.inertia = np.concatenate([body.inertia for body in bodies])  # of what is held, too
+    return found

@@ -1,0 +1,144 @@
+"""Bodies from files of matrices: Matrix Market, SciPy's .npz, PETSc's binary, text of Abaqus."""
+
+from __future__ import annotations
+
+import os
+import zipfile
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from meshing.whole_file import require_regular
+
+from ..checks import path
+from .calculix import Deck
+from .finite_element_model import FiniteElementModel
+
+OWNER = "read_matrices"
+# First numbers of PETSc's files of sparse matrices; what Abaqus has on the diagonal of what is held.
+PETSC, HELD = 1211216, 1e30
+
+
+def read_matrices(
+    stiffness: Any,
+    mass: Any,
+    nodes: Any,
+    unknowns: Any = None,
+    *,
+    sets: Mapping[str, Iterable[int]] | None = None,
+    fixed: Iterable[tuple[int, int]] = (),
+    units: str = "SI",
+) -> FiniteElementModel:
+    """A body from files of its matrices.
+
+    Parameters
+    ----------
+    stiffness, mass : str or path
+        Matrix Market, `scipy.sparse.save_npz`, PETSc's binary of a sparse matrix, or what Abaqus writes of
+        ``*MATRIX GENERATE`` by ``*MATRIX OUTPUT, FORMAT=MATRIX INPUT``, told apart by their content.
+    nodes : dict of int to (x, y, z), or str or path
+        Places by label, or a deck of CalculiX or Abaqus without parts, of which sets, `*BOUNDARY` and solid
+        elements are taken too.
+    unknowns : (n, 2) array of int, optional
+        Of each row, as for `FiniteElementModel`. Files of Abaqus have them.
+    sets, fixed, units
+        As for `FiniteElementModel`, beside those of a deck.
+
+    Returns
+    -------
+    FiniteElementModel
+
+    Raises
+    ------
+    ValueError, TypeError
+        If a file is missing, cut or of another kind; for what `FiniteElementModel` refuses.
+    """
+    files = [path(OWNER, name, given) for name, given in (("stiffness", stiffness), ("mass", mass))]
+    found = [_entries(file) for file in files]
+    labelled = [isinstance(part, tuple) for part in found]
+    if labelled[0] != labelled[1]:
+        raise ValueError(f"{OWNER}: {files[labelled.index(True)]} is text of Abaqus, the other is not")
+    held, elements = {(int(a), int(d)) for a, d in fixed}, dict[str, np.ndarray]()
+    sets = {} if sets is None else sets
+    if not isinstance(nodes, Mapping):
+        deck = Deck(OWNER, path(OWNER, "nodes", nodes))
+        nodes, sets, elements, held = deck.nodes, deck.sets | dict(sets), deck.elements, held | deck.held
+    if labelled[0]:
+        if unknowns is not None:
+            raise ValueError(f"{OWNER}: unknowns are those of Abaqus' files; leave the argument out")
+        matrices, unknowns, supports = _numbered(*found)
+        held |= supports
+    elif unknowns is None:
+        raise ValueError(f"{OWNER}: unknowns is missing: nodes and directions of the rows of {files[0]}")
+    else:
+        matrices = found
+    return FiniteElementModel(
+        matrices[1], matrices[0], unknowns, nodes, sets=sets, fixed=held, elements=elements, units=units
+    )
+
+
+def _entries(file: str) -> Any:
+    """A matrix; of Abaqus' text pairs of node and direction, two in a row, and values."""
+    try:
+        require_regular(file)
+        with open(file, "rb") as opened:
+            head = opened.read(14)
+        if head.startswith(b"%%MatrixMarket"):
+            from scipy.io import mmread
+
+            return sparse.coo_matrix(mmread(file))
+        if head.startswith(b"PK"):
+            return sparse.load_npz(file)
+        if head[:4] == PETSC.to_bytes(4, "big"):
+            return _petsc(file)
+        with open(file, encoding="utf-8", errors="replace") as opened:
+            lines = [line.replace(",", " ") for line in opened if not line.startswith("*")]
+        table = np.loadtxt(lines or [""], ndmin=2)
+        if table.shape[1:] != (5,) or (table[:, :4] != np.round(table[:, :4])).any():
+            raise ValueError("lines of node, direction, node, direction, value were expected")
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        why = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
+        raise ValueError(
+            f"{OWNER}: {file} is missing or cut, or neither Matrix Market, .npz of scipy.sparse, PETSc's "
+            f"binary nor text of Abaqus ({why})"
+        ) from None
+    return table[:, :4].astype(int), table[:, 4]
+
+
+def _petsc(file: str) -> sparse.csr_matrix:
+    """A sparse matrix as PETSc writes it in binary: big-endian, sizes, lengths of rows, columns, values."""
+    with open(file, "rb") as opened:
+        _, rows, columns, count = np.frombuffer(opened.read(16), ">i4").tolist()
+        if os.path.getsize(file) != 16 + 4 * rows + 12 * count or min(rows, columns, count) < 0:
+            raise ValueError(f"it has no {rows} rows and {count} entries")
+        lengths, places = (np.frombuffer(opened.read(4 * n), ">i4") for n in (rows, count))
+        values = np.frombuffer(opened.read(8 * count), ">f8").astype(float)
+    starts = np.append(0, np.cumsum(lengths))
+    if (lengths < 0).any() or starts[-1] != count:
+        raise ValueError("the lengths of its rows do not fit")
+    return sparse.csr_matrix((values, places.astype(int), starts), (rows, columns))
+
+
+def _numbered(
+    *tables: tuple[np.ndarray, np.ndarray],
+) -> tuple[list[sparse.coo_matrix], np.ndarray, set[tuple[int, int]]]:
+    """Matrices over one numbering, nodes and directions of their rows, and which of them are held."""
+    pairs = [pair.reshape(-1, 2) for pair, _ in tables]
+    unknowns, place = np.unique(np.concatenate(pairs), axis=0, return_inverse=True)
+    if (unknowns[:, 0] < 0).any():
+        raise ValueError(
+            f"{OWNER}: node {unknowns[0, 0]} is an internal one (Lagrange multiplier); leave contact, ties "
+            "and connectors out of the step that writes the matrices"
+        )
+    parts = np.split(place.ravel().reshape(-1, 2), [len(tables[0][1])])
+    shape = (len(unknowns), len(unknowns))
+    held = np.zeros(len(unknowns), dtype=bool)
+    matrices = []
+    for (_, values), (rows, columns) in zip(tables, (part.T for part in parts)):
+        much = (rows == columns) & (values >= HELD)
+        held[rows[much]] = True
+        matrices.append(sparse.coo_matrix((np.where(much, 1.0, values), (rows, columns)), shape))
+    unknowns = unknowns - [0, 1]
+    return matrices, unknowns, {tuple(pair) for pair in unknowns[held].tolist()}
