@@ -20,6 +20,7 @@ _HOME = {
     "contact_duty": "detection",
     "detection_probability": "detection",
     "frequency_shift": "detection",
+    "friction_power": "detection",
     "gamma": "lines",
     "harmonic_ratios": "lines",
     "harmonics": "lines",

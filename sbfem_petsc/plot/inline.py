@@ -19,8 +19,7 @@ from .histories import plot_history, plot_load_history
 from .loci import plot_loci
 from .orbits import plot_orbit
 from .sweeps import plot_swept
-from .tones import plot_backbone, plot_lines
-from .tori import plot_quasi_periodic
+from .tones import plot_backbone, plot_lines, plot_quasi_periodic
 
 # Modes that are shown.
 _MODES = 4

@@ -156,6 +156,24 @@ def loads_in_time() -> sb.LoadHistory:
     return sb.load_history(model(), PUSH, [0.0, 1.0])
 
 
+@functools.cache
+def rubbing_loads() -> sb.ReducedLoadHistory:
+    one = np.eye(1)
+    reduced = sb.reduce_matrices(
+        one,
+        one,
+        one,
+        np.array([-1.0]),
+        loads=one,
+        sensors={"A": 0},
+        compliance=np.ones(1),
+        contact_laws=sb.Coulomb(0.3),
+        tangent_rows=one,
+        tangent_compliance=np.ones(1),
+    )
+    return sb.load_history(reduced, sb.Samples([0.0, 1.0, 2.0], [0.0, 1.0, -1.0]), [0.0, 1.0, 2.0])
+
+
 TIME = np.linspace(0.0, 1.0, 201)[:-1]
 WAVE = np.sin(2.0 * np.pi * 5.0 * TIME)
 
@@ -544,6 +562,9 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
     "indicators.sidebands": [
         lambda: {"time": TIME, "values": WAVE, "carrier": 30.0, "modulation": 4.0, "order": 1}
     ],
+    "indicators.friction_power": [
+        lambda: {"time": TIME, "slip": WAVE[:, None], "friction_force": WAVE[:, None]}
+    ],
     "indicators.contact_duty": [lambda: {"time": TIME, "contact_force": WAVE, "threshold": 0.1}],
     "indicators.detection_probability": [
         lambda: {"values": [1e-3, 2e-3], "noise": 1e-3, "false_alarm": 0.05}
@@ -656,6 +677,11 @@ CALLS |= {
     "plot.plot_history": [
         lambda: {"motion": motion(), "point": "A", "direction": "x", "window": (0.0, 1e-5), **LABELS}
     ],
+    "plot.plot_friction_power": [
+        lambda: {"motions": rubbing_loads(), "crack": None, "window": (0.0, 2.0), **LABELS}
+    ],
+    "plot.plot_hysteresis": [lambda: {"motions": rubbing_loads(), "pair": 0, "window": (0.0, 2.0), **LABELS}],
+    "plot.plot_slips": [lambda: {"motion": rubbing_loads(), "crack": None, "window": (0.0, 2.0), **LABELS}],
     "plot.plot_loci": [lambda: {"loci": locus(), "unit": 100.0, "label": "force (N)", **LABELS}],
     "plot.plot_lines": [
         lambda: {

@@ -72,6 +72,14 @@ class Wanted:
     healthy: Callable[[], Any]
 
 
+# Captions of `Drawn.rubbing`.
+RUBBING = {
+    "slips": "where faces are apart, stick and slip",
+    "hysteresis": "friction over slip",
+    "friction_power": "power lost to friction",
+}
+
+
 @dataclass(frozen=True)
 class Drawn:
     """What pictures of a result need beside it: the analysis' name, points that the case asks for, ranks."""
@@ -92,6 +100,13 @@ class Drawn:
         known = list(known)
         chosen = [point for point in self.asked if point in known]
         return chosen[0] if chosen else "A" if "A" in known else known[0] if known else None
+
+    def rubbing(self, result: Any) -> Iterator[tuple[str, Any]]:
+        """Pictures of faces that rub, where any do. Collective."""
+        if result.slip is not None and result.slip.size and len(result.time) > 1:
+            yield "slips", self.plot.plot_slips(result, title=self.title, comm=self.comm)
+            yield "hysteresis", self.plot.plot_hysteresis(result, title=self.title, comm=self.comm)
+            yield "friction_power", self.plot.plot_friction_power(result, title=self.title, comm=self.comm)
 
 
 class Kind(Table):

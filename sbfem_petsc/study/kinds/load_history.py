@@ -15,7 +15,7 @@ from ..case.parameters import grid
 from ..case.sweep import Times
 from ..costs import Cost, Size
 from ..quantities import Quantity, Tree
-from .kind import Drawn, Loaded, Run, Values, Wanted
+from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted
 
 
 class LoadHistory(LoadHistoryOptions, Loaded):
@@ -25,6 +25,7 @@ class LoadHistory(LoadHistoryOptions, Loaded):
     times: Times = item(text="times of the states, an array or { start, stop, count }", unit="s")
     statics = rubs = True
     details = ("contact_force", "gap")
+    captions = RUBBING
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.LoadHistory:
         return sb.load_history(model, self.acting(case), grid(self.times), **self.of(LoadHistoryOptions))
@@ -55,6 +56,7 @@ class LoadHistory(LoadHistoryOptions, Loaded):
         point = drawn.point(result.states[0].model.points)
         if point is not None:
             yield "history", drawn.plot.plot_load_history(result, point, title=drawn.title, comm=drawn.comm)
+        yield from drawn.rubbing(result)
 
     def cost(self, size: Size) -> Cost:
         count = len(grid(self.times))

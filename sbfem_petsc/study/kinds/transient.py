@@ -15,7 +15,7 @@ from ...indicators.detection import contact_duty
 from ...options import item
 from ..costs import Cost, Size
 from ..quantities import Quantity, Tree, of_points
-from .kind import Drawn, Loaded, Run, Values, Wanted
+from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted
 
 _ENERGIES = {
     "kinetic": "kinetic energy",
@@ -38,6 +38,7 @@ class Transient(TransientOptions, Loaded):
     moving = rubs = True
     details = ("contact_force", "slip", "friction_force")
     running = "history.journal"
+    captions = RUBBING
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """A scheme of the unreduced model alone, too."""
@@ -101,6 +102,7 @@ class Transient(TransientOptions, Loaded):
         point = drawn.point(result.points)
         if point is not None:
             yield "history", drawn.plot.plot_history(result, point, title=drawn.title, comm=drawn.comm)
+        yield from drawn.rubbing(result)
 
     def cost(self, size: Size) -> Cost:
         modes = size.modes(self.modes)

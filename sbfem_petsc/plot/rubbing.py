@@ -1,0 +1,222 @@
+"""Pictures of faces that rub: what they do over time, hysteresis loops, power lost along a crack, and what
+losses and harmonics grow with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, cast
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.patches import Patch
+
+from ..analysis.load_history import LoadHistory
+from ..checks import shown
+from ..indicators.detection import friction_power
+from ..motion.history import Motion
+from ..petsc import MPI
+from ..record.units import force_unit, length_unit, place_unit, time_unit
+from ..reduction.at_rest import ReducedLoadHistory
+from .drawing import BLUE, CYCLE, DASHED, ORANGE, VERMILION, Sheet, above
+from .picture import a_text, optional, picture, whole
+
+Rubbing = LoadHistory | ReducedLoadHistory | Motion
+_KINDS = (Motion, LoadHistory, ReducedLoadHistory)
+# Colours of a face that is apart, sticks, and slips back and forth.
+_STATES = {"apart": "#F2F2F2", "sticks": BLUE, "slips back": ORANGE, "slips forth": VERMILION}
+# Columns of the map at most: one a pixel; changes of a slip below this share of the largest are rounding.
+_COLUMNS, _ROUNDING = 2000, 1e-9
+
+
+@picture(*_KINDS, crack=optional(a_text))
+def plot_slips(
+    motion: Rubbing,
+    *,
+    crack: str | None = None,
+    window: tuple[float, float] | None = None,
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
+) -> Axes | None:
+    """Draw where faces are apart, stick and slip, over time and along a crack. Collective.
+
+    Parameters
+    ----------
+    motion : History, Orbit, LoadHistory or ReducedLoadHistory
+        Of faces that rub (`Coulomb`); on rank 0 at least. Of what was read, and of matrices, pairs have
+        numbers in the place of positions.
+    crack : str, optional
+        Default: the first that rubs.
+    window : (float, float), optional
+        Times shown, s; default: all.
+    title : str
+    ax, comm
+        As for `plot_histories`.
+
+    Returns
+    -------
+    Axes on rank 0, None elsewhere; `save_picture` writes them
+    """
+    place, pairs, label, _ = _along("plot_slips", motion, crack)
+    _, slip, _ = _rubbed("plot_slips", motion)
+    chosen = np.flatnonzero(_within("plot_slips", motion, window))
+    chosen = chosen[:: -(-len(chosen) // _COLUMNS)]
+    moved = np.diff(slip[chosen], axis=0)
+    least = _ROUNDING * np.abs(slip).max(initial=0.0)
+    state = np.where(moved > least, 3, np.where(moved < -least, 2, 1))
+    state = np.where(motion.contact_force[chosen[1:]] > 0.0, state, 0)[:, pairs]
+    (axes,) = Sheet.of(ax).panels((1, 1), 2.6)
+    clock, unit = time_unit(float(np.abs(motion.time[chosen]).max()))
+    edges = np.concatenate([place[:1], 0.5 * (place[1:] + place[:-1]), place[-1:]])
+    axes.pcolormesh(
+        motion.time[chosen] * clock,
+        edges,
+        state.T,
+        cmap=ListedColormap(list(_STATES.values())),
+        vmin=-0.5,
+        vmax=3.5,
+        rasterized=True,
+    )
+    handles = [Patch(facecolor=colour, edgecolor="#999999", label=name) for name, colour in _STATES.items()]
+    above(axes, len(handles), handles=handles)
+    axes.set(xlabel=f"time ({unit})", ylabel=label)
+    return axes
+
+
+@picture(*_KINDS, several=True, pair=optional(whole(0)))
+def plot_hysteresis(
+    motions: Rubbing | Mapping[str, Rubbing],
+    *,
+    pair: int | None = None,
+    window: tuple[float, float] | None = None,
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
+) -> Axes | None:
+    """Draw the friction of a pair over its slip: the area within a loop is what the pair loses. Collective.
+
+    Parameters
+    ----------
+    motions : History, Orbit, LoadHistory or ReducedLoadHistory, or dict of str to them
+        On rank 0 at least.
+    pair : int, optional
+        From 0. Default: the one that loses most in the first of them.
+    window, title, ax, comm
+        As for `plot_slips`.
+
+    Returns
+    -------
+    Axes on rank 0, None elsewhere; `save_picture` writes them
+    """
+    found = {name: _rubbed("plot_hysteresis", motion, window) for name, motion in _each(motions).items()}
+    first = next(iter(found.values()))
+    if pair is None:
+        pair = int(np.argmax(friction_power(*first)))
+    if pair >= (least := min(slip.shape[1] for _, slip, _ in found.values())):
+        raise ValueError(f"plot_hysteresis: pair = {pair} does not exist; there are {least}")
+    (axes,) = Sheet.of(ax).panels((1, 1), 2.9, width=3.6)
+    scale, unit = length_unit(max(np.ptp(slip[:, pair]) for _, slip, _ in found.values()))
+    force, newton = force_unit(max(np.abs(along[:, pair]).max() for _, _, along in found.values()))
+    for k, (name, (_, slip, along)) in enumerate(found.items()):
+        style: Any = "-" if k == 0 else DASHED
+        colour = CYCLE[k % len(CYCLE)]
+        axes.plot(
+            slip[:, pair] * scale, along[:, pair] * force, color=colour, linestyle=style, label=name or "_"
+        )
+    axes.set(xlabel=f"slip of pair {pair} ({unit})", ylabel=f"friction ({newton})")
+    if any(found):
+        above(axes, len(found))
+    return axes
+
+
+@picture(*_KINDS, several=True, crack=optional(a_text))
+def plot_friction_power(
+    motions: Rubbing | Mapping[str, Rubbing],
+    *,
+    crack: str | None = None,
+    window: tuple[float, float] | None = None,
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
+) -> Axes | None:
+    """Draw the mean power that faces lose to friction along a crack, W/m of its length: what warms it in
+    vibrothermography. The faces inside tip elements are not among the pairs. Collective.
+
+    Parameters
+    ----------
+    motions : History, Orbit, LoadHistory or ReducedLoadHistory, or dict of str to them
+        On rank 0 at least; of what was read, and of matrices, W of each pair.
+    crack : str, optional
+        Default: the first that rubs.
+    window, title, ax, comm
+        As for `plot_slips`.
+
+    Returns
+    -------
+    Axes on rank 0, None elsewhere; `save_picture` writes them
+    """
+    (axes,) = Sheet.of(ax).panels((1, 1), 2.6)
+    for k, (name, motion) in enumerate(_each(motions).items()):
+        place, pairs, label, length = _along("plot_friction_power", motion, crack)
+        power = friction_power(*_rubbed("plot_friction_power", motion, window))[pairs] / length
+        colour = CYCLE[k % len(CYCLE)]
+        axes.plot(place, power, color=colour, marker=".", markersize=3, linewidth=0.9, label=name or "_")
+        unit = "W" if label.startswith("pair") else "W/m"
+        axes.set(xlabel=label, ylabel=f"power lost to friction ({unit})")
+    axes.set_ylim(bottom=0.0)
+    if any(_each(motions)):
+        above(axes, len(_each(motions)))
+    return axes
+
+
+def _each(motions: Rubbing | Mapping[str, Rubbing]) -> Mapping[str, Rubbing]:
+    """What `picture` has given names."""
+    return cast(Mapping[str, Rubbing], motions)
+
+
+def _within(owner: str, motion: Rubbing, window: tuple[float, float] | None) -> np.ndarray:
+    """(n,): instants that are shown."""
+    start, stop = window or (-np.inf, np.inf)
+    seen = (motion.time >= start) & (motion.time <= stop)
+    if seen.sum() < 2:
+        raise ValueError(f"{owner}: window = {window!r} has fewer than two instants")
+    return seen
+
+
+def _rubbed(
+    owner: str, motion: Rubbing, window: tuple[float, float] | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, and slips and friction of (n, pairs) each."""
+    slip, along = motion.slip, motion.friction_force
+    if slip is None or along is None or not slip.shape[1]:
+        raise ValueError(
+            f"{owner}: nothing rubs in {shown(motion)}; give a motion of a model with contact_laws of Coulomb"
+        )
+    seen = _within(owner, motion, window)
+    return motion.time[seen], slip[seen], along[seen]
+
+
+def _along(owner: str, motion: Rubbing, crack: str | None) -> tuple[np.ndarray, np.ndarray, str, Any]:
+    """Places of a crack's pairs in the order in which they are met, their numbers, what the places are
+    called, and the length (m) of face of each; without a model the numbers themselves, and 1.
+    """
+    _, slip, _ = _rubbed(owner, motion)
+    if isinstance(motion, Motion):
+        model = None if motion.reduced is None else motion.reduced.model
+    else:
+        model = motion.states[0].model if isinstance(motion, LoadHistory) else None
+    if model is None:
+        if crack is not None:
+            raise ValueError(f"{owner}: crack = {crack!r}, and the motion does not know which pairs it has")
+        return np.arange(slip.shape[1]), np.arange(slip.shape[1]), "pair", 1.0
+    names = [item.name for item in model.cracks]
+    if crack is not None and crack not in names:
+        raise ValueError(f"{owner}: crack = {crack!r} does not exist; the model has {', '.join(names)}")
+    rubs = [name for name in names if name in model.contact_laws and model.contact_laws[name].rubs]
+    chosen = rubs[0] if crack is None else crack
+    own = np.flatnonzero(model.pairs.crack == names.index(chosen))
+    own = own[np.argsort(model.pairs.arc[own], kind="stable")]
+    scale, unit = place_unit(float(model.pairs.arc[own].max(initial=0.0)))
+    return model.pairs.arc[own] * scale, own, f"along {chosen} ({unit})", model.pairs.weight[own]

@@ -1,0 +1,222 @@
+"""Masses that rub: published histories, what a stiff elastic slider errs by, and Siconos' rigid ones."""
+
+import math
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+
+
+def rubbing(mass, stiffness, law, pressure, *, compliance, loads=None, **options):
+    """Masses of which the first rubs under a pressure that stays, which an unknown of its own hands on: the
+    reduced model, the constant load of that unknown, and modal coordinates of given displacements.
+    """
+    n = len(mass)
+    whole, held = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
+    whole[:n, :n], held[:n, :n] = mass, stiffness
+    whole[n, n], held[n, n] = np.diag(mass).min(), 1e-6 * max(np.abs(stiffness).max(), 1.0)
+    stop = 1e-9 / max(np.abs(stiffness).max(), 1.0)
+    units = np.zeros((n + 1, 1 if loads is None else 2))
+    units[n, 0] = 1.0
+    if loads is not None:
+        units[loads, 1] = 1.0
+    row = options.pop("row", 0)
+    reduced = sb.reduce_matrices(
+        whole,
+        held,
+        np.eye(n + 1)[[n]],
+        np.zeros(1),
+        loads=units,
+        sensors={f"x{k}": k for k in range(n + 1)},
+        compliance=[stop],
+        tangent_rows=np.eye(n + 1)[[row]],
+        tangent_compliance=[compliance],
+        contact_laws=law,
+        **options,
+    )
+
+    def at(displacements):
+        shapes = np.array([reduced.points.modes[k, 1] for k in range(n + 1)])
+        q = np.linalg.solve(shapes, [*displacements, -pressure * stop])
+        return q, np.zeros(len(q))
+
+    return reduced, -pressure * (1.0 + held[n, n] * stop), at
+
+
+def test_release_of_a_pad():
+    """F4, code_aster SDND100: half-swings of 2 mu m g / k less each, then it sticks; an elastic slider turns
+    (1 - 2 F c / (sum of both swings)) of that, with any of its compliances c.
+    """
+    force, stiffness, start = 1.0, 1e4, 8.5e-4
+    for slack, step, within in ((1e-7, 1e-5, 1e-3), (1e-8, 1e-5, 1e-4), (5e-12, 2e-6, 1e-6)):
+        reduced, press, at = rubbing(
+            np.eye(1), np.eye(1) * stiffness, sb.Coulomb(0.1), 10.0, compliance=slack
+        )
+        found = sb.transient(reduced, press, 0.2, step, initial=at([start]))
+        x = found.displacement("x0")[:, 1]
+        turns = [start, *x[1:-1][np.diff(x)[1:] * np.diff(x)[:-1] < 0.0][:4]]
+        swings = np.abs(turns)
+        drop = 2 * force / stiffness * (1 - 2 * force * slack / (swings[1:] + swings[:-1]))
+        assert -np.diff(swings) == pytest.approx(drop, abs=0.2 * within * 2 * force / stiffness)
+        assert turns[1:] == pytest.approx([-6.5e-4, 4.5e-4, -2.5e-4, 0.5e-4], abs=10 * within * 0.5e-4)
+        assert x[-1] == pytest.approx(0.5e-4, rel=30 * within)
+    assert turns[1:] == pytest.approx([-6.5e-4, 4.5e-4, -2.5e-4, 0.5e-4], rel=1e-6)
+    assert x[-1] == pytest.approx(5e-5, rel=1e-6)
+    assert found.energy.friction[-1] == pytest.approx(0.5 * stiffness * (start**2 - 5e-5**2), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "peak, lost",
+    [(1.5, 0.409062), (1.01, 2.26164e-4), (0.99, 0.0), pytest.param(15.0, 15.1146, marks=pytest.mark.long)],
+)
+def test_pad_on_a_shaken_plane(peak, lost):
+    """F5, SDND104: pressure times the mean speed of slip once it is steady, in the plane's own frame."""
+    periods = 60 if peak > 10.0 else 6
+    reduced, press, at = rubbing(
+        np.eye(1), np.zeros((1, 1)), sb.Coulomb(0.1), 10.0, compliance=1e-10, loads=0
+    )
+    load = [press, sb.Harmonic(-peak, 1.0)]
+    found = sb.transient(reduced, load, periods, 1e-4, initial=at([0.0]))
+    last = found.time >= periods - 2 - 1e-9
+    slipped = np.abs(np.diff(found.slip[last, 0])).sum() / 2.0
+    assert 10.0 * slipped == pytest.approx(lost, rel=1e-4, abs=1e-9)
+    assert np.ptp(found.energy.friction[last]) / 2.0 == pytest.approx(0.1 * lost, rel=1e-4, abs=1e-9)
+
+
+def test_static_and_kinetic_coefficients():
+    """F6, SDND106: two masses on a spring; the one that rubs begins to slip, and sticks again."""
+    spring = 1e4 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    reduced, press, at = rubbing(5.0 * np.eye(2), spring, sb.Coulomb(0.2, 0.3), 1e4, compliance=1e-9, loads=1)
+    push = sb.Samples([0.0, 0.2 - 1e-9, 0.2, 1.0], [3e3, 3e3, 0.0, 0.0])
+    found = sb.transient(reduced, [press, push], 0.4, 1e-5, initial=at([0.0, 0.0]))
+    one, other = (found.displacement(name)[:, 1] for name in ("x0", "x1"))
+    middle = np.argmin(np.abs(found.time - 0.15))
+    slips = np.flatnonzero(np.diff(found.slip[:, 0]) > 1e-8)
+    assert found.time[slips[0]] == pytest.approx(0.0351241, abs=2e-5)
+    assert found.time[slips[-1] + 1] == pytest.approx(0.3149233, abs=2e-5)
+    assert (one[middle], other[middle]) == pytest.approx((1.3533377, 1.8075325), rel=1e-5)
+    assert one[-1] == pytest.approx(3.9556058, rel=1e-5)
+
+
+def beam():
+    """NLstep's example 02, N, mm, t: eight Euler-Bernoulli elements, clamped; mass and stiffness."""
+    young, length, density, area, inertia = 185e3, 250.0, 7.83e-9, 3e4, 2.5e7
+    a, b = 6 * length, length**2
+    bend = np.array([[12, a, -12, a], [a, 4 * b, -a, 2 * b], [-12, -a, 12, -a], [a, 2 * b, -a, 4 * b]])
+    c, d = 22 * length, 13 * length
+    move = [[156, c, 54, -d], [c, 4 * b, d, -3 * b], [54, d, 156, -c], [-d, -3 * b, -c, 4 * b]]
+    mass, stiffness = np.zeros((18, 18)), np.zeros((18, 18))
+    for first in range(0, 16, 2):
+        part = np.ix_(range(first, first + 4), range(first, first + 4))
+        stiffness[part] += young * inertia / length**3 * bend
+        mass[part] += density * area * length / 420 * np.array(move)
+    return mass[2:, 2:], stiffness[2:, 2:]
+
+
+@pytest.mark.parametrize(
+    "ratio, tip, stuck, lost",
+    [(0.95, 0.07605, 0.6139, 38.82), (0.85, 0.0858, 0.5847, 42.61), (0.7, 0.07827, 0.951, 0.0235)],
+)
+def test_cantilever_with_a_slider(ratio, tip, stuck, lost):
+    """F8: the history settles on the steady state, stuck where it is slower than 1e-3 of its fastest. Of 17
+    modes 12 are kept, and the flexibility of the others is the compliance that the slider needs.
+    """
+    mass, stiffness = beam()
+    rate = 248.973205
+    reduced, press, _ = rubbing(
+        mass,
+        stiffness,
+        sb.Coulomb(1.0),
+        1500.0,
+        compliance=0.0,
+        loads=14,
+        row=4,
+        modes=12,
+        rayleigh=(0.1 * rate, 0.0),
+    )
+    assert reduced.frequencies[0] * 2 * math.pi == pytest.approx(123.340591, rel=1e-7)
+    frequency, steps = ratio * rate / (2 * math.pi), 4000
+    load = [press, sb.Harmonic(200.0, frequency)]
+    found = sb.transient(reduced, load, 30 / frequency, 1 / (frequency * steps), initial="equilibrium")
+    last = slice(-steps - 1, None)
+    speed = np.abs(np.diff(found.slip[last, 0]))
+    assert np.abs(found.displacement("x14")[last, 1]).max() == pytest.approx(tip, rel=1e-3)
+    assert (speed < 1e-3 * speed.max()).mean() == pytest.approx(stuck, abs=5e-3)
+    assert np.ptp(found.energy.friction[last]) == pytest.approx(lost, rel=1e-3, abs=5e-4)
+
+
+# ---------------------------------------------------------------------- a peer
+COUNT, COEFFICIENTS = 4, (0.1, 0.2, 0.3, 0.4)
+PRESSURES, PUSH = np.array([2.0, 1.5, 1.0, 1.2]), sb.Harmonic(4.0, 1.3)
+
+
+def chain():
+    """Mass and stiffness of four blocks in a row, of which each rubs and inclined springs press on it."""
+    stiffness = np.zeros((2 * COUNT, 2 * COUNT))
+    for k in range(COUNT):
+        along, inclined = np.zeros(2 * COUNT), np.zeros(2 * COUNT)
+        along[k], inclined[k], inclined[COUNT + k] = 1.0, 0.5, 1.0
+        if k:
+            along[k - 1] = -1.0
+        stiffness += 100.0 * np.outer(along, along) + 20.0 * np.outer(inclined, inclined)
+    return np.diag(np.repeat([1.0, 0.1], COUNT)), stiffness
+
+
+def siconos_history(duration, step):
+    """Displacements along the plane by Moreau and Jean's scheme, with rigid contact and exact friction."""
+    kernel = pytest.importorskip(
+        "siconos.kernel", reason="Siconos, a peer, is not installed: apt-get install python3-siconos"
+    )
+    mass, stiffness = chain()
+    body = kernel.LagrangianLinearTIDS(np.zeros(2 * COUNT), np.zeros(2 * COUNT), mass)
+    body.setKPtr(stiffness)
+    system = kernel.NonSmoothDynamicalSystem(0.0, duration)
+    system.insertDynamicalSystem(body)
+    relations = []
+    for k, coefficient in enumerate(COEFFICIENTS):
+        relations.append(np.zeros((2, 2 * COUNT)))
+        relations[k][0, COUNT + k] = relations[k][1, k] = 1.0
+        law = kernel.NewtonImpactFrictionNSL(0.0, 0.0, coefficient, 2)
+        system.link(kernel.Interaction(law, kernel.LagrangianLinearTIR(relations[k])), body)
+    problem = kernel.FrictionContact(2)
+    options = problem.numericsSolverOptions()
+    options.dparam[0], options.iparam[0] = 1e-10, 10000
+    scheme, clock = kernel.MoreauJeanOSI(0.5), kernel.TimeDiscretisation(0.0, step)
+    simulation = kernel.TimeStepping(system, clock, scheme, problem)
+    found = np.zeros((round(duration / step) + 1, COUNT))
+    for n in range(1, len(found)):
+        force = np.append(np.zeros(COUNT), -PRESSURES)
+        force[COUNT - 1] = PUSH((n - 0.5) * step)
+        body.setFExtPtr(force)
+        simulation.computeOneStep()
+        found[n] = body.q()[:COUNT]
+        simulation.nextStep()
+    return found
+
+
+def test_chain_against_siconos():
+    """The same M, K and rows; differences fall with Siconos' steps, whose order is the first."""
+    expected = {step: siconos_history(2.0, step) for step in (1e-3, 2.5e-4)}
+    mass, stiffness = chain()
+    loads = np.zeros((2 * COUNT, 2))
+    loads[COUNT - 1, 0], loads[COUNT:, 1] = 1.0, -PRESSURES
+    slack = np.full(COUNT, 1e-10)
+    reduced = sb.reduce_matrices(
+        mass,
+        stiffness,
+        np.eye(2 * COUNT)[COUNT:],
+        np.zeros(COUNT),
+        loads=loads,
+        sensors={f"x{k}": k for k in range(COUNT)},
+        compliance=slack,
+        tangent_rows=np.eye(2 * COUNT)[:COUNT],
+        tangent_compliance=slack,
+        contact_laws=[sb.Coulomb(coefficient) for coefficient in COEFFICIENTS],
+    )
+    found = sb.transient(reduced, [PUSH, 1.0], 2.0, 1e-4, initial="equilibrium")
+    x = np.stack([found.displacement(f"x{k}")[:, 1] for k in range(COUNT)], axis=1)
+    scale = np.abs(x).max()
+    errors = [np.abs(x[::10] - expected[1e-3]).max(), np.abs(x[::5] - expected[2.5e-4][::2]).max()]
+    assert errors[0] < 2e-3 * scale and errors[1] < 1e-3 * scale and errors[1] < 0.6 * errors[0]
+    assert found.energy.friction[-1] > 0.0 and (found.contact_force[1:] > 0.0).all()
