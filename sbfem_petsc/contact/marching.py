@@ -178,7 +178,7 @@ class _End(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Room for steps: the factors of each level, with friction those of `sets` and their states and orders;
+    """Room for steps: the factors of each level, with friction those of `sets`, their states and places;
     both ends of a step and gaps in the thin space (r,).
     """
 
@@ -186,7 +186,7 @@ class Room(NamedTuple):
     members: np.ndarray
     factor: Factor
     known: np.ndarray
-    orders: np.ndarray
+    places: np.ndarray
     sets: Sets
     before: _End
     after: _End
@@ -229,13 +229,10 @@ def empty_room(step: StepConstants) -> Room:
         return _End(q, v, pull, force, gap, np.empty(pairs, dtype=np.int8))
 
     members, inverses = np.full((levels, pairs + 1), -1), np.empty((levels, pairs, pairs))
-    known, orders = (
-        np.zeros((levels, pairs + 1), dtype=np.int8),
-        np.zeros((levels, pairs + 2), dtype=np.int64),
-    )
+    known, places = np.zeros((levels, pairs), dtype=np.int8), np.zeros((levels, pairs), dtype=np.int64)
     shared = rubbing_room(pairs) if step.rubbing.rows.size else NO_ROOM
-    sets = Sets(inverses[0], known[0], orders[0], members[0], *shared)
-    return Room(inverses, members, empty_factor(pairs), known, orders, sets, end(), end(), np.empty(rank))
+    sets = Sets(inverses[0], known[0], members[0], places[0], *shared)
+    return Room(inverses, members, empty_factor(pairs), known, places, sets, end(), end(), np.empty(rank))
 
 
 def march(step: StepConstants, loads: StepLoads, state: StepState, history: StepHistory) -> Marched:
@@ -252,7 +249,7 @@ def _begin(step: StepConstants, loads: StepLoads, state: StepState, room: Room) 
     every, end = room.factor.every, room.before
     count = step.rubbing.beside.size
     for level in range(room.members.shape[0]):
-        room.members[level, pairs], room.known[level, pairs] = -1, 0
+        room.members[level, pairs] = -1
     for j in range(end.q.size):
         end.q[j], end.v[j], end.pull[j] = state.q[j], state.v[j], 0.0
     for i in range(pairs):
@@ -287,13 +284,15 @@ def _contact(step: StepConstants, level: int, before: _End, after: _End, room: R
     sets = Sets(
         room.inverses[level],
         room.known[level],
-        room.orders[level],
         room.members[level],
+        room.places[level],
         of.right,
+        of.solved,
         of.free,
         of.following,
         of.swept,
         of.seen,
+        of.every,
     )
     held = (step.laws, step.rubbing, after.rows)
     exchange = rubbing_forces(step.flexibility[level], (after.gap, before.gap), held, sets, after.force)

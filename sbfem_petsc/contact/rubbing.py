@@ -2,13 +2,14 @@
 
 The same exchanges of states, and sweeps of Gauss-Seidel where sets repeat, as in `friction`, where they are
 explained; there stands Lemke's method behind them. Unknowns of a set are the forces of held normal rows and
-of sticking tangential ones; where the states are those of the step before, its factors are too. How kernels
-are written, `pivoting` tells.
+of sticking tangential ones, the column of a pressure whose row slips is that of its friction too. From set to
+set few rows change: the inverse follows them by bordering and its reverse. A row that begins to slip is
+counted from what its pressure pulls, and leaves. What rounding leaves of the gaps is solved for again, and
+where that does not help the inverse is built anew. How kernels are written, `pivoting` tells.
 """
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,10 +17,13 @@ import numpy as np
 from .compiled import compiled_loops, inner_loops, inner_sums
 from .friction import AGAINST, ALONG, STICKS, Friction
 from .law import FREE, PRESSED, PULLED, ROUND_OFF, Table
-from .pivoting import add_rows, caught
+from .pivoting import add_rows, caught, products
 
 # Exchanges before sweeps, sweeps before the next exchanges, and how often; rounding of forces.
 _MAXIMUM, _SWEEPS, _ROUNDS, _ROUNDING = 40, 20, 20, 1e-12
+# Pivots, relative to a row's own flexibility, that are none; what may be left of the gaps that are kept,
+# relative to the largest gap without forces or by a row's own force, and how often it is solved for again.
+_LEAST, _LEFT, _REFINED = 1e-9, 1e-13, 2
 
 
 class Rubbing(NamedTuple):
@@ -42,19 +46,23 @@ class Rubbing(NamedTuple):
 
 
 class Sets(NamedTuple):
-    """Factors of the set of the step before, and room to work in, of n rows.
+    """The inverse of the set of the step before, and room to work in, of n rows.
 
     Attributes
     ----------
-    factor : (n, n) array
-        L and U.
-    known : (n + 1,) int8 array
-        States whose set is factorised; the last entry is 1 if any is.
-    members : (n + 2,) int array
-        Unknowns in order, rows that slip behind them; the last entries are their numbers.
-    pivots : (n + 1,) int array
+    inverse : (n, n) array
+        Forces of the members (rows) under their gaps (columns).
+    known : (n,) int8 array
+        States that it belongs to.
+    members : (n + 1,) int array
+        Unknowns in the order of the inverse, behind them rows that slip; the last entry is the number of
+        unknowns, -1 where nothing is known.
+    place : (n,) int array
+        Of each row among the members, -1 of others.
     right : (n + 1,) array
-        Forces in the order of the members; the last entry is their rounding.
+        Of the members; the last entry is the rounding of forces.
+    solved : (n,) array
+        Forces of the members.
     free : (n,) array
         Gaps.
     following : (n,) int8 array
@@ -62,17 +70,21 @@ class Sets(NamedTuple):
         Forces of Gauss-Seidel.
     seen : (_MAXIMUM,) int array
         Sums that tell sets apart.
+    every : (n,) int array
+        0, 1, ..
     """
 
-    factor: np.ndarray
+    inverse: np.ndarray
     known: np.ndarray
     members: np.ndarray
-    pivots: np.ndarray
+    place: np.ndarray
     right: np.ndarray
+    solved: np.ndarray
     free: np.ndarray
     following: np.ndarray
     swept: np.ndarray
     seen: np.ndarray
+    every: np.ndarray
 
 
 # Where nothing rubs, but for `beside`.
@@ -92,7 +104,8 @@ def rubbing_of(friction: Friction, flexibility: np.ndarray, count: int) -> Rubbi
 def rubbing_room(rows: int) -> tuple[np.ndarray, ...]:
     """Room of `Sets` that sets of any step share: from `right` on."""
     following, seen = np.zeros(rows, dtype=np.int8), np.zeros(_MAXIMUM, dtype=np.int64)
-    return np.empty(rows + 1), np.empty(rows), following, np.empty(rows), seen
+    right, solved, free, swept = (np.empty(n) for n in (rows + 1, rows, rows, rows))
+    return right, solved, free, following, swept, seen, np.arange(rows)
 
 
 # Where nothing rubs.
@@ -100,11 +113,9 @@ NO_ROOM = rubbing_room(0)
 
 
 def empty_sets(rows: int) -> Sets:
-    """Nothing is factorised yet."""
-    known, members = np.zeros(rows + 1, dtype=np.int8), np.zeros(rows + 2, dtype=np.int64)
-    return Sets(
-        np.empty((rows, rows)), known, members, np.zeros(rows + 1, dtype=np.int64), *rubbing_room(rows)
-    )
+    """Nothing is known yet."""
+    known, place = np.zeros(rows, dtype=np.int8), np.zeros(rows, dtype=np.int64)
+    return Sets(np.empty((rows, rows)), known, np.full(rows + 1, -1), place, *rubbing_room(rows))
 
 
 @inner_loops
@@ -117,90 +128,141 @@ def _pull(rubbing: Rubbing, state: np.ndarray, row: int) -> float:
 
 
 @inner_loops
-def _set(flexibility: np.ndarray, rubbing: Rubbing, state: np.ndarray, sets: Sets) -> int:
-    """Put the unknowns of a set in order, and its matrix, of rows and columns of one size, in the place of
-    the factors; their number.
-    """
-    factor, members, count = sets.factor, sets.members, rubbing.beside.size
-    n, unknowns = state.size, 0
-    for i in range(n):
-        if state[i] != FREE and (i < count or state[i] == STICKS):
-            members[unknowns] = i
-            unknowns += 1
-    total = unknowns
-    for i in range(count, n):
-        if _pull(rubbing, state, i) != 0.0:
-            members[total] = i
-            total += 1
-    members[n], members[n + 1] = unknowns, total
-    for b in range(unknowns):
-        column = members[b]
-        scale, pull, beside = 1.0 / math.sqrt(flexibility[column, column]), 0.0, column
-        if column < count and rubbing.beside[column] >= 0:
-            beside = rubbing.beside[column]
-            pull = _pull(rubbing, state, beside)
-        for a in range(unknowns):
-            row = members[a]
-            value = flexibility[column, row] + pull * flexibility[beside, row]
-            factor[a, b] = scale * value / math.sqrt(flexibility[row, row])
-    return unknowns
+def _row(flexibility: np.ndarray, rubbing: Rubbing, state: np.ndarray, rows: tuple[int, int]) -> float:
+    """Gap of the first of two rows under a unit force of the second, and the friction that follows it."""
+    row, column = rows
+    value = flexibility[column, row]
+    if column < rubbing.beside.size and rubbing.beside[column] >= 0:
+        beside = rubbing.beside[column]
+        pull = _pull(rubbing, state, beside)
+        if pull != 0.0:
+            value += pull * flexibility[beside, row]
+    return value
 
 
 @inner_loops
-def _factorise(flexibility: np.ndarray, rubbing: Rubbing, state: np.ndarray, sets: Sets) -> bool:
-    """Factorise the set of some states with pivots, unless that is done; whether it is regular."""
-    factor, known, pivots, n = sets.factor, sets.known, sets.pivots, state.size
-    same = known[n] == 1
-    for i in range(n):
-        same &= known[i] == state[i]
-    if same:
-        return True
-    unknowns = _set(flexibility, rubbing, state, sets)
-    known[n] = 0
-    for k in range(unknowns):
-        best = k
-        for i in range(k + 1, unknowns):
-            if abs(factor[i, k]) > abs(factor[best, k]):
-                best = i
-        pivots[k] = best
-        if best != k:
-            for j in range(unknowns):
-                held = factor[k, j]
-                factor[k, j] = factor[best, j]
-                factor[best, j] = held
-        if not abs(factor[k, k]) > ROUND_OFF:
-            return False
-        inverse = 1.0 / factor[k, k]
-        for i in range(k + 1, unknowns):
-            share = factor[i, k] * inverse
-            factor[i, k] = share
-            if share != 0.0:
-                for j in range(k + 1, unknowns):
-                    factor[i, j] -= share * factor[k, j]
-    for i in range(n):
-        known[i] = state[i]
-    known[n] = 1
+def _hold(flexibility: np.ndarray, rubbing: Rubbing, row: int, sets: Sets) -> bool:
+    """Border the inverse by a row that joins; whether it is regular."""
+    inverse, known, members, right, free = sets.inverse, sets.known, sets.members, sets.right, sets.free
+    n = known.size
+    last = members[n]
+    for a in range(last):
+        right[a] = _row(flexibility, rubbing, known, (row, members[a]))
+        free[a] = _row(flexibility, rubbing, known, (members[a], row))
+        inverse[last, a] = 0.0
+    add_rows(inverse, sets.every, right, last, (last, last), inverse[last])
+    own = _row(flexibility, rubbing, known, (row, row))
+    for a in range(last):
+        own -= inverse[last, a] * free[a]
+    if not abs(own) > _LEAST * flexibility[row, row]:
+        return False
+    products(inverse, free, last, (last, last), right)
+    scale = 1.0 / own
+    for a in range(last):
+        share = right[a] * scale
+        for b in range(last):
+            inverse[a, b] += share * inverse[last, b]
+        inverse[a, last] = -share
+    for b in range(last):
+        inverse[last, b] *= -scale
+    inverse[last, last] = scale
+    members[last], sets.place[row], members[n] = row, last, last + 1
     return True
 
 
-@inner_sums
-def _substitute(factor: np.ndarray, pivots: np.ndarray, count: int, right: np.ndarray) -> None:
-    """Solve with L and U in place."""
-    for k in range(count):
-        other = pivots[k]
-        held = right[k]
-        right[k] = right[other]
-        right[other] = held
-    for k in range(1, count):
-        total = 0.0
-        for j in range(k):
-            total += factor[k, j] * right[j]
-        right[k] -= total
-    for k in range(count - 1, -1, -1):
-        total = 0.0
-        for j in range(k + 1, count):
-            total += factor[k, j] * right[j]
-        right[k] = (right[k] - total) / factor[k, k]
+@inner_loops
+def _drop(flexibility: np.ndarray, row: int, sets: Sets) -> bool:
+    """Take a row that leaves out of the inverse, the last one into its place; whether it is regular."""
+    inverse, members, place, pivot = sets.inverse, sets.members, sets.place, sets.right
+    n, at = place.size, place[row]
+    last = members[n] - 1
+    if not abs(inverse[at, at]) * flexibility[row, row] > _LEAST:
+        return False
+    scale = 1.0 / inverse[at, at]
+    for b in range(last + 1):
+        pivot[b] = scale * inverse[at, b]
+    for a in range(last + 1):
+        share = inverse[a, at]
+        for b in range(last + 1):
+            inverse[a, b] -= share * pivot[b]
+        inverse[a, at] = inverse[a, last]
+    for b in range(last):
+        inverse[at, b] = inverse[last, b]
+    members[at], members[n] = members[last], last
+    place[members[at]], place[row] = at, -1
+    return True
+
+
+@inner_loops
+def _slide(rubbing: Rubbing, row: int, pull: float, sets: Sets) -> None:
+    """Count the friction of a tangential row that is held from what its pressure pulls, which is so much
+    more."""
+    inverse, place = sets.inverse, sets.place
+    at, normal = place[row], place[rubbing.rows[row - rubbing.beside.size]]
+    for b in range(sets.members[place.size]):
+        inverse[at, b] += pull * inverse[normal, b]
+
+
+@inner_loops
+def _leaving(rubbing: Rubbing, state: np.ndarray, row: int, sets: Sets) -> int:
+    """Which row a row takes out of a set with it, -1 for none: itself as it begins to slip or parts, its
+    pressure as its friction turns. It is known from now on.
+    """
+    known, place, count = sets.known, sets.place, rubbing.beside.size
+    before, now = known[row], state[row]
+    if row < count:
+        known[row] = now
+        return row if now == FREE and place[row] >= 0 else -1
+    if before == now or now == STICKS:
+        return -1
+    known[row] = now
+    if before == STICKS:
+        pull = _pull(rubbing, state, row)
+        if pull != 0.0:
+            _slide(rubbing, row, -pull, sets)
+        return row
+    normal = rubbing.rows[row - count]
+    return normal if place[normal] >= 0 else -1
+
+
+@inner_loops
+def _follow(flexibility: np.ndarray, rubbing: Rubbing, state: np.ndarray, sets: Sets) -> bool:
+    """Bring the inverse from the set of the step before to that of some states; whether it is regular. Rows
+    that the others do not determine yet wait until more have joined.
+    """
+    known, place, members = sets.known, sets.place, sets.members
+    n, count, changed = state.size, rubbing.beside.size, 0
+    for i in range(n):
+        changed += known[i] != state[i]
+    if members[n] >= 0 and changed == 0:
+        return True
+    if 2 * changed >= members[n]:
+        members[n] = 0
+        for i in range(n):
+            known[i], place[i] = FREE, -1
+    for k in range(n):
+        row = _leaving(rubbing, state, k + count if k + count < n else k + count - n, sets)
+        if row >= 0 and not _drop(flexibility, row, sets):
+            members[n] = -1
+            return False
+    waiting, joined = 1, 1
+    while waiting > 0 and joined > 0:
+        waiting, joined = 0, 0
+        for i in range(n):
+            if place[i] >= 0 or state[i] == FREE or (i >= count and state[i] != STICKS):
+                continue
+            if not _hold(flexibility, rubbing, i, sets):
+                waiting += 1
+                continue
+            joined += 1
+            if i >= count:
+                pull = _pull(rubbing, known, i)
+                if pull != 0.0:
+                    _slide(rubbing, i, pull, sets)
+                known[i] = STICKS
+    if waiting > 0:
+        members[n] = -1
+    return waiting == 0
 
 
 @inner_loops
@@ -210,27 +272,39 @@ def _solve(
     held: tuple[Table, Rubbing, np.ndarray],
     sets: Sets,
     force: np.ndarray,
-) -> None:
-    """Forces of a set, and in `free` the gaps of all rows; `gap` are those without forces, and before."""
+) -> bool:
+    """Forces of a set, and in `free` the gaps of all rows; `gap` are those without forces, and before. What
+    rounding leaves of the gaps that are kept is solved for again; whether nothing is left.
+    """
     (laws, rubbing, state), members, right, free = held, sets.members, sets.right, sets.free
-    without, before = gap
+    solved, (without, before) = sets.solved, gap
     n, count = without.size, rubbing.beside.size
-    unknowns, total = members[n], members[n + 1]
-    for a in range(unknowns):
-        row = members[a]
-        kept = laws.place[state[row], row] if row < count else before[row]
-        right[a] = (kept - without[row]) / math.sqrt(flexibility[row, row])
-    _substitute(sets.factor, sets.pivots, unknowns, right)
+    unknowns = members[n]
     for i in range(n):
         force[i], free[i] = 0.0, without[i]
-    for a in range(unknowns):
-        right[a] /= math.sqrt(flexibility[members[a], members[a]])
-        force[members[a]] = right[a]
-    for a in range(unknowns, total):
-        row = members[a]
-        right[a] = _pull(rubbing, state, row) * force[rubbing.rows[row - count]]
-        force[row] = right[a]
-    add_rows(flexibility, members, right, total, (n, n), free)
+    for attempt in range(_REFINED + 1):
+        left, size = 0.0, 0.0
+        for a in range(unknowns):
+            row = members[a]
+            kept = laws.place[state[row], row] if row < count else before[row]
+            right[a] = kept - free[row]
+            left = max(left, abs(right[a]))
+            size = max(size, abs(without[row]), abs(flexibility[row, row] * force[row]))
+        if attempt > 0 and not left > _LEFT * size:
+            return True
+        products(sets.inverse, right, unknowns, (unknowns, unknowns), solved)
+        total = unknowns
+        for a in range(unknowns):
+            force[members[a]] += solved[a]
+        for t in range(count, n):
+            pull = _pull(rubbing, state, t)
+            if pull != 0.0:
+                normal = rubbing.rows[t - count]
+                members[total], solved[total] = t, pull * solved[sets.place[normal]]
+                force[t] = pull * force[normal]
+                total += 1
+        add_rows(flexibility, members, solved, total, (n, n), free)
+    return False
 
 
 @inner_sums
@@ -267,6 +341,34 @@ def _normal(
 
 
 @inner_loops
+def _alone(
+    flexibility: np.ndarray,
+    rows: tuple[int, int],
+    rest: tuple[float, float],
+    bounds: tuple[float, float],
+    sets: Sets,
+) -> int:
+    """Pressure and friction, the first entries of `right`, of a pair of rows whose gap and change of slip
+    are `rest` without them; the state of the second.
+    """
+    (i, t), (kinetic, static), right = rows, bounds, sets.right
+    if rest[0] >= 0.0:
+        right[0], right[1] = 0.0, 0.0
+        return FREE
+    a, b, d = flexibility[i, i], flexibility[i, t], flexibility[t, t]
+    determinant = a * d - b * b
+    pressure, along = b * rest[1] - d * rest[0], b * rest[0] - a * rest[1]
+    if determinant > 0.0 and abs(along) <= static * pressure:
+        right[0], right[1] = pressure / determinant, along / determinant
+        return STICKS
+    pull = kinetic if along > 0.0 else -kinetic
+    # beyond the coefficient that a pair alone has one solution for, as if its rows were independent
+    right[0] = -rest[0] / max(a + pull * b, 0.1 * a)
+    right[1] = pull * right[0]
+    return ALONG if along > 0.0 else AGAINST
+
+
+@inner_loops
 def _tangential(
     flexibility: np.ndarray,
     gap: tuple[np.ndarray, np.ndarray],
@@ -275,23 +377,24 @@ def _tangential(
     sets: Sets,
     force: np.ndarray,
 ) -> int:
-    """State that a tangential row, `of` a state and with a number, goes on to. What both sticking and
-    slipping meet by rounding stays.
+    """State that a tangential row, `of` a state and with a number, goes on to: of a pair that closes what it
+    would be in alone. What both sticking and slipping meet by rounding stays.
     """
     now, row = of
     number = row - rubbing.beside.size
     normal = rubbing.rows[number]
     if sets.following[normal] == FREE or not rubbing.static[number] > 0.0:
         return FREE
+    without, before = gap
+    moved = sets.free[row] - before[row]
     if now == FREE:
-        return STICKS
+        bounds = (rubbing.kinetic[number], rubbing.static[number])
+        return max(_alone(flexibility, (normal, row), (sets.free[normal], moved), bounds, sets), STICKS)
     if now == STICKS:
         bound = rubbing.static[number] * max(force[normal], 0.0) + sets.right[sets.right.size - 1]
         if abs(force[row]) <= bound:
             return STICKS
         return ALONG if force[row] > 0.0 else AGAINST
-    without, before = gap
-    moved = sets.free[row] - before[row]
     off = moved if now == ALONG else -moved
     return STICKS if off > 0.0 and off > _rounding(flexibility, without, force, row) else now
 
@@ -332,34 +435,6 @@ def _repeats(state: np.ndarray, seen: np.ndarray, done: int) -> bool:
         if seen[k] == total:
             return True
     return False
-
-
-@inner_loops
-def _alone(
-    flexibility: np.ndarray,
-    rows: tuple[int, int],
-    rest: tuple[float, float],
-    bounds: tuple[float, float],
-    sets: Sets,
-) -> int:
-    """Pressure and friction, the first entries of `right`, of a pair of rows whose gap and change of slip
-    are `rest` without them; the state of the second.
-    """
-    (i, t), (kinetic, static), right = rows, bounds, sets.right
-    if rest[0] >= 0.0:
-        right[0], right[1] = 0.0, 0.0
-        return FREE
-    a, b, d = flexibility[i, i], flexibility[i, t], flexibility[t, t]
-    determinant = a * d - b * b
-    pressure, along = b * rest[1] - d * rest[0], b * rest[0] - a * rest[1]
-    if determinant > 0.0 and abs(along) <= static * pressure:
-        right[0], right[1] = pressure / determinant, along / determinant
-        return STICKS
-    pull = kinetic if along > 0.0 else -kinetic
-    # beyond the coefficient that a pair alone has one solution for, as if its rows were independent
-    right[0] = -rest[0] / max(a + pull * b, 0.1 * a)
-    right[1] = pull * right[0]
-    return ALONG if along > 0.0 else AGAINST
 
 
 @inner_loops
@@ -429,9 +504,15 @@ def rubbing_forces(
         done = 0
         while done < _MAXIMUM and not _repeats(state, sets.seen, done):
             done += 1
-            if not _factorise(flexibility, held[1], state, sets):
+            for _ in range(2):  # where rounding has piled up, all is done anew
+                solved = _follow(flexibility, held[1], state, sets) and _solve(
+                    flexibility, gap, held, sets, force
+                )
+                if solved:
+                    break
+                sets.members[n] = -1
+            if not solved:
                 break
-            _solve(flexibility, gap, held, sets, force)
             if _exchange(flexibility, gap, held, sets, force) == 0:
                 for i in range(held[1].beside.size):
                     if state[i] != FREE:
