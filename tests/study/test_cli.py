@@ -327,6 +327,23 @@ def test_petsc_options(tmp_path):
     assert "static_ksp_monitir" in done.stdout + done.stderr
 
 
+EARLY = """
+import os, signal, sys
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name == "sbfem_petsc.cli.parser":
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Interrupting())
+from sbfem_petsc.cli import main
+main(["doctor"])
+"""
+
+
+def test_interrupted_while_modules_are_imported():
+    done = subprocess.run([sys.executable, "-c", EARLY], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
+
+
 @pytest.mark.slow
 def test_interrupt_and_termination(tmp_path):
     """SIGINT: 130, SIGTERM: 143, and the sentence that tells how to go on."""
