@@ -1,4 +1,4 @@
-"""Modes and residual flexibility of sparse matrices from one factorisation by PETSc."""
+"""Modes and residual flexibility of sparse matrices, by SLEPc and PETSc from one factorisation."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from ..errors import SolveError, caller_level, on_all_ranks
 from ..petsc import (
     MPI,
     PETSc,
+    SLEPc,
+    configure,
     count_pivots,
     dense_columns,
     factorise,
@@ -31,9 +33,8 @@ RESIDUAL, ZERO = 1e-6, 1e-14
 # Of the squares of the highest frequencies, about: what makes a stiffness definite where 0 is an eigenvalue;
 # and of that, what 0 is told by.
 SHIFT, SAME = 1e-9, 1e-4
-# Vectors that are solved for at a time, relative residual of K^-1 M x = x / w2 that a mode may have, what is
-# left of a vector that is in the space of others, and vectors a mode at most.
-BLOCK, TOLERANCE, NOTHING, MOST = 8, 1e-9, 1e-10, 8
+# Relative residual of K^-1 M x = x / w2, at most, that a mode has.
+TOLERANCE = 1e-11
 
 
 def sparse_modes(
@@ -69,7 +70,6 @@ def sparse_modes(
         shift = SHIFT * float(np.median(stiffness.diagonal()[heavy] / mass.diagonal()[heavy]))
         found = _solved((mass, stiffness), columns, count, comm, shift)
     assert found is not None
-    _require_all(comm, mass, stiffness, found[0])
     return found
 
 
@@ -85,11 +85,11 @@ def _solved(
     definite = sparse.csr_matrix(stiffness + shift * mass) if shift else stiffness
     k, m = _matrix(comm, definite), _matrix(comm, mass)
     ksp = make_ksp(k, "modal_st_", positive_definite=False, later=True)
+    eps = SLEPc.EPS().create(comm)
     try:
         if not _factorised(ksp, sure=shift > 0.0):
             return None
-        solver = LinearSolver(ksp, k)
-        values, vectors, inertia = _lowest(solver, m, count)
+        values, vectors, inertia = _none_left_out(eps, ksp, k, m, count)
         whole, values = _whole(comm, vectors), values - shift
         if not shift:
             first = np.abs(_whole(comm, np.stack([vectors[:, 0], inertia[:, 0]], axis=1)))
@@ -106,7 +106,7 @@ def _solved(
         if shift:
             answers = _pinned(comm, stiffness, whole[:, values == 0.0], right)
         else:
-            answers = solver.columns(right, "reduction")
+            answers = LinearSolver(ksp, k).columns(right, "reduction")
         left = np.abs(stiffness[own] @ _whole(comm, answers) - right).max(initial=0.0)
         if not comm.allreduce(left, MPI.MAX) <= RESIDUAL * comm.allreduce(
             np.abs(right).max(initial=0.0), MPI.MAX
@@ -115,7 +115,7 @@ def _solved(
         answers -= vectors @ _summed(comm, inertia.T @ answers)
         return values, whole, _whole(comm, answers)
     finally:
-        free(comm, ksp, k, m)
+        free(comm, eps, ksp, k, m)
 
 
 def _pinned(comm: MPI.Comm, stiffness: sparse.csr_matrix, rigid: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -154,70 +154,83 @@ def _factorised(ksp: PETSc.KSP, sure: bool) -> bool:
     return not negative and not zero
 
 
-def _lowest(solver: LinearSolver, m: PETSc.Mat, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lowest eigenvalues, mass-normalised vectors and M times these, this rank's rows, by Lanczos' method in
-    blocks (Grimes, Lewis and Simon 1994).
-
-    A factor is read once for 8 vectors, which takes twice the time of one, and multiple eigenvalues are met.
-    All vectors are kept, and made orthogonal twice; out of K^-1 M they have no part in what has no mass.
-    """
-    comm, (first, end), n = m.comm.tompi4py(), m.getOwnershipRange(), m.getSize()[0]
-    most = min(n, max(MOST * count, 20 * BLOCK))
-    basis, heavy = (np.empty((end - first, most + BLOCK), order="F") for _ in range(2))
-    products, size = np.zeros((most + BLOCK, most + BLOCK)), 0
-    start = np.random.default_rng(0).standard_normal((n, min(BLOCK, n)))[first:end]  # on any ranks alike
-    block, last = solver.columns(_times(m, np.asfortranarray(start)), "modal"), slice(0, 0)
-    while True:
-        old, old_heavy = basis[:, :size], heavy[:, :size]
-        for _ in range(2 if size else 0):
-            shares = _summed(comm, old_heavy.T @ block)
-            block -= old @ shares
-            products[:size, last] += shares
-        block, inertia, rest = _orthonormal(comm, block, _times(m, block))
-        if size >= min(2 * count, most) or not len(rest):
-            found, parts = np.linalg.eigh(products[:size, :size], UPLO="U")
-            order = np.argsort(-np.abs(found))[:count]
-            found, parts = found[order], parts[:, order]
-            beyond = rest @ parts[last]
-            done = np.linalg.norm(beyond, axis=0) <= TOLERANCE * np.abs(found)
-            if done.all() or size >= most or not len(rest):
-                break
-        last = slice(size, size + len(rest))
-        basis[:, last], heavy[:, last], size = block, inertia, last.stop
-        block = solver.columns(heavy[:, last], "modal")
-    if found.min() < 0.0:
-        raise _indefinite(f"eigenvalue {1.0 / found.min():g} of M^-1 K")
-    if done.sum() < count:
-        raise on_all_ranks(
-            SolveError(f"modal: {done.sum()} of {count} modes were found by {size} vectors; give fewer modes")
-        )
-    # the next step of the iteration is known: no solve
-    vectors, inertia = old @ parts + block @ (beyond / found), old_heavy @ parts + inertia @ (beyond / found)
-    lengths = np.sqrt(_summed(comm, (vectors * inertia).sum(axis=0)))
-    return 1.0 / found, vectors / lengths, inertia / lengths
-
-
-def _orthonormal(
-    comm: MPI.Comm, block: np.ndarray, inertia: np.ndarray
+def _none_left_out(
+    eps: SLEPc.EPS, ksp: PETSc.KSP, k: PETSc.Mat, m: PETSc.Mat, count: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mass-orthonormal vectors of the space of a block, in its place, M times these, and the block's factors
-    in them.
+    """`_lowest`, with more of them where the inertia below the last one says that some are missing: SLEPc
+    meets the second vector of a multiple eigenvalue through round-off only.
     """
-    width, count = block.shape[1], 0
-    factors, sizes = np.zeros((width, width)), _summed(comm, (block * inertia).sum(axis=0))
-    for j in range(width):
-        x, y = block[:, j].copy(), inertia[:, j].copy()
-        for _ in range(2):
-            shares = _summed(comm, inertia[:, :count].T @ x)
-            x -= block[:, :count] @ shares
-            y -= inertia[:, :count] @ shares
-            factors[:count, j] += shares
-        square = float(_summed(comm, np.array([x @ y]))[0])
-        if square > NOTHING**2 * sizes[j]:
-            factors[count, j] = np.sqrt(square)
-            block[:, count], inertia[:, count] = x / factors[count, j], y / factors[count, j]
-            count += 1
-    return block[:, :count], inertia[:, :count], factors[:count]
+    wanted, most = count, max(count, k.getSize()[0] - 1)
+    for _ in range(4):
+        values, *vectors = _lowest(eps, ksp, k, m, wanted)
+        last = values[count - 1] * (1.0 - 1e-6)
+        below, found = _below(k, m, last), int((values < last).sum())
+        if below is None:
+            warnings.warn(
+                "reduce_matrices: this PETSc has no MUMPS, which counts eigenvalues: whether modes are "
+                "missing, or a matrix is indefinite, is not known; use one with MUMPS",
+                SolverWarning,
+                stacklevel=caller_level(),
+            )
+        if below is None or below <= found:
+            return values[:count], vectors[0][:, :count], vectors[1][:, :count]
+        wanted = min(wanted + below - found + 4, most)
+    raise on_all_ranks(
+        SolveError(
+            f"modal: {below} eigenvalues lie below the last of {count}, but {found} were found; raise "
+            "-modal_eps_ncv or tighten -modal_eps_tol"
+        )
+    )
+
+
+def _lowest(
+    eps: SLEPc.EPS, ksp: PETSc.KSP, k: PETSc.Mat, m: PETSc.Mat, count: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Lowest eigenvalues, mass-normalised vectors and M times these, this rank's rows, by SLEPc (prefix
+    ``modal_``), which resets the factor with its own end.
+    """
+    comm, n = k.comm.tompi4py(), k.getSize()[0]
+    start, light = k.createVecs()
+    try:
+        eps.setOptionsPrefix("modal_")
+        eps.setOperators(k, m)
+        eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
+        eps.setDimensions(count, min(n, max(2 * count, count + 20)))
+        eps.setTolerances(TOLERANCE, 200)
+        eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+        eps.setTarget(0.0)
+        st = eps.getST()
+        st.setType(SLEPc.ST.Type.SINVERT)
+        st.setShift(0.0)
+        st.setKSP(ksp)
+        m.getDiagonal(light)
+        # a further solve a vector, for the parts of rounding in what has no mass
+        eps.setPurify(light.min()[1] <= 0.0)
+        light.setRandom()
+        ksp.solve(light, start)
+        eps.setInitialSpace(start)
+        configure(eps)
+        with solving("modal"):
+            eps.solve()
+        if eps.getConverged() < count:
+            raise on_all_ranks(
+                SolveError(
+                    f"modal: SLEPc found {eps.getConverged()} of {count} eigenpairs; raise "
+                    "-modal_eps_max_it or -modal_eps_ncv"
+                )
+            )
+        found = np.array([eps.getEigenvalue(i).real for i in range(count)])
+        if found.min() < 0.0:
+            raise _indefinite(f"eigenvalue {found.min():g} of M^-1 K")
+        vectors = np.empty((len(start.array_r), count), order="F")
+        for column, i in enumerate(np.argsort(found)):
+            eps.getEigenvector(int(i), start)
+            vectors[:, column] = start.array_r
+    finally:
+        free(comm, start, light)
+    inertia = _times(m, vectors)
+    lengths = np.sqrt(_summed(comm, (vectors * inertia).sum(axis=0)))
+    return np.sort(found), vectors / lengths, inertia / lengths
 
 
 def _times(matrix: PETSc.Mat, columns: np.ndarray) -> np.ndarray:
@@ -259,7 +272,12 @@ def _require_mass(comm: MPI.Comm, mass: sparse.csr_matrix, count: int) -> None:
     coupled = abs(mass).sum(axis=1).A1 > 0.0
     wrong = (diagonal < 0.0) | (coupled & (diagonal == 0.0))
     negative = int(wrong.sum())
-    negative = negative or _below(comm, mass[heavy][:, heavy]) or 0
+    if not negative:
+        made = _matrix(comm, mass[heavy][:, heavy])
+        try:
+            negative = negative_eigenvalues(made, "modal") or 0
+        finally:
+            free(comm, made)
     if negative:
         raise ValueError(
             f"reduce_matrices: mass is indefinite ({negative} negative eigenvalues); a mass is at least 0"
@@ -278,13 +296,14 @@ def _matrix(comm: MPI.Comm, matrix: sparse.csr_matrix) -> PETSc.Mat:
     return result
 
 
-def _below(comm: MPI.Comm, matrix: sparse.csr_matrix) -> int | None:
-    """Negative eigenvalues; None where PETSc has nothing that counts them."""
-    made = _matrix(comm, matrix)
+def _below(k: PETSc.Mat, m: PETSc.Mat, shift: float) -> int | None:
+    """Eigenvalues below a shift; None where PETSc has nothing that counts them."""
+    shifted = k.copy()
     try:
-        return negative_eigenvalues(made, "modal")
+        shifted.axpy(-shift, m)
+        return negative_eigenvalues(shifted, "modal")
     finally:
-        free(comm, made)
+        free(k.comm.tompi4py(), shifted)
 
 
 def _indefinite(why: str) -> Exception:
@@ -298,24 +317,3 @@ def _not_held(count: int) -> Exception:
             "keep more modes than there are rigid-body motions, hold the system, or give dense matrices"
         )
     )
-
-
-def _require_all(
-    comm: MPI.Comm, mass: sparse.csr_matrix, stiffness: sparse.csr_matrix, values: np.ndarray
-) -> None:
-    """Raise a SolveError if the inertia below the last eigenvalue says that some are missing."""
-    last = values[-1] * (1.0 - 1e-6)
-    below, found = _below(comm, stiffness - last * mass), int((values < last).sum())
-    if below is None:
-        warnings.warn(
-            "reduce_matrices: this PETSc has no MUMPS, which counts eigenvalues: whether modes are missing, "
-            "or a matrix is indefinite, is not known; use one with MUMPS",
-            SolverWarning,
-            stacklevel=caller_level(),
-        )
-    elif below > found:
-        raise on_all_ranks(
-            SolveError(
-                f"modal: {below} eigenvalues lie below the last, but {found} were found; ask for more modes"
-            )
-        )
