@@ -187,9 +187,13 @@ class SupportMotion(Load):
 @dataclass(frozen=True)
 class EdgeMotion(Load):
     """Prescribed displacement of a supported edge set or point, in the directions that its support holds
-    fixed; other supports stand still. For `static` and `load_history`.
+    fixed; other supports stand still. Constant or in time, but for motions of the unreduced model.
 
-    The force that it takes is the support's in `Static.reactions`.
+    The force that it takes is the support's in `reactions`. A displacement cannot jump: one that sets in has
+    a rise, `Step(amplitude, rise=...)`. Where its rate does, as at the corners of linear `Samples`, the force
+    has a peak as high as the step is short; cubic ones have none. Modal damping acts on the motion against
+    the static displacement that follows the supports, as inside the body: supports that move all together are
+    not damped.
 
     Parameters
     ----------
@@ -267,13 +271,13 @@ def as_loads(load: Load | Loads | Iterable[Load]) -> Loads:
     return Loads(tuple(flat))
 
 
-def refuse_motion(owner: str, loads: Loads) -> None:
-    """Raise ValueError for an `EdgeMotion` where structures move."""
-    for item in loads.parts:
-        if isinstance(item, EdgeMotion):
+def refuse_motion(owner: str, units: Iterable[Load]) -> None:
+    """Raise ValueError for an `EdgeMotion` among the loads of an unreduced model that moves."""
+    for unit in units:
+        if isinstance(unit, EdgeMotion):
             raise ValueError(
-                f"{owner}: {shown(item)} is for structures at rest, in static and load_history; a base that "
-                "moves as a whole is a SupportMotion, by its acceleration"
+                f"{owner}: motions of the unreduced model do not take the EdgeMotion of {unit.where!r}; take "
+                "the reduced model, reduction = 'modes', or move all supports together by a SupportMotion"
             )
 
 

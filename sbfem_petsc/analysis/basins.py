@@ -48,7 +48,7 @@ def basins(
     Parameters
     ----------
     model : Model or ReducedModel
-    load : PointForce, EdgeLoad, a sum or a sequence of them
+    load : PointForce, EdgeLoad, SupportMotion, EdgeMotion, a sum or a sequence of them
         For a system of matrices a value for each of its unit loads. As for `periodic`.
     frequency : float
         Hz.

@@ -58,7 +58,7 @@ def periodic(
     ----------
     model : Model or ReducedModel
         Its damping ratio is that of all modes. A model is reduced once for the places of its loads.
-    load : PointForce, EdgeLoad, SupportMotion, a sum or a sequence of them
+    load : PointForce, EdgeLoad, SupportMotion, EdgeMotion, a sum or a sequence of them
         For a system of matrices a value for each of its unit loads. A number is the amplitude of
         sin(2 pi f t); signals stand for themselves (`Constant`: a preload; `Harmonic`: a further tone).
         Beside signals that vary a number is refused: `Constant` or `Harmonic` says what it means.

@@ -68,7 +68,8 @@ def quasi_periodic(
     Parameters
     ----------
     model : Model or ReducedModel
-    load : PointForce, EdgeLoad, a sum or a sequence of them; for a ReducedModel a signal for each unit load
+    load : PointForce, EdgeLoad, SupportMotion, EdgeMotion, a sum or a sequence of them
+        For a ReducedModel a signal for each unit load.
         Made of `Harmonic` signals at f1, f2 or multiples of either; `Constant` signals are preloads. With one
         tone as for `periodic`.
     frequencies : (float, float or None)

@@ -67,7 +67,7 @@ def frequency_response(
     Parameters
     ----------
     model : Model or ReducedModel
-    load : PointForce, EdgeLoad, a sum or a sequence of them
+    load : PointForce, EdgeLoad, SupportMotion, EdgeMotion, a sum or a sequence of them
         For a system of matrices a value for each of its unit loads. Numbers are amplitudes of
         sin(2 pi f t) at the swept frequency; `Constant` signals are preloads.
     start, stop : float

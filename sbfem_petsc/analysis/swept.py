@@ -51,7 +51,7 @@ def swept_response(
     Parameters
     ----------
     model : Model or ReducedModel
-    load : PointForce, EdgeLoad, a sum or a sequence of them
+    load : PointForce, EdgeLoad, SupportMotion, EdgeMotion, a sum or a sequence of them
         For a system of matrices a value for each of its unit loads. Numbers are amplitudes of the
         swept sine; `Constant` signals are preloads.
     start, stop : float
@@ -88,7 +88,7 @@ def swept_response(
                 raise ValueError(f"{what}: initial is at {initial.frequency:g} Hz, not at {start:g} Hz")
         amplitudes_only(what, load)
         loads = loading(what, model, load, lambda value: Chirp(value, start, stop, duration))
-        loads = loads.over(duration, rest=False)
+        loads = loads.over(what, duration, rest=False)
         if not any(isinstance(signal, Chirp) and signal.amplitude for signal in loads.signals):
             raise ValueError(f"{what}: no load oscillates; give a number, the amplitude of the swept sine")
     highest = max(start, stop)

@@ -15,6 +15,7 @@ from meshing.warnings import StepWarning
 
 from ..checks import choice, flag, real_array, shown
 from ..errors import caller_level
+from ..loads import refuse_motion
 from ..motion.files.history_file import HistoryFile
 from ..motion.history import History
 from ..motion.initial import modal_start
@@ -65,7 +66,7 @@ def transient(
         Its `damping` is the modal damping ratio of all modes, to which `rayleigh` adds a / (2 omega) + b
         omega / 2. A model is reduced once for the places of its loads, and kept so for further analyses.
         Faces that rub (`Coulomb`) have never been loaded before t = 0; the unreduced model has none.
-    load : PointForce, EdgeLoad, SupportMotion, a sum or a sequence of them
+    load : PointForce, EdgeLoad, SupportMotion, EdgeMotion, a sum or a sequence of them
         For a system of matrices a number or signal for each of its unit loads.
         Components are numbers (constant from t = 0) or signals.
     duration : float
@@ -144,7 +145,9 @@ def transient(
             )
         check_initial(initial, unreduced)
         loads = loading("transient", model, load)
-        loads = loads.over(duration, isinstance(initial, str) and initial == "rest")
+        if unreduced:
+            refuse_motion("transient", loads.units)
+        loads = loads.over("transient", duration, isinstance(initial, str) and initial == "rest")
     require_compiler("transient", comm)
     with contextlib.ExitStack() as stack:
         record = None

@@ -273,5 +273,10 @@ def _check_axis(axis: StartAxis, reduced: ReducedModel) -> None:
     """Raise where an axis asks for what the model has not."""
     most = reduced.load_modes.shape[1] if axis.kind == "impulse" else len(reduced.omega)
     integer("basins", "mode of starts", axis.mode, least=1, most=most)
+    if axis.kind == "impulse" and axis.mode - 1 in reduced.edges:
+        raise ValueError(
+            f"basins: load {axis.mode} of starts is a prescribed displacement, which gives no impulse; name "
+            "one that is a force"
+        )
     if axis.point is not None:
         reduced.points.of(axis.point, "point")

@@ -186,7 +186,7 @@ class Orbit(Motion):
             f"Orbit(at {self.frequency:.6g} Hz, {self.periods} forcing period{'s' * (self.periods > 1)}, "
             f"{len(self.time)} steps, {model}, {self.states.pairs} pairs, {self.iterations} Newton "
             f"iterations, {verdict}, peak contact resultant "
-            f"{'; '.join([f'{self.contact_resultant.max(initial=0.0):.6g} N', *self.notes])})"
+            f"{'; '.join([f'{self.contact_resultant.max(initial=0.0):.6g} N', *self._borne(), *self.notes])})"
         )
 
 
@@ -288,6 +288,16 @@ def modal_motion(driven: DrivenPeriod, motion: PeriodMotion) -> tuple[np.ndarray
     return q, v
 
 
+def _edge_rates(driven: DrivenPeriod) -> np.ndarray | None:
+    """(n, 2 edges): rates and accelerations of prescribed displacements over the period."""
+    edges, count = driven.period.reduced.edges, driven.period.steps
+    if not len(edges):
+        return None
+    lines = np.fft.rfft(driven.loads[:-1, edges], axis=0)
+    speeds = 2j * np.pi / driven.duration * np.arange(len(lines))[:, None]
+    return np.concatenate([np.fft.irfft(speeds**k * lines, count, axis=0) for k in (1, 2)], axis=1)
+
+
 def make_orbit(
     fixed: FixedPoint, values: np.ndarray, uncertainty: float | Callable[[], float], path: str
 ) -> Orbit:
@@ -305,7 +315,7 @@ def make_orbit(
         )
     return Orbit(
         np.arange(p.steps) * driven.step,
-        ModalStates(q[:-1], v[:-1], driven.loads[:-1], forces, p.reduced),
+        ModalStates(q[:-1], v[:-1], driven.loads[:-1], forces, p.reduced, _edge_rates(driven)),
         driven.frequency,
         p.excitation.periods,
         fixed.residuals,

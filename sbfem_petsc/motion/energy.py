@@ -13,6 +13,8 @@ from ..reduction.reduced_model import ReducedModel
 
 # Work of the contact forces, relative to the energy supplied, beyond which a history is refused.
 WORK_LIMIT = 0.01
+# Share of the energy that a displacement would have without the supports', that rounding is at most.
+ROUND_OFF = 1e-12
 
 
 @described
@@ -78,15 +80,9 @@ class Ledger:
         (n + 1, loads) begins with the step before.
         """
         states, velocities, forces, contact, _, lost, *_ = history
-        # of the loads and rows of contact that act meanwhile: mostly few of them
-        loaded, touched = (amplitudes != 0.0).any(axis=0), (forces != 0.0).any(axis=0)
+        loaded, touched = self._acting(amplitudes, forces)
         drive, moved, stored, loss, rate = self._instants(
-            states,
-            velocities,
-            np.compress(loaded, amplitudes[1:], axis=1),
-            np.compress(touched, forces, axis=1),
-            loaded,
-            touched,
+            states, velocities, amplitudes[1:], forces, loaded, touched
         )
         last = self.last
         before = (last[0][:, loaded], last[1][:, loaded], last[3], last[4][:, loaded])
@@ -106,6 +102,14 @@ class Ledger:
         self.last = self._instants(states[-1:], velocities[-1:], amplitudes[-1:], forces[-1:])
         return np.concatenate([stored.T, work])
 
+    def _acting(self, amplitudes: np.ndarray, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Loads and rows of contact that act meanwhile: mostly few of them."""
+        return (amplitudes != 0.0).any(axis=0), (forces != 0.0).any(axis=0)
+
+    def _jump_work(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        """Forces among the loads before and behind a jump, and the work of what is no force, J."""
+        return self.last[0][0], amplitude, 0.0
+
     def jump(
         self,
         q: np.ndarray,
@@ -119,10 +123,11 @@ class Ledger:
         """(5,): the same where loads have jumped to `amplitude`, and contact from `before` to `force`: what
         moves with them has no inertia; so much is lost to friction.
         """
-        drives = np.concatenate([[self.last[0][0], amplitude], [before, force]], axis=1)
+        *pushed, further = self._jump_work(amplitude)
+        drives = np.concatenate([pushed, [before, force]], axis=1)
         work = drives.mean(axis=0) * (self.flexibility @ (drives[1] - drives[0]))
-        loads = len(amplitude)
-        done = np.array([work[:loads].sum(), 0.0, work[loads:].sum() + lost, lost])
+        loads = self.r.load_modes.shape[1]
+        done = np.array([work[:loads].sum() + further, 0.0, work[loads:].sum() + lost, lost])
         self.work = self.work + done[: len(self.work)]
         self.last = self._instants(q[None], v[None], amplitude[None], force[None])
         return np.concatenate([self.last[2][0], self.work])
@@ -137,10 +142,12 @@ class Ledger:
         touched: np.ndarray | slice = np.s_[:],
     ) -> tuple[np.ndarray, ...]:
         """Loads, the displacements they work on, stored energies (n, 2), dissipated power (n,), velocities at
-        the loads; of all loads and rows of contact, or of some of them that alone are given.
+        the loads; of all loads and rows of contact, or of some of them that alone act.
         """
-        loads, places = amplitudes.shape[1], np.arange(len(self.flexibility))
-        count = self.r.load_modes.shape[1]
+        count, places = self.r.load_modes.shape[1], np.arange(len(self.flexibility))
+        if isinstance(loaded, np.ndarray) and isinstance(touched, np.ndarray):
+            amplitudes, forces = np.compress(loaded, amplitudes, axis=1), np.compress(touched, forces, axis=1)
+        loads = amplitudes.shape[1]
         places = np.concatenate([places[:count][loaded], places[count:][touched]])
         flexibility, modes = self.flexibility[places][:, places], self.r.load_modes.T[loaded]
         near, drive = forces.any(axis=1), np.concatenate([amplitudes, forces], axis=1)
@@ -156,6 +163,77 @@ class Ledger:
         strain = 0.5 * (squared @ self.stiffness + np.einsum("ij,ij->i", drive, flexible))
         moved = q @ modes.T + flexible[:, :loads]
         return amplitudes, moved, np.stack([kinetic, strain], axis=1), lost, v @ modes.T
+
+
+class MovedLedger(Ledger):
+    """The same where supports are moved: what they bear works on their displacements. Amplitudes are those of
+    the unit loads, then rates and accelerations of the prescribed displacements.
+    """
+
+    def __init__(self, reduction: ReducedModel, smooth: bool):
+        super().__init__(reduction, smooth)
+        r = self.r
+        assert r.supports is not None  # they are moved
+        self.edges, self.loads = r.edges, r.load_modes.shape[1]
+        self.inertia = r.supports.of_edges("inertia")
+        self.mass, self.damping = (r.supports.of_edges(name)[:, r.edges] for name in ("mass", "damping"))
+        self.static = np.concatenate([r.supports.of_edges("loads"), r.supports.of_edges("contact")], axis=1)
+        self.stiff = self.static[:, self.edges]
+
+    def start(self, q: np.ndarray, v: np.ndarray, amplitude: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """See `Ledger`. What rides along without strain has rounding of its displacement."""
+        energies = super().start(q, v, amplitude, force)
+        self.supplied += ROUND_OFF * float(q**2 @ self.stiffness)
+        return energies
+
+    def _acting(self, amplitudes: np.ndarray, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.ones(self.loads, dtype=bool), np.ones(forces.shape[1], dtype=bool)
+
+    def _pushing(self, amplitudes: np.ndarray) -> np.ndarray:
+        """(..., loads): forces alone."""
+        result = amplitudes[..., : self.loads].copy()
+        result[..., self.edges] = 0.0
+        return result
+
+    def _jump_work(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        before, after = self.last[4][0, self.edges], np.split(amplitude[self.loads :], 2)[0]
+        impulse = 0.5 * float((after + before) @ self.mass @ (after - before))
+        return self._pushing(self.last[0][0]), self._pushing(amplitude), impulse
+
+    def _instants(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        amplitudes: np.ndarray,
+        forces: np.ndarray,
+        loaded: np.ndarray | slice = np.s_[:],
+        touched: np.ndarray | slice = np.s_[:],
+    ) -> tuple[np.ndarray, ...]:
+        r, edges = self.r, self.edges
+        loads, (w, rate, acceleration) = amplitudes[:, : self.loads], self._displaced(amplitudes)
+        drives, moved, stored, lost, rates = super()._instants(
+            q - w @ self.inertia, v - rate @ self.inertia, self._pushing(amplitudes), forces
+        )
+        follows = self.inertia @ r.load_modes + r.load_flexibility[edges]
+        moved += w @ follows
+        rates += rate @ follows
+        stored[:, 0] = 0.5 * ((v**2).sum(axis=1) + np.einsum("ni,ij,nj->n", rate, self.mass, rate))
+        lost += np.einsum("ni,ij,nj->n", rate, self.damping, rate)
+        stored[:, 1] += 0.5 * np.einsum("ni,ij,nj->n", w, self.stiff, w)
+        pushed = loads @ r.load_modes.T + rate @ r.rate_modes.T + forces @ r.gap.modes
+        inertia = pushed - self.friction * v - self.stiffness * q
+        drives[:, edges] = (
+            np.concatenate([loads, forces], axis=1) @ self.static.T
+            + inertia @ self.inertia.T
+            + rate @ self.damping.T
+            + acceleration @ self.mass.T
+        )
+        moved[:, edges], rates[:, edges] = w, rate
+        return drives, moved, stored, lost, rates
+
+    def _displaced(self, amplitudes: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Prescribed displacements, rates and accelerations, (n, edges) each."""
+        return amplitudes[:, self.edges], *np.split(amplitudes[:, self.loads :], 2, axis=1)
 
 
 def guard(chunk: np.ndarray, ledger: Ledger, time: np.ndarray) -> None:

@@ -143,7 +143,7 @@ class Excitation(Record):
         for block in np.array_split(np.arange(len(sizes)), math.ceil(len(sizes) / BLOCK)):
             omega = 2.0 * np.pi * frequency / self.periods * self.orders[block, None]
             dynamic = np.abs(r.omega**2 - omega**2 + 2j * r.damping * r.omega * omega)
-            moved = np.abs(self.amplitudes[block] @ r.load_modes.T) / np.maximum(
+            moved = np.abs(_modal_loads(r, self.amplitudes[block], omega)) / np.maximum(
                 dynamic, RESONANCE * omega**2
             )
             sizes[block] = np.linalg.norm(omega * moved, axis=1)
@@ -216,7 +216,7 @@ class Excitation(Record):
         r = reduction
         unit = 2.0 * np.pi * self.orders[:, None] / self.periods
         omega = unit * frequency
-        forces = self.amplitudes @ r.load_modes.T
+        forces = _modal_loads(r, self.amplitudes, omega)
         dynamic = r.omega**2 - omega**2 + 2j * r.damping * r.omega * omega
         at_resonance = (np.abs(dynamic) <= RESONANCE * np.maximum(r.omega, omega) ** 2) & (
             np.abs(forces) > ROUND_OFF * np.abs(forces).max(initial=0.0)
@@ -235,7 +235,18 @@ class Excitation(Record):
             )
         dynamic = np.where(np.abs(dynamic) == 0.0, 1.0, dynamic)
         amplitude = forces / dynamic
-        return amplitude, amplitude / dynamic * (2.0 * omega - 2j * r.damping * r.omega) * unit
+        slope = amplitude * (2.0 * omega - 2j * r.damping * r.omega) + 1j * _rate_loads(r, self.amplitudes)
+        return amplitude, slope / dynamic * unit
+
+
+def _modal_loads(r: ReducedModel, amplitudes: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """(k, m): what amplitudes (k, loads) at omega (k, 1) do in the modes."""
+    return amplitudes @ r.load_modes.T + 1j * omega * _rate_loads(r, amplitudes)
+
+
+def _rate_loads(r: ReducedModel, amplitudes: np.ndarray) -> np.ndarray | float:
+    """The share of rates of prescribed displacements in it, by i omega."""
+    return amplitudes[:, r.edges] @ r.rate_modes.T if len(r.edges) else 0.0
 
 
 @described

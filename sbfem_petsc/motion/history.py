@@ -11,7 +11,7 @@ from meshing.warnings import IncompleteHistory
 
 from ..bodies.finite_element_model import FiniteElementModel
 from ..checks import Bounds, real, shown
-from ..errors import SolveError, UnknownName, caller_level, on_all_ranks
+from ..errors import SolveError, UnknownName, at_point, caller_level, on_all_ranks
 from ..ranks.parallel import agreed
 from ..record.record import Record, derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
@@ -21,12 +21,15 @@ from ..system.model import Model
 from .energy import Energy
 from .states import ModalStates, Point, SampledStates
 
+# Supports whose forces are printed.
+TOLD = 4
+
 
 @described
 class Motion(Record):
     """Instants of a motion."""
 
-    labels: ClassVar = {"place": "points"}
+    labels: ClassVar = {"place": "points", "support": "supports"}
     coordinates: ClassVar = ("time",)
 
     time: np.ndarray = quantity("s", "instants", "time")
@@ -42,6 +45,12 @@ class Motion(Record):
         return self.states.points
 
     @property
+    def supports(self) -> tuple[str, ...]:
+        """Names of what is supported; none where no reactions are told."""
+        found = None if self.reduced is None else self.reduced.supports
+        return () if found is None else found.names
+
+    @property
     def reduced(self) -> ReducedModel | None:
         """The reduced model that moves, None for an unreduced one."""
         return self.states.reduced if isinstance(self.states, ModalStates) else None
@@ -51,6 +60,20 @@ class Motion(Record):
         """(n, points, 2): displacements of the named points, m."""
         found = [self.states.displacement(point) for point in self.points]
         return np.stack(found, axis=1) if found else np.zeros((len(self.time), 0, 2))
+
+    @derived("N", "force of each support on the structure", "time support xy")
+    def reactions(self) -> np.ndarray | None:
+        """(n, supports, 2): N, in the order of `supports`; None of matrices and of an unreduced model."""
+        return self.states.reactions() if isinstance(self.states, ModalStates) else None
+
+    def reaction(self, support: str) -> np.ndarray:
+        """(n, 2): force of a support on the structure, N."""
+        table = self.reactions
+        if table is None:
+            raise on_all_ranks(
+                SolveError("reaction: motions of an unreduced model and of matrices do not tell it")
+            )
+        return at_point(dict(zip(self.supports, np.moveaxis(table, 1, 0))), support, "support")
 
     @derived("N", "contact forces, compression positive", "time pair", detail=True, stored=False)
     def contact_force(self) -> np.ndarray:
@@ -153,6 +176,15 @@ class Motion(Record):
             tip = self.states.tips[0]
         return self.states.stress_intensity(tip)
 
+    def _borne(self) -> list[str]:
+        """The largest reactions, in words."""
+        table = self.reactions
+        if table is None or not table.size:
+            return []
+        peaks = zip(self.supports, np.abs(table).max(axis=0))
+        told = [f"{name}: ({x:.6g}, {y:.6g})" for name, (x, y) in peaks]
+        return [f"peak reactions {', '.join(told[:TOLD])} N"]
+
     def _furthest(self, least: float = 0.0) -> float:
         """Largest displacement of a named point, m; less than `least` where that is known to be so."""
         bound = self.states.bound()
@@ -219,7 +251,7 @@ class History(Motion):
             f"History({len(self.time)} instants to {self.time[-1]:.6g} s, step {self.step:.3g} s, {kind}, "
             f"{self.states.pairs} pairs, peak contact resultant "
             f"{self.contact_resultant.max(initial=0.0):.6g} N, largest energy error "
-            f"{'; '.join([f'{np.abs(self.energy.balance).max():.2e} J', *self.notes])})"
+            f"{'; '.join([f'{np.abs(self.energy.balance).max():.2e} J', *self._borne(), *self.notes])})"
         )
 
 

@@ -13,6 +13,7 @@ from ..reduction.reduced_model import ReducedModel
 from ..selement.basis import shape_functions
 from ..selement.coefficients import edge_nodes
 from ..selement.interior_motion import interior_fields
+from ..system.boundary import owned_values
 from ..system.elements.shapes import Group
 from ..system.solve.modal_result import Modal
 from ..system.solve.pencil import Pencil
@@ -144,16 +145,6 @@ def _values(function: Callable, places: np.ndarray, what: str) -> np.ndarray:
             "values or arrays, u_x and u_y"
         )
     return field
-
-
-def owned_values(model: Structure, field: np.ndarray) -> np.ndarray:
-    """This rank's displacement unknowns of a field (m, 2) at its nodes."""
-    first, last = model.ranges[model.comm.rank], model.ranges[model.comm.rank + 1]
-    unknowns = model.part.unknowns
-    mine = (unknowns >= first) & (unknowns < last)
-    values = np.zeros(last - first)
-    values[unknowns[mine] - first] = field[mine]
-    return values
 
 
 def full_shapes(pencil: Pencil, found: Modal) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from ..checks import optional_integer, real, shown
 from ..errors import on_all_ranks
-from ..loads import Load, Loads, as_loads, refuse_motion, separate
+from ..loads import EdgeMotion, Load, Loads, as_loads, separate
 from ..petsc import MPI
 from ..ranks.parallel import collective
 from ..reduction.build import default_modes, reduced
@@ -55,28 +55,53 @@ class Loading:
         s; inf for steady states.
     rest : bool
         Whether they act on a structure at rest.
+    edges : tuple of int
+        Those that are prescribed displacements.
     """
 
     units: tuple[Load, ...]
     signals: tuple[Signal, ...]
     duration: float = math.inf
     rest: bool = False
+    edges: tuple[int, ...] = ()
 
     @property
     def highest_frequency(self) -> float:
         """Hz, of the bands that are known; 0 where no signal has one."""
         return max((s.highest_frequency or 0.0 for s in self.signals), default=0.0)
 
-    def over(self, duration: float, rest: bool) -> Loading:
+    def over(self, owner: str, duration: float, rest: bool) -> Loading:
         """The same in a history of this duration (s), from rest or not, in which all bands are known.
 
         Raises
         ------
         ValueError
-            If a function of time changes too often to be sampled.
+            If a function of time changes too often to be sampled, or a prescribed displacement jumps.
         """
         signals = tuple(known(signal, duration) for signal in self.signals)
-        return Loading(self.units, signals, duration, rest)
+        for k in self.edges:
+            self.require_continuous(owner, k, signals[k]._leaps(duration))
+            if rest and (begin := float(signals[k].after(0.0))) != 0.0:
+                raise ValueError(
+                    f"{owner}: {self._named(k)} is {begin:.6g} m at t = 0, where a structure at rest has no "
+                    "displacement; let it begin at 0, or give initial = 'equilibrium'"
+                )
+        return replace(self, signals=signals, duration=duration, rest=rest)
+
+    def require_continuous(self, owner: str, load: int, jumps: bool) -> None:
+        """Raise ValueError for a prescribed displacement that jumps."""
+        if jumps:
+            raise ValueError(
+                f"{owner}: {self._named(load)} = {self.signals[load]!r} jumps, which a displacement cannot; "
+                "give it a rise, Step(amplitude, rise=...)"
+            )
+
+    def _named(self, load: int) -> str:
+        """A prescribed displacement in a sentence."""
+        if load >= len(self.units):
+            return f"the prescribed displacement load[{load}]"
+        unit: Any = self.units[load]
+        return f"EdgeMotion {'uy' if unit.uy else 'ux'} of {unit.where!r}"
 
     @property
     def sudden(self) -> list[int]:
@@ -84,7 +109,10 @@ class Loading:
         return [
             k
             for k, s in enumerate(self.signals)
-            if s.highest_frequency is None or (self.rest and s.after(0.0) != 0.0) or s._leaps(self.duration)
+            if k not in self.edges
+            and (
+                s.highest_frequency is None or (self.rest and s.after(0.0) != 0.0) or s._leaps(self.duration)
+            )
         ]
 
     @property
@@ -128,10 +156,11 @@ def _loading(
     owner: str, system: Model | ReducedModel, load: Any, number: Callable[[float], Signal]
 ) -> Loading:
     if isinstance(system, Model):
-        refuse_motion(owner, system.checked_loads(load, constant=False))
+        system.checked_loads(load, constant=False)
         units, signals = separate(load, number)
-        return Loading(tuple(units), tuple(signals))
-    count = system.load_modes.shape[1]
+        edges = tuple(k for k, unit in enumerate(units) if isinstance(unit, EdgeMotion))
+        return Loading(tuple(units), tuple(signals), edges=edges)
+    count, edges = system.load_modes.shape[1], tuple(system.edges.tolist())
     values: Any = load if isinstance(load, (list, tuple)) else (load,)
     if all(isinstance(value, (Real, Signal)) for value in values):
         if len(values) != count:
@@ -143,12 +172,12 @@ def _loading(
             if isinstance(value, Real):
                 real(owner, "load", value)
         given = tuple(v if isinstance(v, Signal) else number(v) for v in values)
-        return Loading(system.loads, given)
+        return Loading(system.loads, given, edges=edges)
     if system.model is None:
         raise TypeError(
             f"{owner}: load = {shown(load)} must be a number or signal for each of the {count} unit loads"
         )
-    refuse_motion(owner, system.model.checked_loads(load, constant=False))
+    system.model.checked_loads(load, constant=False)
     units, signals = separate(load, number)
     acting: list[Signal] = [Constant(0.0)] * count
     for unit, signal in zip(units, signals):
@@ -164,7 +193,7 @@ def _loading(
             if isinstance(acting[place], Constant) and acting[place](0.0) == 0.0
             else acting[place] + signal
         )
-    return Loading(system.loads, tuple(acting))
+    return Loading(system.loads, tuple(acting), edges=edges)
 
 
 def amplitudes_only(what: str, load: Any) -> None:

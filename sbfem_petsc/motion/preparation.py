@@ -84,6 +84,9 @@ def prepare(
     with collective(communicator(system)):
         loads = loading(owner, system, load, lambda value: Harmonic(value, frequency))
         excitation = Excitation.of(loads.signals, frequency, settings.periods, settings.longest)
+        for k in loads.edges:
+            jumps = excitation.jumps is not None and bool(excitation.jumps.sizes[:, k].any())
+            loads.require_continuous(owner, k, jumps)
     require_compiler(owner, communicator(system))
     unknown = any(signal.highest_frequency is None for signal in loads.signals)
     highest = max(frequency if unknown else 0.0, loads.highest_frequency)

@@ -21,9 +21,10 @@ from ..contact.marching import (
 from ..contact.rubbing import rubbing_of
 from ..errors import SolveError, on_all_ranks
 from ..reduction.reduced_model import ReducedModel
+from ..signals.rate import rate_of
 from ..signals.signal import Signal
 from .drive import Drive, Piece
-from .energy import Energy, Ledger, guard
+from .energy import Energy, Ledger, MovedLedger, guard
 from .history import History
 from .integration import Column, Recorder, Rows, Steps
 from .rest import at_rest
@@ -67,16 +68,21 @@ class ReducedIntegrator:
     ):
         r = self.reduced = reduced
         self.comm, self.chunk, self.steps = r.comm, CHUNK, steps
-        self.drive = Drive(r.comm, signals, steps.step)
+        # rates and accelerations of prescribed displacements stand behind the loads
+        rates = [rate_of(signals[k], steps.step) for k in r.edges]
+        accelerations = [rate_of(rate, steps.step) for rate in rates]
+        self.drive = Drive(r.comm, [*signals, *rates, *accelerations], steps.step)
+        self.loads = r.load_modes.shape[1]
+        self.load_modes = np.concatenate([r.load_modes, r.rate_modes, np.zeros(r.rate_modes.shape)], axis=1)
         self.size = len(r.initial_gap)
         self.rows = self.size if steps.contact else 0
         self.levels = lengths(r.contact_laws.first(self.rows))
         self.constants = _constants(r, steps, steps.step, self.levels)
         self.amplitude = self.drive(np.zeros(1))[0]
         self.q, self.v, self.force, self.contact, self.slip = _start(
-            r, self.amplitude, steps.contact, initial
+            r, self.amplitude[: self.loads], steps.contact, initial
         )
-        self.ledger = Ledger(r, smooth=steps.scheme != "newmark")
+        self.ledger = (MovedLedger if len(r.edges) else Ledger)(r, smooth=steps.scheme != "newmark")
         self.exchanges = self.unresolved = 0
         # written anew in each chunk, for fresh memory takes longer than what is computed in it: states,
         # velocities and contact forces; modal forces and free gaps, which begin a step earlier
@@ -100,9 +106,9 @@ class ReducedIntegrator:
         if not amplitudes.any():
             gaps[:] = r.initial_gap[:n]
             return StepLoads(external[:0], gaps, levels)
-        np.dot(amplitudes, r.gap.loads[:n].T, out=gaps)
+        np.dot(amplitudes[:, : self.loads], r.gap.loads[:n].T, out=gaps)
         gaps += r.initial_gap[:n]
-        return StepLoads(np.dot(amplitudes, r.load_modes.T, out=external), gaps, levels)
+        return StepLoads(np.dot(amplitudes, self.load_modes.T, out=external), gaps, levels)
 
     def _padded(self, forces: np.ndarray) -> np.ndarray:
         """(n, c): zero forces where contact is switched off."""
@@ -116,11 +122,16 @@ class ReducedIntegrator:
             np.zeros(1),
             self.q[None].copy(),
             self.v[None].copy(),
-            self.amplitude[None],
+            *self._parted(self.amplitude[None]),
             force,
             energies.T,
         )
         return dict(zip(self.columns, values))
+
+    def _parted(self, amplitude: np.ndarray) -> list[np.ndarray]:
+        """(n, loads) amplitudes, and rates and accelerations of prescribed displacements if there are any."""
+        parts = np.split(amplitude, [self.loads], axis=1)
+        return parts if len(self.reduced.edges) else parts[:1]
 
     def advance(self, done: int, steps: int, decimation: int) -> Rows:
         """Take some steps; the rows of those that are kept, until the next ones are taken.
@@ -160,7 +171,7 @@ class ReducedIntegrator:
         forces = self._padded(forces)
         guard(energies, self.ledger, time)
         kept = slice(-(done + 1) % decimation, None, decimation)
-        values = (time[1:], states, velocities, amplitude[1:], forces, energies.T)
+        values = (time[1:], states, velocities, *self._parted(amplitude[1:]), forces, energies.T)
         return {name: value[kept] for name, value in zip(self.columns, values)}
 
     def _march(self, piece: Piece, history: StepHistory) -> Marched:
@@ -189,7 +200,7 @@ class ReducedIntegrator:
         if self.rows:
             friction, gaps = self.reduced.friction, self.reduced.gaps
             former = Memory(self.slip, before[gaps:], before[:gaps], self.contact[:gaps], self.contact[gaps:])
-            found = _contact_at(self.reduced, self.q, amplitude, former)
+            found = _contact_at(self.reduced, self.q, amplitude[: self.loads], former)
             if friction is not None:
                 lost = Memory.of(found, gaps).lost_since(former, friction)
             self.force[:], self.contact[:], self.slip[:] = found.force, found.state, found.gap[gaps:]
@@ -234,11 +245,15 @@ def reduced_columns(reduced: ReducedModel) -> dict[str, Column]:
     modes, loads = reduced.load_modes.shape
     energies = ["kinetic", "strain", "external", "damping", "contact"]
     energies += [] if reduced.friction is None else ["friction"]
+    edges = Column(
+        (2 * len(reduced.edges),), "SI", "rates of prescribed displacements, then their accelerations"
+    )
     return {
         "time": Column((), "s", "instants"),
         "modal_displacement": Column((modes,), "m sqrt(kg)", "modal coordinates q"),
         "modal_velocity": Column((modes,), "m sqrt(kg)/s", "derivative of q"),
         "amplitudes": Column((loads,), "unit of the load", "values of the load signals"),
+        **({"edge_rates": edges} if edges.shape[0] else {}),
         "contact_force": Column(
             (len(reduced.initial_gap),),
             "N",
@@ -258,7 +273,12 @@ def reduced_history(
 ) -> History:
     """A history from its rows by the names of `ReducedIntegrator.columns`."""
     states = ModalStates(
-        rows["modal_displacement"], rows["modal_velocity"], rows["amplitudes"], rows["contact_force"], reduced
+        rows["modal_displacement"],
+        rows["modal_velocity"],
+        rows["amplitudes"],
+        rows["contact_force"],
+        reduced,
+        rows.get("edge_rates"),
     )
     energy = Energy(*rows["energies"].T)
     return History(rows["time"], states, energy, step, exchanges, len(reduced.omega), complete)

@@ -18,6 +18,9 @@ from .unreduced.kept_fields import KeptFields
 # The name of a point, or coordinates in m.
 Point = str | tuple[float, float]
 
+# Instants whose modal accelerations are held at a time.
+BLOCK = 8192
+
 NOT_KEPT = (
     "a motion of an unreduced model keeps its fields up to 256 MB a rank, and neither in files nor when it "
     "goes on from one; name further points, keep fewer steps (decimation), or use the reduced model"
@@ -86,6 +89,19 @@ class ModalStates(Record):
     amplitudes: np.ndarray = quantity("unit of the load", "load signals", "time load")
     contact: np.ndarray = quantity("N", "forces of the contact rows, compression positive", "time row")
     reduced: ReducedModel = quantity(text="the reduced model", part="ReducedModel")
+    edge_rates: np.ndarray | None = quantity(
+        "SI",
+        "rates of prescribed displacements (m/s), then their accelerations (m/s^2)",
+        "time edge",
+        kinds="f",
+        default=None,
+    )
+
+    def check(self) -> None:
+        """Raise ValueError unless rates are those of its prescribed displacements."""
+        given = 0 if self.edge_rates is None else self.edge_rates.shape[1]
+        if given != 2 * len(self.reduced.edges):
+            raise ValueError(f"{given} rates are not those of {len(self.reduced.edges)} moved edges")
 
     @property
     def points(self) -> tuple[str, ...]:
@@ -115,9 +131,34 @@ class ModalStates(Record):
     @property
     def modal_acceleration(self) -> np.ndarray:
         """(n, m): second derivative of q, from the equations of motion."""
+        return self._modal_acceleration(slice(None))
+
+    def _modal_acceleration(self, part: slice) -> np.ndarray:
         r = self.reduced
-        forces = self.amplitudes @ r.load_modes.T + self.contact @ r.gap.modes
-        return forces - 2.0 * r.damping * r.omega * self.v - r.omega**2 * self.q
+        forces = self.amplitudes[part] @ r.load_modes.T + self.contact[part] @ r.gap.modes
+        if self.edge_rates is not None:
+            forces += self._of_edges(0)[part] @ r.rate_modes.T
+        return forces - 2.0 * r.damping * r.omega * self.v[part] - r.omega**2 * self.q[part]
+
+    def _of_edges(self, order: int) -> np.ndarray:
+        """(n, edges): rates (order 0) or accelerations (1) of prescribed displacements."""
+        if self.edge_rates is None:
+            return np.zeros((len(self.q), 0))
+        return np.split(self.edge_rates, 2, axis=1)[order]
+
+    def reactions(self) -> np.ndarray | None:
+        """(n, supports, 2): forces of the supports, N; None of matrices."""
+        supports, edges = self.reduced.supports, self.reduced.edges
+        if supports is None:
+            return None
+        output = LinearOutput(supports.names, supports.inertia, supports.loads, supports.contact)
+        total = np.empty((len(self.q), len(supports.names), 2))
+        for first in range(0, len(total), BLOCK):
+            part = slice(first, first + BLOCK)
+            total[part] = output(self._modal_acceleration(part), self.amplitudes[part], self.contact[part])
+        for order, table in enumerate((supports.damping, supports.mass)):
+            total += np.einsum("sxe,ne->nsx", table[..., edges], self._of_edges(order))
+        return total
 
     def _output(self, point: Point) -> LinearOutput:
         if isinstance(point, str):
@@ -143,12 +184,18 @@ class ModalStates(Record):
         return float(np.linalg.norm(total, axis=-1).max(initial=0.0))
 
     def velocity(self, point: Point) -> np.ndarray:
-        """(n, 2), m/s, of the modes: the residual flexibility moves without inertia and is left out."""
-        return self._output(point).rates(self.v)
+        """(n, 2), m/s, of the modes and of what follows prescribed displacements: other residual flexibility
+        moves without inertia and is left out.
+        """
+        return self._rates(point, self.v, 0)
 
     def acceleration(self, point: Point) -> np.ndarray:
         """(n, 2), m/s^2, of the modes (see `velocity`)."""
-        return self._output(point).rates(self.modal_acceleration)
+        return self._rates(point, self.modal_acceleration, 1)
+
+    def _rates(self, point: Point, modal: np.ndarray, order: int) -> np.ndarray:
+        output = self._output(point)
+        return output.rates(modal) + self._of_edges(order) @ output.loads[:, self.reduced.edges].T
 
     def stress(self, place: Point) -> np.ndarray:
         """(n, 3): xx, yy, xy, Pa. Collective."""

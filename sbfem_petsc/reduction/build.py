@@ -17,7 +17,7 @@ from ..bodies.rows import Contact, Row
 from ..checks import flag, instance, optional_integer, positive, real, shown
 from ..damping import DampingTable, ModalDamping, checked_damping, checked_rayleigh
 from ..errors import caller_level
-from ..loads import Load, SupportMotion, refuse_motion, separate
+from ..loads import Load, SupportMotion, separate
 from ..petsc import MPI
 from ..ranks.parallel import agreed, checked_communicator, collective
 from ..system.fields.resolution import warn_of_tips
@@ -28,6 +28,7 @@ from ..system.solve.static_solver import block_width
 from .matrices import reduce_matrices
 from .outputs import LinearOutput
 from .reduced_model import ReducedModel
+from .supports import Supports
 
 # Modes by default: all up to this multiple of the highest load frequency, and at least so many.
 BAND, LEAST_MODES = 8.0, 80
@@ -57,7 +58,7 @@ def reduce(
     ----------
     model : Model or FiniteElementModel
         Held against every rigid-body motion.
-    load : PointForce, EdgeLoad, SupportMotion, a sum or a sequence of them
+    load : PointForce, EdgeLoad, SupportMotion, EdgeMotion, a sum or a sequence of them
         Only the places and components that are not zero matter, not the amplitudes.
     modes : int, optional
         Number of modes.
@@ -111,7 +112,7 @@ def reduce(
             )
     most = model.boundary_unknowns // 2
     with collective(model.comm):
-        refuse_motion("reduce", model.checked_loads(load, constant=False))
+        model.checked_loads(load, constant=False)
         if modes is not None and band is not None:
             raise ValueError(f"reduce: give modes or band, not both (modes = {modes!r}, band = {band!r})")
         modes = optional_integer("reduce", "modes", modes, least=1, most=most)
@@ -226,18 +227,20 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
 
     columns = model.load_columns(units)
     forces = columns.forces
-    load_modes = _summed(model, found.shapes.T @ forces)
-    for k, unit in enumerate(units):
-        if isinstance(unit, SupportMotion):  # the auxiliary unknowns have a share in it
-            load_modes[:, k] = -translation @ np.array([unit.ax, unit.ay])
     width = block_width(model)
     solved = np.concatenate(
         [model.solver.columns(forces[:, k : k + width], "reduction") for k in range(0, len(units), width)]
         or [forces],
         axis=1,
     )
+    supports = Supports.of(model, units, found, columns, solved)
 
     omega2 = (2.0 * np.pi * found.frequencies) ** 2
+    load_modes, edges = _summed(model, found.shapes.T @ forces), supports.edges
+    for k, unit in enumerate(units):
+        if isinstance(unit, SupportMotion):  # the auxiliary unknowns have a share in it
+            load_modes[:, k] = -translation @ np.array([unit.ax, unit.ay])
+    load_modes[:, edges] = omega2[:, None] * supports.of_edges("inertia").T  # and in this
 
     def residual(modes: np.ndarray, loads: np.ndarray, contact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Static responses less those of the modes."""
@@ -251,11 +254,13 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
 
     gaps = output((), gap.rows, gap_modes, compliance.gaps, columns.gaps)
     gaps = LinearOutput((), gaps.modes, gaps.loads, 0.5 * (gaps.contact + gaps.contact.T))
+    points = 0.0 if columns.lift is None else columns.lift.points.reshape(-1, len(units))
     work = (
         _summed(model, forces.T @ solved)
         + columns.flexibility
         - load_modes.T @ (load_modes / omega2[:, None])
     )
+    work[np.ix_(edges, edges)] = 0.0  # these are no forces
     return ReducedModel(
         found.frequencies,
         model.damping_ratios(2.0 * np.pi * found.frequencies),
@@ -264,7 +269,7 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
         gap.pairs,
         load_modes,
         0.5 * (work + work.T),
-        output(tuple(model.points), model.point_rows, point_modes, compliance.points),
+        output(tuple(model.points), model.point_rows, point_modes, compliance.points, points),
         output(model.tips.names, model.tips.rows, tip_modes, compliance.tips, columns.tips),
         translation,
         units,
@@ -273,6 +278,7 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
         gap.laws,
         model.tips.facts,
         gap.friction,
+        supports=supports,
     )
 
 

@@ -21,6 +21,7 @@ from ..system.fields.tip_facts import TipFacts
 from ..system.model import Model
 from ..system.solve.modal_result import Modal
 from .outputs import LinearOutput
+from .supports import Supports
 
 
 @described
@@ -30,7 +31,9 @@ class ReducedModel(Record):
 
     q'' + 2 zeta Omega q' + Omega^2 q = load_modes s + gap.modes^T force,
     gap = gap.modes q + gap.contact force + gap.loads s + initial_gap,
-    with the amplitudes s(t) of unit loads and the contact forces. It stands in the place of its model in
+    with the amplitudes s(t) of unit loads and the contact forces. Prescribed displacements are unit loads,
+    too, whose rates act through 2 zeta / Omega load_modes beside them: what damps is the motion against the
+    static displacement that follows the supports. It stands in the place of its model in
     `transient`, `periodic`, `frequency_response`, `load_response` and the analyses built on them. Where faces
     rub, the slips of contact rows stand behind all gaps, and their friction behind the other forces;
     `transient`, `static`, `load_history`, `periodic`, `frequency_response` and `load_response` take such a
@@ -80,8 +83,13 @@ class ReducedModel(Record):
     )
     whole: LinearOutput | None = field(default=None, repr=False)
     body: FiniteElementModel | None = field(default=None, repr=False)
-
     ranks: MPI.Comm | None = field(default=None, repr=False)
+    supports: Supports | None = quantity(
+        text="forces of the supports, and which unit loads are prescribed displacements; None of matrices",
+        part="Supports",
+        default=None,
+        repr=False,
+    )
 
     @derived(text="the unit loads", dims="load", kinds="U", detail=True)
     def unit_loads(self) -> np.ndarray | None:
@@ -110,6 +118,9 @@ class ReducedModel(Record):
             raise ValueError(f"contact laws or tips are not those of {self.gaps} contact rows")
         if self.gaps < self.pairs or (self.friction is not None and (self.friction.rows >= self.gaps).any()):
             raise ValueError(f"its slips are not those of {self.gaps} contact rows")
+        shape = (len(self.omega), self.load_modes.shape[1], len(self.initial_gap))
+        if self.supports is not None and self.supports.sizes != shape:
+            raise ValueError(f"its supports' modes, loads and contact rows are not {shape}")
 
     def __post_init__(self) -> None:
         if self.contact_laws is None:
@@ -149,6 +160,17 @@ class ReducedModel(Record):
         """Raise ValueError, on all ranks, where faces rub."""
         if self.friction is not None:
             refuse_friction(owner, "the contact rows of the reduced model rub", why)
+
+    @functools.cached_property
+    def edges(self) -> np.ndarray:
+        """Unit loads that are prescribed displacements."""
+        return np.zeros(0, dtype=int) if self.supports is None else self.supports.edges
+
+    @property
+    def rate_modes(self) -> np.ndarray:
+        """(m, edges): rates of prescribed displacements in the modes, N s/(m sqrt(kg))."""
+        omega = np.where(self.omega > 0.0, self.omega, np.inf)
+        return (2.0 * self.damping / omega)[:, None] * self.load_modes[:, self.edges]
 
     @functools.cached_property
     def omega(self) -> np.ndarray:
@@ -196,7 +218,7 @@ class ReducedModel(Record):
         """The components of several places one after the other, see `output_at`; not kept. Collective."""
         model, found = self._model(kind), self.modal
         assert found is not None
-        form = getattr(model.places(places, inertia=True), kind)
+        form = getattr(model.places(places, inertia=True, moved=len(self.edges) > 0), kind)
         columns = model.load_columns(self.loads)
         # K is symmetric: the responses to the form's own forces give those of all loads and contact rows
         answers = model.solver.columns(form.rows.columns(slice(None)), kind)
@@ -255,7 +277,10 @@ class ReducedModel(Record):
         finally:
             free(model.comm, right, solution)
         loads = {number: forces @ amplitudes for number, forces in columns.tip_forces.items()}
-        return Field.of_forces(model, model.nodal(owned), force, loads)
+        nodal = model.nodal(owned)
+        if columns.lift is not None:
+            nodal += columns.lift.nodal @ amplitudes
+        return Field.of_forces(model, nodal, force, loads)
 
     def __repr__(self) -> str:
         return (

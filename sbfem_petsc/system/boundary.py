@@ -249,11 +249,7 @@ def _lifted(model: Structure, columns: LoadColumns, nodal: np.ndarray) -> LoadCo
     held = model.held
     inner = np.stack([inner_forces(model, field) for field in np.moveaxis(nodal, 2, 0)], axis=2)
     forces = -np.stack([model.summed_nodal(part) for part in np.moveaxis(inner, 2, 0)], axis=1)
-    size, first = held.owned.stop - held.owned.start, held.owned.start
-    numbers = held.part.unknowns
-    mine = (numbers >= first) & (numbers < held.owned.stop)
-    own = np.zeros((size, nodal.shape[2]))
-    own[numbers[mine] - first] = nodal[mine]
+    own = owned_values(held, nodal)
     lift = Lift(
         nodal,
         own,
@@ -284,6 +280,27 @@ def inner_forces(model: Structure, field: np.ndarray) -> np.ndarray:
         )
         np.add.at(forces, group.nodes, inner.reshape(*group.nodes.shape, 2))
     return forces + sum(spring_forces(model, support, field) for support in model.supports)
+
+
+def inertia_forces(model: Structure, field: np.ndarray) -> np.ndarray:
+    """(m, 2): this rank's part of the nodal forces of inertia under accelerations (m, 2) of its nodes that
+    the insides of S-elements follow as they do at rest, N.
+    """
+    forces = np.zeros_like(field)
+    for group in model.moving_groups:
+        moved = field[group.nodes].reshape(len(group.sizes), -1, 1)
+        inertia = model.scales(group)[1][:, None, None] * (group.turned_both(group.solution.mass) @ moved)
+        np.add.at(forces, group.nodes, inertia.reshape(*group.nodes.shape, 2))
+    return forces
+
+
+def owned_values(model: Structure, field: np.ndarray) -> np.ndarray:
+    """This rank's displacement unknowns (owned, ...) of a field (m, 2, ...) at its nodes."""
+    owned, unknowns = model.owned, model.part.unknowns
+    mine = (unknowns >= owned.start) & (unknowns < owned.stop)
+    values = np.zeros((owned.stop - owned.start, *field.shape[2:]))
+    values[unknowns[mine] - owned.start] = field[mine]
+    return values
 
 
 def nodes_of(model: Structure, where: str) -> np.ndarray:

@@ -72,6 +72,7 @@ def matrices() -> Arguments:
 
 
 PUSH = sb.PointForce("A", fy=10.0)
+SHAKE = sb.EdgeMotion("left", uy=1e-6)
 
 
 @functools.cache
@@ -291,6 +292,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "progress": None,
         },
         lambda: {"model": model(), "load": PUSH, "frequency": 300.0, "steps": 64, "modes": 6},
+        lambda: {"model": model(), "load": SHAKE, "frequency": 300.0, "steps": 64, "modes": 6},
     ],
     "frequency_response": [
         lambda: {
@@ -915,6 +917,7 @@ ARGUMENTS: Arguments = {
     "point": "A",
     "place": (0.05, 0.005),
     "crack": "crack1",
+    "support": "left",
     "FiniteElementModel.at.place": 3,
     "FiniteElementModel.at.direction": "x",
     "FiniteElementModel.nodal.unknowns": np.ones(2),

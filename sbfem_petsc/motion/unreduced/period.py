@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...checks import positive
+from ...loads import refuse_motion
 from ...petsc import stage
 from ...ranks.capacity import require_compiler, require_memory
 from ...ranks.parallel import collective
@@ -288,6 +289,7 @@ def prepare_unreduced(
     with collective(model.comm):
         positive(owner, "frequency", frequency, "Hz")
         loads = loading(owner, model, load, lambda value: Harmonic(value, frequency))
+        refuse_motion(owner, loads.units)
         excitation = Excitation.of(loads.signals, frequency, settings.periods, settings.longest)
         if model.rayleigh[1] == 0.0:
             raise ValueError(

@@ -17,7 +17,8 @@ class _Load(Table):
     @property
     def components(self) -> dict[str, Any]:
         """Numbers and tables of signals by name."""
-        names = (f.name for f in dataclasses.fields(self.made) if f.name not in loads.PLACES)
+        own = type(self).model_fields.keys() - set(loads.PLACES)  # volumes have further ones
+        names = (f.name for f in dataclasses.fields(self.made) if f.name in own)
         return {name: getattr(self, name) for name in names}
 
 
@@ -55,7 +56,7 @@ class SupportMotion(_Load):
 
 
 class EdgeMotion(_Load):
-    """A prescribed displacement of what a support holds, in static and load_history."""
+    """A prescribed displacement of what a support holds; the unreduced model takes it at rest alone."""
 
     made: ClassVar = loads.EdgeMotion
 

@@ -54,6 +54,10 @@ class Steady(Kind):
             "harmonics_x": harmonics("x"),
             "stable": Quantity(result.stable, "1", "stability, None if it was not asked for or is not known"),
             "displacement": of_points(points, result.displacement, "m", "displacement (x, y)", detail=True),
+            "reactions": {
+                name: Quantity(result.reaction(name), "N", "force of the support (x, y)", detail=True)
+                for name in result.supports
+            },
             "iterations": Quantity(int(result.iterations), "1", "Newton iterations"),
             "friction_loss": Quantity(result.friction_loss, "J", "lost to friction over the period"),
         }

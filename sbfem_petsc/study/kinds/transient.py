@@ -48,7 +48,7 @@ class Transient(TransientOptions, Loaded):
 
     @property
     def frictionless(self) -> str | None:
-        return " of the unreduced model" if not self.reduced or self.scheme == "paper" else None
+        return " of the unreduced model" if self.unreduced else None
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.History:
         return sb.transient(

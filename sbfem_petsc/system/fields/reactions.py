@@ -9,8 +9,10 @@ from scipy import sparse
 
 from ...petsc import MPI
 from ..boundary import nodes_of, spring_forces
+from ..elements.shapes import Group
 
 if TYPE_CHECKING:
+    from ..solve.static_solver import StaticSolver
     from ..structure import Structure
 
 
@@ -21,6 +23,11 @@ class SupportForces:
     ----------
     model : Structure
 
+    Attributes
+    ----------
+    names : tuple of str
+        Places that are supported.
+
     Notes
     -----
     Where two supports hold one direction of a node, the force is counted for the first. The springs of an
@@ -29,21 +36,26 @@ class SupportForces:
 
     def __init__(self, model: Structure):
         self._model = model
-        taken, held = np.zeros(model.part.unknowns.shape, dtype=bool), []
+        self.names = tuple(dict.fromkeys(support.where for support in model.supports))
+        taken = np.zeros(model.part.unknowns.shape, dtype=bool)
+        self._held = np.zeros((len(self.names), *taken.shape), dtype=bool)
         for support in model.supports:
             mine = np.zeros_like(taken)
             mine[nodes_of(model, support.where)] = support.fixed
-            held.append(mine & ~taken)
+            self._held[self.names.index(support.where)] |= mine & ~taken
             taken |= mine
-        self._held = np.array(held).reshape(len(held), *taken.shape)
         self._stiffness = self._rows()
 
+    def _touched(self, group: Group) -> np.ndarray:
+        """S-elements of a group with nodes that supports hold."""
+        return np.flatnonzero(self._held[:, group.nodes].any(axis=(0, 2, 3)))
+
     def _rows(self) -> sparse.csr_matrix:
-        """(2 supports, 2 m): sums of the rows of this rank's S-elements' stiffness that supports hold."""
+        """(2 names, 2 m): sums of the rows of this rank's S-elements' stiffness that supports hold."""
         model, none = self._model, np.empty(0, dtype=int)
         at, columns, values = [none], [none], [np.empty(0)]
         for group in model.groups:
-            touched = np.flatnonzero(self._held[:, group.nodes].any(axis=(0, 2, 3)))
+            touched = self._touched(group)
             if not len(touched):
                 continue
             part = group.select(touched)
@@ -58,6 +70,18 @@ class SupportForces:
         entries = np.concatenate(values), (np.concatenate(at), np.concatenate(columns))
         return sparse.coo_matrix(entries, shape=(2 * len(self._held), 2 * self._held.shape[1])).tocsr()
 
+    def _springs(self, field: np.ndarray) -> np.ndarray:
+        """(names, m, 2): this rank's part of what elastic supports take up, N."""
+        result = np.zeros((len(self.names), *field.shape))
+        for support in self._model.supports:
+            result[self.names.index(support.where)] += spring_forces(self._model, support, field)
+        return result
+
+    def _resting(self, springs: np.ndarray, external: np.ndarray | float) -> np.ndarray:
+        """(names, 2): this rank's part of the forces, but for what S-elements pull with."""
+        resting = springs.sum(axis=0) - external
+        return np.where(self._held, resting, 0.0).sum(axis=1) - springs.sum(axis=1)
+
     def __call__(self, field: np.ndarray, external: np.ndarray) -> dict[str, np.ndarray]:
         """(2,) of each place that is supported, N. Collective.
 
@@ -69,14 +93,75 @@ class SupportForces:
             Loads and contact forces on this rank's nodes, N: sums over the ranks that share a node are the
             whole.
         """
-        model = self._model
-        springs = [spring_forces(model, support, field) for support in model.supports]
-        resting = sum(springs, -external)
         total = (self._stiffness @ field.ravel()).reshape(-1, 2)
-        for forces, held, elastic in zip(total, self._held, springs):
-            forces += np.where(held, resting, 0.0).sum(axis=0) - elastic.sum(axis=0)
+        total += self._resting(self._springs(field), external)
+        self._model.comm.Allreduce(MPI.IN_PLACE, total)
+        return dict(zip(self.names, total))
+
+    def of_modes(self, shapes: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """(names, 2, n): in free vibrations of unit amplitude, inertia of what is held included, N.
+        Collective.
+
+        Parameters
+        ----------
+        shapes : (owned, n) array
+            This rank's displacement unknowns of modes.
+        omega : (n,) array
+            rad/s.
+        """
+        model = self._model
+        parts = [group.select(self._touched(group)) for group in model.moving_groups]
+        parts = [part for part in parts if len(part.sizes)]
+        rows = np.unique(np.concatenate([np.empty(0, dtype=int), *(part.nodes.ravel() for part in parts)]))
+        total = np.zeros((len(self.names), 2, len(omega)))
+        elastic = any(any(support.springs) for support in model.supports)
+        fields = np.empty((len(rows), 2, len(omega)))
+        for k, shape in enumerate(shapes.T):
+            field = model.nodal(shape)
+            fields[:, :, k] = field[rows]
+            if elastic:
+                total[:, :, k] = self._resting(self._springs(field), 0.0)
+        for part in parts:
+            moved = fields[np.searchsorted(rows, part.nodes)].reshape(len(part.sizes), -1, len(omega))
+            forces = dynamic_forces(model, part, moved, omega)
+            held = self._held[:, part.nodes].astype(float)
+            total += np.einsum("skai,kain->sin", held, forces.reshape(*part.nodes.shape, 2, -1))
         model.comm.Allreduce(MPI.IN_PLACE, total)
-        result: dict[str, np.ndarray] = {}
-        for support, forces in zip(model.supports, total):
-            result[support.where] = result.get(support.where, np.zeros(2)) + forces
-        return result
+        return total
+
+    def following(self, solver: StaticSolver) -> np.ndarray:
+        """(m, 2, 2 names): static displacements of this rank's nodes where the ground of one support after
+        the other moves by 1 along x and y; their products with forces on the nodes are what the support
+        bears. Collective.
+        """
+        model, shape = self._model, (*self._model.part.unknowns.shape, 2 * len(self.names))
+        forms, moved = self._stiffness.toarray().T.reshape(shape), np.zeros(shape)
+        for k in range(shape[2]):
+            name, axis = divmod(k, 2)
+            moved[:, axis, k] = self._held[name, :, axis]
+            whole = np.zeros(shape[:2])
+            whole[:, axis] = 1.0
+            forms[..., k] += self._springs(moved[..., k]).sum(axis=0) - self._springs(whole)[name]
+        pulled = -np.stack([model.summed_nodal(form) for form in np.moveaxis(forms, 2, 0)], axis=1)
+        found = solver.columns(np.asfortranarray(pulled), "reactions")
+        return moved + np.stack([model.nodal(column) for column in found.T], axis=2)
+
+
+def dynamic_forces(model: Structure, part: Group, moved: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """(k, unknowns, n): forces that S-elements take in harmonic motions of their boundaries, N.
+
+    Parameters
+    ----------
+    part : Group
+        Of `model.moving_groups`.
+    moved : (k, unknowns, n) array
+        m.
+    omega : (n,) array
+        rad/s.
+    """
+    solution, (modulus, inertia) = part.solution, model.scales(part)
+    square = omega**2 * inertia[:, None, None] / modulus
+    coupling = part.turned(solution.coupling)
+    auxiliary = square**2 / (1.0 - square * solution.inertia[:, None]) * (coupling.transpose(0, 2, 1) @ moved)
+    elastic = part.turned_both(solution.stiffness) @ moved - coupling @ auxiliary
+    return modulus * (elastic - part.turned_both(solution.mass) @ (square * moved))
