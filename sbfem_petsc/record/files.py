@@ -125,17 +125,20 @@ def _gather(record: Record, whole: dict[int, dict[str, Any]], bodies: dict[int, 
 
 
 def read(path: Any, *, in_memory: bool = True) -> Any:
-    """Read what `save` wrote, or what a run keeps, or has left, in its `file`.
+    """Read what `save` wrote, what a run keeps, or has left, in its `file`, or the results of a case.
 
     Parameters
     ----------
     path : str
+        Of a case the folder of its run or sweep, or results.h5 or sweep.h5 in it.
     in_memory : bool
         False: the arrays of a history that a run has kept are left on the disk until they are used.
 
     Returns
     -------
     Record, tuple or dict of them
+        Of a case `RunResults`, whose `value("push", "displacement", "A")` is a number or array, or `Sweep`,
+        whose `inputs` and `values` are arrays over the rows.
 
     Raises
     ------
@@ -151,13 +154,22 @@ def read(path: Any, *, in_memory: bool = True) -> Any:
     flag("read", "in_memory", in_memory)
     if journal.is_journal(name):
         return _kept(name, in_memory)
+    if os.path.isdir(name):
+        return _of_case(name)
     with opened(name) as file:
+        if "holds" in file.attrs:
+            return _of_case(name)
         found = records_in(file)
     for part in (
         found.values() if isinstance(found, dict) else found if isinstance(found, tuple) else (found,)
     ):
         part._told(name)
     return found
+
+
+def _of_case(path: str) -> Any:
+    """Results of a run or a sweep."""
+    return importlib.import_module(f"{_root()}.study.revive").read_any(path)
 
 
 def _kept(path: str, in_memory: bool) -> Any:

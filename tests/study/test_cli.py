@@ -17,6 +17,7 @@ import h5py
 import numpy as np
 import pytest
 
+import sbfem_petsc as sb
 from sbfem_petsc import plot
 from sbfem_petsc.progress import LogLines
 from sbfem_petsc.study import report
@@ -237,6 +238,23 @@ def test_export(folder, tmp_path):
     assert sbfem("export", folder / "swept", "--vtu").code == 2
     done = sbfem("export", folder / "swept", "--csv", "--output", tmp_path, "--quiet")
     assert (tmp_path / "sweep.csv").read_text() == (folder / "swept" / "sweep.csv").read_text()
+
+
+@pytest.mark.slow
+def test_results_of_a_case_in_python(folder):
+    """By the folder or its file: what summary.json and sweep.csv hold."""
+    summary = json.loads((folder / "out" / "summary.json").read_text())
+    for path in (folder / "out", folder / "out" / "results.h5"):
+        found = sb.read(str(path))
+        assert found.value("push", "displacement", "A").tolist() == summary["push"]["displacement"]["A"]
+    swept = sb.read(str(folder / "swept"))
+    table = np.genfromtxt(folder / "swept" / "sweep.csv", delimiter=",", skip_header=1, usecols=(1, 2, 3))
+    assert np.stack([*swept.inputs.values()], axis=1).tolist() == table[:, :2].tolist()
+    assert swept.values["frequencies/frequencies"][:, 0].tolist() == table[:, 2].tolist()
+    with pytest.raises(ValueError, match="holds neither results.h5 nor sweep.h5"):
+        sb.read(str(folder))
+    with pytest.raises(ValueError, match="another kind, not of a run or sweep"):
+        sb.read(str(folder / "out/analyses/push.h5"))
 
 
 def test_a_case_file_is_no_result(folder):
