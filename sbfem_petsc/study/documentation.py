@@ -123,8 +123,9 @@ In Python, and of a case whose results are in a folder `DIR`:
 
 - **See** what it is: `print(result)`, or its name at the end of a notebook's cell; `sbfem info DIR`.
 - **Hold** numbers: the attributes below, `result.displacement("A")`, of many results at any (x, y) too; of a
-  case `sb.read(DIR).value("push", "displacement", "A")`, of a [sweep](sweeps.md) `sb.read(DIR).values["steady/A2_A1/A"]`,
-  and `summary.json`; histories, motions and curves of a case are files in `DIR/analyses` for `sb.read`.
+  case `sb.read(DIR).value("push", "displacement", "A")`, of a [sweep](sweeps.md)
+  `sb.read(DIR).values["steady/A2_A1/A"]`, and `summary.json`; histories, motions and curves of a case are
+  files in `DIR/analyses` for `sb.read`.
 - **Save and read**: `sb.save(path, result)` writes any of these, or a list or dict of them, `sb.read(path)`
   gives it back. Histories, curves and loci are kept while they run with `file=path`, and go on from there
   with `resume=True`; a case goes on by the same command.
