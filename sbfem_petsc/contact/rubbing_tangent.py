@@ -22,7 +22,7 @@ from .marching import StepConstants
 from .rubbing import Rubbing
 
 # Directions of contact that change the position in a step, in units of it, by less than this are left out.
-LEAST = 1e-10
+LEAST = 1e-8
 
 
 def written(states: np.ndarray, count: int) -> np.ndarray:
@@ -147,7 +147,11 @@ def _spread(
     matrix = weight[:, None] * drawn(w[:, index]) * weight
 
     def spread(columns: np.ndarray) -> np.ndarray:
-        solved = linalg.solve(matrix, weight[:, None] * drawn(columns), check_finite=False)
+        if not len(matrix):  # LAPACK takes none; by itself, for the checks of its wrapper take longer
+            return drawn(columns)
+        _, _, solved, failed = linalg.lapack.dgesv(matrix, weight[:, None] * drawn(columns))
+        if failed:
+            raise np.linalg.LinAlgError("the flexibility of the rows in contact is singular")
         return weight[:, None] * solved
 
     return index, spread

@@ -159,14 +159,15 @@ class Derivative:
         self._late = instants - self._begin[self._frame]
         owner = np.repeat(np.arange(len(instants)), counts)
         modes = contacts.factors.shape[1]
-        rows = np.empty((len(owner), 2, modes))
+        size = 2 * modes + contacts.reads.shape[1]
+        self._rows, self._effects = np.empty((len(owner), size)), np.empty((len(owner), size))
+        effects = propagation.effects(instants, self._late, steps)
         for k in (0, 1):
-            np.multiply(contacts.factors, propagation.rows[k, self._late][owner], out=rows[:, k])
-        effects = propagation.effects(instants, self._late, steps)[owner]
-        effects *= contacts.pushes[:, None]
-        flat = len(owner), 2 * modes
-        self._rows = np.concatenate([rows.reshape(flat), contacts.reads], axis=1)
-        self._effects = np.concatenate([effects.reshape(flat), contacts.writes], axis=1)
+            part = slice(k * modes, (k + 1) * modes)
+            free = propagation.rows[k, self._late][owner]
+            np.multiply(contacts.factors, free, out=self._rows[:, part])
+            np.multiply(contacts.pushes, effects[owner, k], out=self._effects[:, part])
+        self._rows[:, 2 * modes :], self._effects[:, 2 * modes :] = contacts.reads, contacts.writes
         self._owner = owner
         self._blocks = [self._blocks_of(frame) for frame in range(len(self._first))]
 

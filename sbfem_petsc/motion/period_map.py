@@ -384,8 +384,13 @@ class DrivenPeriod:
         derivative = self._derivative(motion, gap_rates, located, keep=columns.shape[1] < m)
         columns = np.concatenate([columns, -shifts], axis=1)
         columns[:m] /= p.weights[:, None]
-        result = derivative(
-            columns,
+        # slips that do not stick at t = 0 are forgotten there
+        kept = columns[: 2 * m].any(axis=0)
+        kept |= columns[2 * m :][motion.rows[:1, len(p.laws) :].ravel() == STICKS].any(axis=0)
+        kept[columns.shape[1] - len(parameters) :] = True
+        result = np.zeros_like(columns)
+        result[:, kept] = derivative(
+            columns[:, kept],
             functools.partial(self._sources, motion, parameters) if "frequency" in parameters else None,
         )
         result[:m] *= p.weights[:, None]
