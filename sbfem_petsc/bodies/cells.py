@@ -44,4 +44,4 @@ def surface(cells: Mapping[str, np.ndarray]) -> list[np.ndarray]:
                 key = tuple(sorted(face))
                 found[key] = None if key in found else face
     outer = [face for face in found.values() if face is not None]
-    return [np.array([face for face in outer if len(face) == k]).reshape(-1, k) for k in (3, 4)]
+    return [np.array([face for face in outer if len(face) == k], dtype=int).reshape(-1, k) for k in (3, 4)]

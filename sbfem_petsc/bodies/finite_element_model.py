@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import inspect
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 
+from meshing.warnings import MeshWarning
+
 from ..checks import Bounds, choice, flag, instance, integer, names_of, real, real_array, shown
 from ..contact.law import ContactLaw, Unilateral, check_without_layer
-from ..errors import UnknownName, listed
+from ..errors import UnknownName, caller_level, listed
 from .cells import checked_cells
 from .rows import Contact, Row
 from .units import UNITS, tree_of, warn_of_units
@@ -22,6 +25,8 @@ OWNER, AXES = "FiniteElementModel", "xyz"
 SYMMETRY, APART = 1e-6, 1e-3
 # Weights of a row and of a unit vector that are none: a force of any size would press on such a row.
 ROUNDING = 1e-9
+# Elements with eight-node faces, and how many of their nodes are corners.
+EIGHT = {"quad8": 4, "hexahedron20": 8}
 
 
 class FiniteElementModel:
@@ -202,6 +207,11 @@ class FiniteElementModel:
         ValueError
             If nodes have no partner or lie beside the right face, if the normal is not known, if faces
             overlap, if nothing moves, or if faces that rub are not those of a plane body.
+
+        Warns
+        -----
+        MeshWarning
+            If nodes are corners of eight-node faces.
         """
         flag("contact", "matching", matching)
         law = Unilateral() if law is None else law
@@ -211,6 +221,7 @@ class FiniteElementModel:
         one = self._face("left", left)
         x = self.places[[self._node[a] for a in one]]
         other = None if right is None else self._face("right", right)
+        self._warn_of_corners(one)
         if normal is not None:
             vector = _vector("contact", "normal", normal)
         elif other is not None:
@@ -268,6 +279,19 @@ class FiniteElementModel:
             f"contact: law = {law!r} rubs, and its faces slide in two directions, where friction is a cone "
             "and no law of rows; hold them along one axis, as in a plane body, or give Unilateral()"
         )
+
+    def _warn_of_corners(self, labels: list[int]) -> None:
+        """Warn of corners of eight-node faces, as far as elements are known."""
+        corners = [self.elements[k][:, :n].ravel() for k, n in EIGHT.items() if k in self.elements]
+        found = {self._node[a] for a in labels} & {int(row) for part in corners for row in part}
+        if found:
+            warnings.warn(
+                f"contact: {len(found)} nodes are corners of eight-node faces, which carry a negative share "
+                "of a pressure: pairs of them open where faces press, and resultants are off; take "
+                "tetrahedra, elements of first order, or leave these nodes out",
+                MeshWarning,
+                stacklevel=caller_level(),
+            )
 
     def summary(self) -> str:
         """Unknowns, nodes, size, mass and sets, a line each."""

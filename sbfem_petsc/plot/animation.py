@@ -49,7 +49,7 @@ def animate_crack(
     Parameters
     ----------
     motion : Orbit or History
-        Of a model, reduced or not, or of a body with elements, which is drawn as a whole, beside the gap that
+        Of a model, reduced or not, or of a body with elements, drawn around its contact, beside the gap that
         moves most; a steady state repeats without a seam.
     path : str
         Ends in .gif or .mp4.
@@ -95,7 +95,12 @@ def animate_crack(
         rows = np.argsort(np.ptp(motion.gap, axis=0))
         states = [field.nodal for field in fields]
         return _written(
-            motion, path, (Solid(model), states, []), rows, instants, (writer, magnification, "contact")
+            motion,
+            path,
+            (Solid(model, motion.reduced.contact if motion.reduced else None), states, []),
+            rows,
+            instants,
+            (writer, magnification, "contact"),
         )
     facts = model.cracks[crack]
     half = 1.1 * facts.length

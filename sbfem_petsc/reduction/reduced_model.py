@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..bodies.finite_element_model import FiniteElementModel
+from ..bodies.rows import Contact
 from ..contact.closed_sets import ClosedSets, thin_factors
 from ..contact.friction import Friction, refuse_friction
 from ..contact.law import RowLaws
@@ -41,7 +42,8 @@ class ReducedModel(Record):
 
     `loads` are the unit loads it was made for, none for a system of matrices; `model` and `modal`, the modes
     themselves, distributed, are None for such a system and for one read from a file. `whole` are the
-    displacements of all unknowns of a system of matrices, `body` is the body that has them.
+    displacements of all unknowns of a system of matrices, `body` and `contact` the body that has them and its
+    contact.
     """
 
     frequencies: np.ndarray = quantity("Hz", "natural frequencies", "mode", least=0.0)
@@ -83,6 +85,7 @@ class ReducedModel(Record):
     )
     whole: LinearOutput | None = field(default=None, repr=False)
     body: FiniteElementModel | None = field(default=None, repr=False)
+    contact: Contact | None = field(default=None, repr=False)
     ranks: MPI.Comm | None = field(default=None, repr=False)
     supports: Supports | None = quantity(
         text="forces of the supports, and which unit loads are prescribed displacements; None of matrices",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import meshio
@@ -289,3 +290,16 @@ def test_wrong_files_of_matrices(parts, files, ending, change, sentence):
     with pytest.raises(ValueError, match=sentence) as raised:
         sb.read_matrices(file, files / f"mass.{ending}", parts["nodes"], **given)
     assert "\n" not in str(raised.value)
+
+
+def test_corners_of_eight_node_faces():
+    """They are warned of, the nodes between them are not."""
+    nodes = {k + 1: (float(k), 0.0, 0.0) for k in range(20)}
+    unknowns = [(label, 0) for label in nodes]
+    eye = scipy.sparse.identity(20, format="csr")
+    body = sb.FiniteElementModel(eye, 1e6 * eye, unknowns, nodes, elements={"hexahedron20": [list(nodes)]})
+    with pytest.warns(sb.MeshWarning, match="2 nodes are corners of eight-node faces"):
+        body.contact([2, 3, 10], normal="x", gap=1e-3)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        body.contact([9, 10], normal="x", gap=1e-3)
