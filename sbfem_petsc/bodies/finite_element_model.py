@@ -15,7 +15,7 @@ from meshing.warnings import MeshWarning
 from ..checks import Bounds, choice, flag, instance, integer, names_of, real, real_array, shown
 from ..contact.law import ContactLaw, Unilateral, check_without_layer
 from ..errors import UnknownName, caller_level, listed
-from .cells import checked_cells
+from .cells import checked_cells, surface
 from .rows import Contact, Row
 from .units import UNITS, tree_of, warn_of_units
 
@@ -232,7 +232,11 @@ class FiniteElementModel:
         rows, slips, distance = -self._rows(one, vector), -self._rows(one, along), np.zeros(len(one))
         if other is not None:
             y = self.places[[self._node[a] for a in other]]
-            share = (_partners if matching else _between)(one, x, y, vector)
+            share = (
+                _partners(one, x, y, vector)
+                if matching
+                else _between(one, x, y, vector, self.places[self._triangles(other, vector)])
+            )
             met = np.unique(share.indices)
             facing = [other[k] for k in met]
             rows = rows + share[:, met] @ self._rows(facing, vector)
@@ -268,6 +272,17 @@ class FiniteElementModel:
             tuple(law for law, gives in zip(laws, moves) if gives),
             sparse.csr_matrix(slips[moves]),
         )
+
+    def _triangles(self, face: list[int], normal: np.ndarray) -> np.ndarray:
+        """(k, 3) rows of corners of the elements' outer faces that a set of nodes lies on, and that look
+        along a normal or against it; none where elements are not known.
+        """
+        three, four = surface(self.elements)
+        corners = np.concatenate([three, four[:, :3], four[:, [0, 2, 3]]]).astype(int)
+        chosen = np.isin(corners, [self._node[a] for a in face]).any(axis=1)
+        a, b, c = (self.places[column] for column in corners.T)
+        area = np.cross(b - a, c - a)
+        return corners[chosen & (np.abs(area @ normal) > 0.5 * np.linalg.norm(area, axis=1))]
 
     def _slip_direction(self, law: ContactLaw, labels: list[int], normal: np.ndarray) -> np.ndarray:
         """The one direction in which faces slide: across the normal and an axis along which they are held."""
@@ -389,12 +404,18 @@ def _partners(left: list[int], x: np.ndarray, y: np.ndarray, normal: np.ndarray)
     return sparse.csr_matrix((np.ones(len(x)), (np.arange(len(x)), nearest)), (len(x), len(y)))
 
 
-def _between(left: list[int], x: np.ndarray, y: np.ndarray, normal: np.ndarray) -> sparse.csr_matrix:
-    """(left, right): weights of the right nodes at the point before each left one."""
+def _between(
+    left: list[int], x: np.ndarray, y: np.ndarray, normal: np.ndarray, face: np.ndarray
+) -> sparse.csr_matrix:
+    """(left, right): weights of the right nodes at the point before each left one.
+
+    The triangles between the nodes fill their convex hull; those count that lie on the face, (k, 3, 3)
+    triangles of the elements, if these are known.
+    """
     from scipy.spatial import Delaunay, QhullError
 
     along = np.linalg.svd(normal[None])[2][1:].T
-    x, y = x @ along, y @ along
+    x, y, face = x @ along, y @ along, face @ along
     try:
         triangles = Delaunay(y)
     except (QhullError, ValueError):
@@ -402,6 +423,8 @@ def _between(left: list[int], x: np.ndarray, y: np.ndarray, normal: np.ndarray) 
             f"contact: the {len(y)} right nodes span no surface across the normal; give those of a face"
         ) from None
     inside = triangles.find_simplex(x, tol=APART)
+    if len(face):
+        inside[~_covered(y[triangles.simplices].mean(axis=1), face)[inside]] = -1
     if (inside < 0).any():
         raise ValueError(
             f"contact: {(inside < 0).sum()} of {len(left)} left nodes, node {left[inside.argmin()]} say, lie "
@@ -412,6 +435,15 @@ def _between(left: list[int], x: np.ndarray, y: np.ndarray, normal: np.ndarray) 
     weights = np.column_stack([weights, 1.0 - weights.sum(axis=1)])
     place = np.repeat(np.arange(len(x)), 3), corners.ravel()
     return sparse.csr_matrix((weights.ravel(), place), (len(x), len(y)))
+
+
+def _covered(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Which (n, 2) points lie in any of (k, 3, 2) triangles."""
+    found = np.zeros(len(points), dtype=bool)
+    for a, b, c in triangles:
+        shares = np.linalg.solve(np.column_stack([a - c, b - c]), (points - c).T)
+        found |= (shares.min(axis=0) > -APART) & (shares.sum(axis=0) < 1.0 + APART)
+    return found
 
 
 def _normal(x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -154,3 +154,29 @@ def test_gaps_of_planes_that_lean(body):
         body.contact(
             "LEFT", [n for n in body.sets["RIGHT"] if moved[n][1] < 0.001], normal="x", matching=False
         )
+
+
+def test_a_face_with_a_notch():
+    """Three of four squares: the node before the fourth one lies in the hull of the others' nodes, and beside
+    the face; without elements nobody knows.
+    """
+    grid = {1 + j + 3 * k: (0.0, 0.01 * j, 0.01 * k) for j in range(3) for k in range(3)}
+    nodes = {label: place for label, place in grid.items() if label != 9}
+    nodes |= {11: (0.0, 0.004, 0.013), 12: (0.0, 0.0135, 0.0125)}
+    count = len(nodes)
+    given = {
+        "mass": 1e-3 * scipy.sparse.eye(count),
+        "stiffness": 1e9 * scipy.sparse.eye(count),
+        "unknowns": [(label, 0) for label in nodes],
+        "nodes": nodes,
+    }
+    squares = {"quad": [(1, 2, 5, 4), (2, 3, 6, 5), (4, 5, 8, 7)]}
+    body = sb.FiniteElementModel(**given, elements=squares)
+    right = [label for label in nodes if label < 10]
+    with pytest.raises(ValueError, match="1 of 2 left nodes, node 12 say, lie beside the right face"):
+        body.contact([11, 12], right, normal="x", matching=False)
+    crack = body.contact([11], right, normal="x", matching=False)
+    y = np.array([nodes[label][1] + 2.0 * nodes[label][2] for label in nodes])
+    assert abs((crack.rows @ y)[0]) < 1e-15
+    hull = sb.FiniteElementModel(**given).contact([11, 12], right, normal="x", matching=False)
+    assert hull.rows.shape[0] == 2
