@@ -1,6 +1,7 @@
 """The documentation site: built without a warning, its snippets run, its reference leaves nothing out."""
 
 import importlib
+import importlib.util
 import os
 import re
 import shutil
@@ -10,23 +11,20 @@ from pathlib import Path
 
 import nbclient
 import nbformat
+import numpy as np
 import pytest
+from matplotlib.image import imread
 
 from meshing import read_gmsh
 
 ROOT = Path(__file__).resolve().parents[2]
-# Of pages that speak of a model and a load without making them.
-BEFORE = """
-import numpy as np
-import sbfem_petsc as sb
-from meshing import Beam, VNotch
-mesh = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.02)]).mesh(order=2)
-model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700.0), damping=0.01)
-"""
 SNIPPETS = {
     page: re.findall(r"```python\n(.*?)```", page.read_text(), re.S)
     for page in sorted(ROOT.glob("docs/*.md"))
 }
+_spec = importlib.util.spec_from_file_location("pictures", ROOT / "docs/pictures.py")
+PICTURES = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(PICTURES)
 WITH_SNIPPETS = [page for page, found in SNIPPETS.items() if found]
 
 
@@ -52,6 +50,7 @@ def test_built_without_a_warning(tmp_path):
 @pytest.mark.long
 @pytest.mark.parametrize("page", WITH_SNIPPETS, ids=lambda page: page.stem)
 def test_snippets_run(page, tmp_path, monkeypatch):
+    """From the first to the last, which need nothing that a page does not say."""
     monkeypatch.chdir(tmp_path)
     shutil.copytree(ROOT / "tests/bodies/calculix", tmp_path, dirs_exist_ok=True)  # what bodies.md shows
     for number, drawing in enumerate(re.findall(r"```geo\n(.*?)```", page.read_text(), re.S)):
@@ -59,9 +58,28 @@ def test_snippets_run(page, tmp_path, monkeypatch):
         saved.write_text(drawing)
         read_gmsh(str(saved), scale=1e-3)
     names: dict = {}
-    exec(BEFORE, names)
     for snippet in SNIPPETS[page]:
         exec(compile(snippet, page.name, "exec"), names)
+
+
+def test_pictures_of_the_pages():
+    """Each picture is drawn by docs/pictures.py, and stands in a page."""
+    drawn = {*PICTURES.PAGES, *PICTURES.PROGRAMS}
+    assert drawn == {path.name for path in (ROOT / "docs").glob("*.[pg][ni][gf]")}
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+    text = "".join(page.read_text() for page in pages)
+    assert all(f"{name})" in text for name in drawn)
+
+
+@pytest.mark.long
+def test_pictures_are_what_the_programs_draw(tmp_path):
+    """Those of the cheapest page and example, anew: they differ in less than one of 500 pixels."""
+    names = ["swept.png", "discretisation.png", "crack.png"]
+    PICTURES.draw(names, tmp_path)
+    for name in names:
+        drawn, stands = (imread(folder / name)[..., :3] for folder in (tmp_path, ROOT / "docs"))
+        assert drawn.shape == stands.shape, name
+        assert (np.abs(drawn - stands).max(axis=2) > 0.3).mean() < 0.002, name
 
 
 @pytest.mark.long
