@@ -34,6 +34,7 @@ _HOME = {
     "plot_lines": "tones",
     "plot_load_history": "histories",
     "plot_loci": "loci",
+    "plot_losses": "rubbing",
     "plot_modes": "fields",
     "plot_multipliers": "orbits",
     "plot_orbit": "orbits",

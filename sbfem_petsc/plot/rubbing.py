@@ -4,7 +4,7 @@ losses and harmonics grow with.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -14,13 +14,15 @@ from matplotlib.patches import Patch
 
 from ..analysis.load_history import LoadHistory
 from ..checks import shown
+from ..continuation.orbit import Orbit
 from ..indicators.detection import friction_power
 from ..motion.history import Motion
+from ..motion.states import Point
 from ..petsc import MPI
 from ..record.units import force_unit, length_unit, place_unit, time_unit
 from ..reduction.at_rest import ReducedLoadHistory
 from .drawing import BLUE, CYCLE, DASHED, ORANGE, VERMILION, Sheet, above
-from .picture import a_text, optional, picture, whole
+from .picture import a_text, optional, picture, place_name, symbol, whole
 
 Rubbing = LoadHistory | ReducedLoadHistory | Motion
 _KINDS = (Motion, LoadHistory, ReducedLoadHistory)
@@ -169,6 +171,63 @@ def plot_friction_power(
     if any(_each(motions)):
         above(axes, len(_each(motions)))
     return axes
+
+
+@picture(count=whole(2, 100))
+def plot_losses(
+    orbits: Sequence[Orbit],
+    point: Point = "A",
+    direction: str = "y",
+    *,
+    count: int = 3,
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
+) -> list[Axes] | None:
+    """Draw what periodic motions lose to friction, and their harmonics beside the first, over its amplitude.
+    Collective.
+
+    Parameters
+    ----------
+    orbits : sequence of Orbit
+        Under loads that grow, say, of one model whose faces rub; on rank 0 at least, on all ranks for a place
+        (x, y).
+    point : str or (x, y)
+        Name, or m.
+    direction : {"y", "x"}
+    count : int
+        Highest harmonic, at least 2.
+    title, ax, comm
+        As for `plot_slips`.
+
+    Returns
+    -------
+    Two axes on rank 0, None elsewhere; `save_picture` writes them
+    """
+    if not isinstance(orbits, (list, tuple)) or not orbits:
+        raise TypeError(f"plot_losses: orbits = {shown(orbits)} must be a sequence of Orbits")
+    losses = []
+    for k, orbit in enumerate(orbits):
+        if not isinstance(orbit, Orbit) or orbit.friction_loss is None:
+            raise TypeError(f"plot_losses: orbits[{k}] = {shown(orbit)} is no Orbit of faces that rub")
+        losses.append(orbit.friction_loss)
+    levels = np.array([np.abs(orbit.harmonics(point, direction)[: count + 1]) for orbit in orbits])
+    order = np.argsort(levels[:, 1])
+    levels = levels[order]
+    if not levels[0, 1] > 0.0:
+        raise ValueError(f"plot_losses: point {point!r} does not move in {direction} in one of the motions")
+    scale, unit = length_unit(float(levels[-1, 1]))
+    panels = Sheet.of(ax).panels((2, 1), 4.2, sharex=True)
+    panels[0].plot(levels[:, 1] * scale, np.array(losses)[order], color=BLUE, marker=".")
+    for k in range(2, levels.shape[1]):
+        style: Any = {"color": CYCLE[(k - 1) % len(CYCLE)], "marker": ".", "label": f"harmonic {k}"}
+        panels[1].plot(levels[:, 1] * scale, levels[:, k] / levels[:, 1], **style)
+    u = symbol(orbits[0], direction, point)
+    for axes, label in zip(panels, ("lost to friction a period (J)", "beside the first harmonic")):
+        axes.set(xlabel=f"first harmonic of ${u}$({place_name(point)}) ({unit})", ylabel=label)
+        axes.set_ylim(bottom=0.0)
+    above(panels[1], levels.shape[1] - 2)
+    return panels
 
 
 def _each(motions: Rubbing | Mapping[str, Rubbing]) -> Mapping[str, Rubbing]:

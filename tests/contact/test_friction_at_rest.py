@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy import sparse
+from scipy.interpolate import CubicSpline
 
 import sbfem_petsc as sb
 from meshing import CrackLine, Plate
@@ -26,7 +27,7 @@ def pressed(rng, coefficients, modes):
         rows[:count],
         np.full(count, 0.05),
         loads=loads,
-        sensors={"x": 0, "y": 5},
+        sensors={"x": 0, "y": 5, "first": loads[:, 0], "second": loads[:, 1]},
         modes=modes,
         compliance=np.full(count, 0.02),
         tangent_rows=rows[count:],
@@ -65,7 +66,7 @@ def test_histories_against_all_states_tried(modes):
             assert found.friction_force[k] == pytest.approx(force[0][2:], abs=scale)
             assert found.gap[k] == pytest.approx(gaps[:2], abs=scale)
             assert found.slip[k] == pytest.approx(gaps[2:], abs=scale)
-            assert found.point_displacements[k] == pytest.approx(u[[0, 5]], abs=scale)
+            assert found.point_displacements[k, :2] == pytest.approx(u[[0, 5]], abs=scale)
             energy = 0.5 * (u @ stiffness @ u + force[0] @ flexibility @ force[0])
             assert found.strain_energy[k] == pytest.approx(energy, abs=scale)
             begun = np.maximum(coefficients * memory.pressing, np.abs(memory.force))
@@ -78,6 +79,24 @@ def test_histories_against_all_states_tried(modes):
         assert np.array_equal(first.slip, found.slip[0]) and first.friction_loss == found.friction_loss[0]
         assert np.array_equal(first.friction_force, found.friction_force[0])
     assert seen == {(False, True), (True, True), (True, False)}
+
+
+def test_work_of_slow_loads():
+    """What loads do and what is not stored is lost to friction, the better the closer the states."""
+    errors = []
+    for count in (100, 800):
+        rng = np.random.default_rng(3)
+        reduced, _, _, loads = pressed(rng, rng.uniform(0.1, 0.8, 2), 5)
+        time = np.linspace(0.0, 6.0, count + 1)
+        path = CubicSpline(np.arange(7.0), 4.0 * rng.normal(size=(7, 2)))(time)
+        path -= path[0] * np.exp(-5.0 * time)[:, None]
+        found = sb.load_history(reduced, [sb.Samples(time, values) for values in path.T], time)
+        moved = np.stack([found.displacement(name) for name in ("first", "second")], axis=1)
+        work = (0.5 * (path[1:] + path[:-1]) * np.diff(moved, axis=0)).sum()
+        stored, lost = found.strain_energy[-1] - found.strain_energy[0], found.friction_loss
+        assert (np.diff(lost) >= 0.0).all() and lost[-1] > 0.05 * work
+        errors.append(abs(work - stored - (lost[-1] - lost[0])) / lost[-1])
+    assert errors[1] < 1e-3 and errors[1] < 0.3 * errors[0]
 
 
 # ---------------------------------------------------------------------- bodies

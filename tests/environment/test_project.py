@@ -337,6 +337,7 @@ OPTIONS = {
     "sbfem_petsc/plot/histories.py: plot_spectra",
     "sbfem_petsc/plot/orbits.py: plot_harmonics",
     "sbfem_petsc/plot/orbits.py: plot_orbit",
+    "sbfem_petsc/plot/rubbing.py: plot_losses",
     "sbfem_petsc/plot/sweeps.py: plot_swept",
     "sbfem_petsc/plot/tones.py: plot_lines",
     "sbfem_petsc/bodies/finite_element_model.py: __init__",

@@ -158,9 +158,9 @@ def loads_in_time() -> sb.LoadHistory:
 
 
 @functools.cache
-def rubbing_loads() -> sb.ReducedLoadHistory:
+def rubbing() -> sb.ReducedModel:
     one = np.eye(1)
-    reduced = sb.reduce_matrices(
+    return sb.reduce_matrices(
         one,
         one,
         one,
@@ -171,8 +171,18 @@ def rubbing_loads() -> sb.ReducedLoadHistory:
         contact_laws=sb.Coulomb(0.3),
         tangent_rows=one,
         tangent_compliance=np.ones(1),
+        damping=0.1,
     )
-    return sb.load_history(reduced, sb.Samples([0.0, 1.0, 2.0], [0.0, 1.0, -1.0]), [0.0, 1.0, 2.0])
+
+
+@functools.cache
+def rubbing_loads() -> sb.ReducedLoadHistory:
+    return sb.load_history(rubbing(), sb.Samples([0.0, 1.0, 2.0], [0.0, 1.0, -1.0]), [0.0, 1.0, 2.0])
+
+
+@functools.cache
+def rubbing_orbit() -> sb.Orbit:
+    return sb.periodic(rubbing(), sb.Harmonic(0.5, 0.1), 0.1, steps=64)
 
 
 TIME = np.linspace(0.0, 1.0, 201)[:-1]
@@ -683,6 +693,9 @@ CALLS |= {
         lambda: {"motions": rubbing_loads(), "crack": None, "window": (0.0, 2.0), **LABELS}
     ],
     "plot.plot_hysteresis": [lambda: {"motions": rubbing_loads(), "pair": 0, "window": (0.0, 2.0), **LABELS}],
+    "plot.plot_losses": [
+        lambda: {"orbits": [rubbing_orbit()], "point": "A", "direction": "y", "count": 3, **LABELS}
+    ],
     "plot.plot_slips": [lambda: {"motion": rubbing_loads(), "crack": None, "window": (0.0, 2.0), **LABELS}],
     "plot.plot_loci": [lambda: {"loci": locus(), "unit": 100.0, "label": "force (N)", **LABELS}],
     "plot.plot_lines": [

@@ -10,6 +10,7 @@ from sbfem_petsc.indicators import friction_power
 from sbfem_petsc.study.kinds.kind import Drawn
 from sbfem_petsc.study.kinds.load_history import LoadHistory
 from tests.contact.test_friction import square
+from tests.contact.test_friction_in_motion import slider
 from tests.fuzz import examples
 
 COEFFICIENT = 0.2
@@ -97,6 +98,24 @@ def test_power_in_closed_form():
     ]:
         with pytest.raises(ValueError, match=told):
             friction_power(*wrong)
+
+
+def test_losses_over_amplitude():
+    """Each motion's own numbers, lowest amplitude first, whatever order they are given in."""
+    orbits = [
+        sb.periodic(slider(damping=0.05), [sb.Harmonic(force, 0.3), sb.Constant(-2.0)], 0.3, steps=128)
+        for force in (1.5, 0.8, 3.0)
+    ]
+    first, second = plot.plot_losses(orbits, "x", count=3)
+    ((level, loss),) = lines(first)
+    chosen = [orbits[k] for k in (1, 0, 2)]
+    assert level == pytest.approx([np.abs(orbit.harmonics("x")[1]) for orbit in chosen])
+    assert loss == pytest.approx([orbit.friction_loss for orbit in chosen]) and (np.diff(loss) > 0.0).all()
+    for k, (_, ratio) in zip((2, 3), lines(second), strict=True):
+        assert ratio == pytest.approx([np.abs(o.harmonics("x")[k] / o.harmonics("x")[1]) for o in chosen])
+    for wrong in (3.0, [], [examples.orbit()], orbits[0]):
+        with pytest.raises(TypeError, match="plot_losses: orbits"):
+            plot.plot_losses(wrong, "x")
 
 
 def test_motions_without_friction_or_a_model():
