@@ -6,6 +6,8 @@ import functools
 
 import numpy as np
 import pytest
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
 
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate, VNotch
@@ -79,6 +81,7 @@ def test_steady_state_of_a_rod(foundation):
         assert abs(found - force) < 3e-5 * abs(HEIGHT * stress * MOVE)
 
 
+@pytest.mark.long
 def test_pulse_in_a_rod():
     """An end that moves to and fro: the wave goes out, comes back from the free end with the same sign, and
     the support bears E A v / c; the energies are in balance with its work.
@@ -228,6 +231,69 @@ def test_slow_motion():
             assert np.abs(found[instants] - exact).max() < 2e-3 * np.abs(exact).max()
         field, exact = moving.field(moving.time[950]), resting.states[2].field
         assert np.abs(np.asarray(field) - exact).max() < 2e-3 * np.abs(exact).max()
+
+
+def by_lagrange(modulus, density, frequency, moved):
+    """u of the middle of the upper side and what both ends bear, by quadratic elements of scikit-fem with all
+    unknowns: what moves the left end along y by `moved[0]` and the right one by `moved[1]`, in phase or not,
+    are Lagrange's multipliers.
+    """
+    skfem = pytest.importorskip("skfem")
+    from skfem.models.elasticity import linear_elasticity
+
+    nu, x, y = ALUMINIUM.poisson, np.linspace(0.0, LENGTH, 61), np.linspace(0.0, HEIGHT, 9)
+    element = skfem.ElementVector(skfem.ElementQuad2())
+    basis = skfem.Basis(skfem.MeshQuad.init_tensor(x, y), element, intorder=5)
+    unit = linear_elasticity(nu / (1.0 - nu**2), 0.5 / (1.0 + nu)).assemble(basis)
+    mass = skfem.BilinearForm(lambda u, v, _: density * (u[0] * v[0] + u[1] * v[1])).assemble(basis)
+    place, along_y = basis.doflocs, np.zeros(basis.N, dtype=bool)
+    along_y[np.concatenate([basis.nodal_dofs[1], basis.facet_dofs[1], basis.interior_dofs[1]])] = True
+    ends = np.isclose(place[0], 0.0), np.isclose(place[0], LENGTH) & along_y
+    held = np.flatnonzero(ends[0] | ends[1])
+    given = np.where(along_y[held], np.where(ends[1][held], moved[1], moved[0]), 0.0)
+    rows = sparse.csr_matrix((np.ones(len(held)), (np.arange(len(held)), held)), shape=(len(held), basis.N))
+    dynamic = modulus * unit - (2.0 * np.pi * frequency) ** 2 * mass
+    saddle = sparse.bmat([[dynamic, rows.T], [rows, None]]).tocsc()
+    found = spsolve(saddle, np.concatenate([np.zeros(basis.N), given]))
+    bear = np.zeros(basis.N, dtype=complex)
+    bear[held] = -found[basis.N :]
+    at = np.isclose(place[0], 0.5 * LENGTH) & np.isclose(place[1], HEIGHT)
+    middle = [found[: basis.N][at & direction][0] for direction in (~along_y, along_y)]
+    return np.array(middle), [[bear[end & ~along_y].sum(), bear[end & along_y].sum()] for end in ends]
+
+
+@pytest.mark.long
+def test_beside_lagrange_multipliers():
+    """Bending and shear of a short beam, damped by its stiffness, both of its ends moved."""
+    frequency, b, size = 3000.0, 2e-6, np.array([MOVE, 0.5j * MOVE])
+    loss = 1.0 + 2j * np.pi * frequency * b
+    middle, (left, right) = by_lagrange(70e9 * loss, 2700.0, frequency, size)
+    options = {"clamped": LEFT, "supports": [sb.Support(RIGHT, x=False)], "rayleigh": (0.0, b)}
+    with sb.Model(mesh_of_rod(), ALUMINIUM, **options) as model:
+        load = sb.EdgeMotion(LEFT, uy=sb.Harmonic(MOVE, frequency))
+        load += sb.EdgeMotion(RIGHT, uy=sb.Harmonic(0.5 * MOVE, frequency, 0.5 * np.pi))
+        orbit = sb.periodic(model, load, frequency, modes=60)
+    found = [amplitude(orbit, column) for column in orbit.displacement("middle").T]
+    assert np.abs(found - middle).max() < 1e-3 * np.abs(middle).max()
+    for name, exact in ((LEFT, left), (RIGHT, right)):
+        found = [amplitude(orbit, column) for column in orbit.reaction(name).T]
+        assert np.abs(np.array(found) - exact).max() < 1e-3 * np.abs(left).max()
+
+
+@pytest.mark.long
+def test_rubbing_faces_that_ride():
+    """With friction: the acceleration's motion, loss and forces."""
+    crack = CrackLine([(0.05, 0.0), (0.052, 0.01)])
+    mesh = Plate(OUTLINE, cracks=[crack]).mesh(order=2, points={"end": (LENGTH, HEIGHT)})
+    size, frequency, options = 1e-6, 300.0, {"modes": 20, "steps": 1024, "stability": False}
+    laws = {"crack1": sb.Coulomb(friction=0.3)}
+    with sb.Model(mesh, ALUMINIUM, damping=0.02, clamped=LEFT, contact_laws=laws) as model:
+        one = sb.periodic(model, sb.EdgeMotion(LEFT, uy=size), frequency, **options)
+        force = sb.SupportMotion(ay=-size * (2.0 * np.pi * frequency) ** 2)
+        other = sb.periodic(model, force, frequency, **options)
+    assert other.friction_loss > 0.0
+    assert one.friction_loss == pytest.approx(other.friction_loss, rel=1e-2)
+    assert np.abs(one.reactions - other.reactions).max() < 1e-3 * np.abs(other.reactions).max()
 
 
 def shared():
