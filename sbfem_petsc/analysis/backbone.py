@@ -368,6 +368,11 @@ def _reduction(model: Model | ReducedModel, mode: int, modes: int | None) -> Red
             )
     found = model if isinstance(model, ReducedModel) else reduced(model, (), kept)
     with collective(communicator(model)):
+        if (found.initial_gap < 0.0).any():
+            raise ValueError(
+                f"backbone: contact rows overlap at rest, by {-found.initial_gap.min():g} m; free motions "
+                "are followed around a place that nothing presses: give gaps of 0 or more"
+            )
         if mode > len(found.omega) or found.omega[mode - 1] == 0.0:
             raise ValueError(
                 f"backbone: mode = {mode} must be an elastic one of the {len(found.omega)} modes kept"

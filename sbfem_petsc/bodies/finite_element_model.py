@@ -198,7 +198,8 @@ class FiniteElementModel:
             m from the nodes to the faces, of both sides together: half the thicknesses of shells, which is
             taken off the distance of the nodes.
         interference : bool
-            Let faces overlap at rest, as of a press fit; `static` and histories from equilibrium carry it.
+            Let faces overlap at rest, as of a press fit; `static`, steady states and histories from
+            equilibrium carry it.
 
         Raises
         ------
@@ -222,16 +223,13 @@ class FiniteElementModel:
         x = self.places[[self._node[a] for a in one]]
         other = None if right is None else self._face("right", right)
         self._warn_of_corners(one)
-        if normal is not None:
-            vector = _vector("contact", "normal", normal)
-        elif other is not None:
-            vector = _normal(x, self.places[[self._node[a] for a in other]])
-        else:
+        if normal is None and other is None:
             raise ValueError("contact: a wall needs a normal, from the body to the wall")
+        y = x if other is None else self.places[[self._node[a] for a in other]]
+        vector = _normal(x, y) if normal is None else _vector("contact", "normal", normal)
         along = self._slip_direction(law, one + (other or []), vector) if law.rubs else np.zeros(3)
         rows, slips, distance = -self._rows(one, vector), -self._rows(one, along), np.zeros(len(one))
         if other is not None:
-            y = self.places[[self._node[a] for a in other]]
             share = (
                 _partners(one, x, y, vector)
                 if matching
@@ -245,33 +243,13 @@ class FiniteElementModel:
             distance -= offset
             distance[np.abs(distance) < APART * 1e-6 * np.ptp(x, axis=0).max()] = 0.0
         if gap is not None:
-            values = _gap_at(gap, x) if callable(gap) else gap
-            if isinstance(values, (list, tuple)) or np.ndim(values):
-                distance = real_array("contact", "gap", values, 1)
-            else:
-                distance = np.full(len(one), real("contact", "gap", values, "m"))
-            if len(distance) != len(one):
-                raise ValueError(f"contact: gap has {len(distance)} values, {len(one)} were expected")
+            distance = _given_gap(gap, x)
         if (distance < 0.0).any() and not interference:
             raise ValueError(
                 f"contact: the faces overlap by {-distance.min():g} m; is the normal from left to right? Say "
                 "interference=True if they are to press on each other at rest"
             )
-        moves, slides = (abs(part).max(axis=1).toarray().ravel() > ROUNDING for part in (rows, slips))
-        if not moves.any():
-            raise ValueError("contact: all nodes of the faces are held; no displacement moves a gap")
-        if (slides & ~moves).any():
-            raise ValueError(
-                f"contact: law = {law!r} rubs, and node {one[(slides & ~moves).argmax()]} is held across the "
-                "faces but slides: no contact force presses on it; free it, or leave it out"
-            )
-        laws = tuple(law if rubs else Unilateral() for rubs in slides) if law.rubs else (law,) * len(one)
-        return Contact(
-            rows[moves],
-            distance[moves],
-            tuple(law for law, gives in zip(laws, moves) if gives),
-            sparse.csr_matrix(slips[moves]),
-        )
+        return _moving(one, law, rows, slips, distance)
 
     def _triangles(self, face: list[int], normal: np.ndarray) -> np.ndarray:
         """(k, 3) rows of corners of the elements' outer faces that a set of nodes lies on, and that look
@@ -521,6 +499,38 @@ def _vector(owner: str, name: str, given: Any) -> np.ndarray:
     if len(vector) != 3 or not vector.any():
         raise ValueError(f"{owner}: {name} = {shown(given)} must be three numbers that are not all zero")
     return vector / np.linalg.norm(vector)
+
+
+def _moving(
+    one: list[int], law: ContactLaw, rows: sparse.csr_matrix, slips: sparse.csr_matrix, distance: np.ndarray
+) -> Contact:
+    """The pairs of left nodes whose gaps a displacement moves."""
+    moves, slides = (abs(part).max(axis=1).toarray().ravel() > ROUNDING for part in (rows, slips))
+    if not moves.any():
+        raise ValueError("contact: all nodes of the faces are held; no displacement moves a gap")
+    if (slides & ~moves).any():
+        raise ValueError(
+            f"contact: law = {law!r} rubs, and node {one[(slides & ~moves).argmax()]} is held across the "
+            "faces but slides: no contact force presses on it; free it, or leave it out"
+        )
+    laws = tuple(law if rubs else Unilateral() for rubs in slides) if law.rubs else (law,) * len(one)
+    return Contact(
+        rows[moves],
+        distance[moves],
+        tuple(law for law, gives in zip(laws, moves) if gives),
+        sparse.csr_matrix(slips[moves]),
+    )
+
+
+def _given_gap(gap: Any, x: np.ndarray) -> np.ndarray:
+    """(n,): a user's number, values or function at (n, 3) places."""
+    values = _gap_at(gap, x) if callable(gap) else gap
+    if not isinstance(values, (list, tuple)) and not np.ndim(values):
+        return np.full(len(x), real("contact", "gap", values, "m"))
+    found = real_array("contact", "gap", values, 1)
+    if len(found) != len(x):
+        raise ValueError(f"contact: gap has {len(found)} values, {len(x)} were expected")
+    return found
 
 
 def _gap_at(gap: Callable, places: np.ndarray) -> Any:
