@@ -16,6 +16,7 @@ from sbfem_petsc.contact.friction import AGAINST, ALONG, STICKS
 from sbfem_petsc.motion.excitation import Excitation
 from sbfem_petsc.motion.period_map import Period
 from tests.contact.test_friction_in_motion import FRICTION, PRESSURE, SLIDER, SPRING, jenkins, slider
+from tests.contact.test_friction_on_masses import beam
 from tests.parallel import ROOT
 
 RATE = 1.7
@@ -232,6 +233,81 @@ def test_without_friction_nothing_changes():
         for law in (None, sb.Coulomb(0.0))
     )
     assert np.array_equal(one.states.q, other.states.q) and other.friction_loss is None
+
+
+def pressed(mass, stiffness, row, law, **options):
+    """Masses of which one rubs under a constant load, which a stiff unknown beyond the modes hands on; the
+    last sensor is its place.
+    """
+    n = len(mass)
+    whole, held = np.eye(n + 1), np.eye(n + 1)
+    whole[:n, :n], held[:n, :n] = mass, stiffness
+    whole[n, n], held[n, n] = mass.diagonal().min(), 1e3 * stiffness.max()
+    units = np.eye(n + 1)
+    return sb.reduce_matrices(
+        whole,
+        held,
+        units[[n]],
+        np.zeros(1),
+        loads=units[:, [n, n - 2 if n > 1 else 0]],
+        sensors={"end": n - 2 if n > 1 else 0},
+        tangent_rows=units[[row]],
+        contact_laws=law,
+        **options,
+    )
+
+
+def top(u):
+    """Highest value, by the parabola through the highest three of equal samples of a period."""
+    k = int(np.argmax(u))
+    before, middle, after = u[k - 1], u[k], u[(k + 1) % len(u)]
+    return middle - 0.125 * (after - before) ** 2 / (before - 2.0 * middle + after)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "rate, friction, expected",
+    [(0.8, 0.2, 2.711415), (0.8, 0.5, 2.332235), (1.2, 0.3, 2.072384), (1.5, 0.5, 0.553775)],
+)
+def test_den_hartogs_oscillator(rate, friction, expected):
+    """Rigid friction without stops: A = sqrt(V^2 - r^2 U^2), V = 1 / (1 - b^2), U = sin(pi / b) / (b (1 +
+    cos(pi / b))). An elastic slider turns its pull over while the mass turns, a way that goes with its
+    compliance, a time with the root of that, and so does the error: three compliances tell its limit.
+    """
+    v, u = 1.0 / (1.0 - rate**2), math.sin(math.pi / rate) / (rate * (1.0 + math.cos(math.pi / rate)))
+    assert expected == pytest.approx(math.sqrt(v**2 - (friction * u) ** 2), rel=1e-6)
+    frequency, found = rate / (2.0 * math.pi), []
+    for stiff in (1024.0, 4096.0, 16384.0):
+        mass = pressed(
+            np.eye(1), np.eye(1), 0, sb.Coulomb(friction), modes=1, tangent_compliance=[1.0 / stiff]
+        )
+        load = [sb.Constant(-1.0), sb.Harmonic(1.0, frequency)]
+        orbit = sb.periodic(mass, load, frequency, steps=16384)
+        found.append(top(orbit.displacement("end")[:, 1]))
+        assert orbit.stable and orbit.friction_loss == pytest.approx(
+            4.0 * friction * (found[-1] - friction / stiff), rel=1e-4
+        )
+    once = 2.0 * np.array(found[1:]) - found[:-1]
+    assert (4.0 * once[1] - once[0]) / 3.0 == pytest.approx(expected, rel=3e-5)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "ratio, tip, stuck, lost", [(0.95, 0.07605, 0.6139, 38.82), (0.85, 0.0858, 0.5847, 42.61)]
+)
+def test_cantilever_with_a_slider(ratio, tip, stuck, lost):
+    """NLstep's example 02: tip, share of the period in which the slider sticks, loss. Eight modes of
+    sixteen; the flexibility of the others is the compliance that the slider needs.
+    """
+    rate = 248.973205
+    frequency = ratio * rate / (2.0 * math.pi)
+    body = pressed(*beam(), 4, sb.Coulomb(1.0), modes=8, rayleigh=(0.1 * rate, 0.0))
+    load = [sb.Constant(-1500.0), sb.Harmonic(200.0, frequency)]
+    found = sb.periodic(body, load, frequency, steps=4096)
+    speed = np.abs(np.diff(found.slip[:, 0], append=found.slip[:1, 0]))
+    assert np.abs(found.displacement("end")).max() == pytest.approx(tip, rel=1e-3)
+    assert (speed < 1e-3 * speed.max()).mean() == pytest.approx(stuck, abs=1e-2)
+    assert found.friction_loss == pytest.approx(lost, rel=1e-3) and found.stable
 
 
 # ---------------------------------------------------------------------- bodies
