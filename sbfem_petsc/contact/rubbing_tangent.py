@@ -36,93 +36,137 @@ def written(states: np.ndarray, count: int) -> np.ndarray:
     return result
 
 
+class RubbingSets:
+    """The sets that occur, each condensed once, whatever the length of the steps.
+
+    Parameters
+    ----------
+    left : (c + k, r) array
+        U.
+    residual : (c + k, c + k) array
+        R.
+    rubbing : Rubbing
+    units : (k,) array
+        Those of the slips in the state, m.
+    moved : (r, r) array
+        M = V^T diag(cq) V of a step, which tells what directions of contact count.
+    """
+
+    def __init__(
+        self,
+        left: np.ndarray,
+        residual: np.ndarray,
+        rubbing: Rubbing,
+        units: np.ndarray,
+        moved: np.ndarray,
+    ):
+        self.left, self.residual, self.rubbing, self.units = left, residual, rubbing, units
+        values, axes = np.linalg.eigh(moved)
+        root = np.sqrt(np.maximum(values, 1e-15 * values[-1:]))
+        self.scaled, self.inverse = axes * root, axes / root
+        self._known: dict[tuple[bytes, bytes], tuple[np.ndarray, ...]] = {}
+
+    def __call__(self, state: np.ndarray, writes: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Of states of the rows and the slips that are written: what the directions of contact add to the
+        thin forces (r, s), what they take from position (s, r), memory (s, k) and free gaps (s, c + k), and
+        what the slips, in their units, miss of what they are to be, from the same.
+        """
+        key = state.tobytes(), writes.tobytes()
+        if key not in self._known:
+            if len(self._known) > 4096:
+                self._known.clear()
+            self._known[key] = self._condensed(state, writes)
+        return self._known[key]
+
+    def _condensed(self, state: np.ndarray, writes: np.ndarray) -> tuple[np.ndarray, ...]:
+        left, count = self.left, self.rubbing.beside.size
+        slips, units = count + writes, self.units[writes][:, None]
+        index, spread = _spread(self.residual, self.rubbing, state)
+        sticking = index >= count
+        kept, rank = index[sticking] - count, left.shape[1]
+        force = spread(np.concatenate([left, self.residual[slips].T], axis=1)).T
+        gaps = np.zeros((len(force), len(left)))
+        gaps[:, index] = force
+        gaps[rank + np.arange(len(writes)), slips] -= 1.0
+        memory = np.zeros((len(force), len(self.units)))
+        memory[:, kept] = -force[:, sticking] * self.units[kept]
+        memory[rank + np.arange(len(writes)), writes] += self.units[writes]
+        position = force @ left[index]
+        position[rank:] -= left[slips]
+        whole = self.scaled.T @ np.concatenate([position[:rank] @ self.scaled, memory[:rank]], axis=1)
+        base, triangle, _ = linalg.qr(whole, mode="economic", pivoting=True, check_finite=False)
+        most = int((np.abs(np.diagonal(triangle)) > LEAST * max(abs(triangle[0, 0]), 1.0)).sum())
+        chosen = base[:, :most].T @ self.scaled.T
+        directions = (chosen @ part[:rank] for part in (position, memory, gaps))
+        return (
+            self.inverse @ base[:, :most],
+            *directions,
+            *(part[rank:] / units for part in (position, memory, gaps)),
+        )
+
+
 def rubbing_contacts(
-    step: StepConstants, units: np.ndarray, states: np.ndarray, gap_rates: np.ndarray
+    sets: RubbingSets, step: StepConstants, states: np.ndarray, gap_rates: np.ndarray
 ) -> Contacts:
     """Of steps as they are, of one length.
 
     Parameters
     ----------
+    sets : RubbingSets
     step : StepConstants
-    units : (k,) array
-        Those of the slips in the state, m.
     states : (n + 1, c + k) int8 array
         Of the rows at the steps' ends.
     gap_rates : (n + 1, c + k, e) array
         Rates of the free gaps and slips with e parameters.
     """
-    condensing = _Condensing(step, units)
+    moved = (step.right * step.coefficients[0, 4]) @ step.right.T
     writes = written(states, step.rubbing.beside.size)
     instants = np.flatnonzero((states != FREE).any(axis=1) | writes.any(axis=1))
     known: dict[tuple[bool, bytes, bytes], int] = {}
-    sets: list[tuple[np.ndarray, ...]] = []
+    parts: list[tuple[np.ndarray, ...]] = []
     which: list[int] = []
     for n in instants:
         key = (n == 0, states[n].tobytes(), writes[n].tobytes())
         if key not in known:
-            known[key] = len(sets)
-            sets.append(condensing(n == 0, states[n], np.flatnonzero(writes[n])))
+            known[key] = len(parts)
+            # the first instant has no step before it
+            reach = moved if n else np.zeros_like(moved)
+            parts.append(_in_step(sets, states[n], np.flatnonzero(writes[n]), reach))
         which.append(known[key])
-    sizes = np.array([len(item[0]) for item in sets], dtype=int)
-    first = np.cumsum(sizes) - sizes
-    counts = sizes[which] if sets else sizes
+    sizes = np.array([len(part[0]) for part in parts], dtype=int)
+    first, of = np.cumsum(sizes) - sizes, np.array(which, dtype=int)
+    counts = sizes[of]
     owner = np.repeat(np.arange(len(instants)), counts)
-    place = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-    place += np.repeat(first[which] if sets else first, counts)
-    size = step.right.shape[0], len(units), len(step.left[0])
-    empty = [np.zeros((0, size[k])) for k in (0, 1, 0, 1, 2)]
-    rows, reads, pushes, changes, spread = map(np.concatenate, zip(*sets, empty))
-    shifts = np.einsum("sc,sce->se", spread[place], gap_rates[instants][owner])
-    modes = step.right
-    return Contacts(
-        instants, counts, (rows @ modes)[place], shifts, (pushes @ modes)[place], reads[place], changes[place]
+    place = np.arange(len(owner)) + np.repeat(first[of] - np.cumsum(counts) + counts, counts)
+    thin, memory, gaps = len(step.left), len(sets.units), step.left.shape[1]
+    empty = [np.zeros((0, size)) for size in (thin, memory, gaps, thin, memory)]
+    rows, reads, spread, pushes, changes = map(np.concatenate, zip(*parts, empty))
+    shifts = np.zeros((len(owner), gap_rates.shape[2]))
+    if shifts.size:
+        shifts = np.einsum("sc,sce->se", spread[place], gap_rates[instants][owner])
+    factors, pushes = rows @ step.right, pushes @ step.right
+    return Contacts(instants, counts, factors[place], shifts, pushes[place], reads[place], changes[place])
+
+
+def _in_step(
+    sets: RubbingSets, state: np.ndarray, writes: np.ndarray, moved: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    """Rows on the position before contact acts (s, r), on the memory (s, k) and on free gaps (s, c + k), and
+    what they take from the thin forces (s, r) and the memory (s, k), for a step in which forces move the
+    position by M.
+    """
+    push, *found = sets(state, writes)
+    inside = np.eye(push.shape[1]) + found[0] @ moved @ push
+    directions = np.split(
+        np.linalg.solve(inside, np.concatenate(found[:3], axis=1)),
+        np.cumsum([part.shape[1] for part in found[:2]]),
+        axis=1,
     )
-
-
-class _Condensing:
-    """Condenses sets; arguments are those of `rubbing_contacts`."""
-
-    def __init__(self, step: StepConstants, units: np.ndarray):
-        self.left, self.rubbing, self.units = step.left.T, step.rubbing, units
-        self.flexibility = step.flexibility[0], step.residual
-        values, axes = np.linalg.eigh((step.right * step.coefficients[0, 4]) @ step.right.T)
-        root = np.sqrt(np.maximum(values, 1e-15 * values[-1:]))
-        self.scaled, self.inverse = axes * root, axes / root
-
-    def __call__(self, first: bool, state: np.ndarray, writes: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Rows on the thin position (s, r) and on the memory (s, k), what they add to the thin forces (s, r)
-        and to the memory (s, k), and their rows on free gaps (s, c + k): all to be taken off.
-        """
-        w, left, count = self.flexibility[int(first)], self.left, self.rubbing.beside.size
-        index, spread = _spread(w, self.rubbing, state)
-        sticking = index >= count
-        kept = index[sticking] - count
-        force = spread(np.concatenate([left, w[count + writes].T], axis=1))
-        thin, along = force[:, : left.shape[1]].T, force[:, left.shape[1] :].T  # (r, a), (writes, a)
-        by_position = thin @ left[index]
-        by_memory = np.zeros((len(thin), len(self.units)))
-        by_memory[:, kept] = -thin[:, sticking] * self.units[kept]
-        whole = self.scaled.T @ np.concatenate([by_position @ self.scaled, by_memory], axis=1)
-        base, triangle, _ = linalg.qr(whole, mode="economic", pivoting=True, check_finite=False)
-        rank = int((np.abs(np.diagonal(triangle)) > LEAST * max(abs(triangle[0, 0]), 1.0)).sum())
-        pushes, chosen = self.inverse @ base[:, :rank], base[:, :rank].T @ self.scaled.T
-        s = rank + len(writes)
-        rows, reads, added = (
-            np.zeros((s, len(thin))),
-            np.zeros((s, len(self.units))),
-            np.zeros((s, len(thin))),
-        )
-        changes, gaps = np.zeros_like(reads), np.zeros((s, len(w)))
-        rows[:rank], reads[:rank], added[:rank] = chosen @ by_position, chosen @ by_memory, pushes.T
-        gaps[:rank, index] = chosen @ thin
-        number, units = np.arange(rank, s), self.units[writes][:, None]
-        rows[rank:] = (along @ left[index] - left[count + writes]) / units
-        reads[rank:, kept] = -along[:, sticking] * self.units[kept] / units
-        reads[number, writes] += 1.0
-        changes[number, writes] = 1.0
-        gaps[rank:, index] = along / units
-        gaps[number, count + writes] -= 1.0 / units[:, 0]
-        return rows, reads, added, changes, gaps
+    behind = found[3] @ moved @ push
+    rows = [np.concatenate([one, other - behind @ one]) for one, other in zip(directions, found[3:])]
+    changes = np.zeros_like(rows[1])
+    changes[push.shape[1] + np.arange(len(writes)), writes] = 1.0
+    return *rows, np.concatenate([push.T, np.zeros((len(writes), len(push)))]), changes
 
 
 def _spread(
