@@ -65,7 +65,7 @@ def transient(
     model : Model or ReducedModel
         Its `damping` is the modal damping ratio of all modes, to which `rayleigh` adds a / (2 omega) + b
         omega / 2. A model is reduced once for the places of its loads, and kept so for further analyses.
-        Faces that rub (`Coulomb`) have never been loaded before t = 0; the unreduced model has none.
+        Faces that rub (`Coulomb`) have never been loaded before t = 0; scheme "paper" has none.
     load : PointForce, EdgeLoad, SupportMotion, EdgeMotion, a sum or a sequence of them
         For a system of matrices a number or signal for each of its unit loads.
         Components are numbers (constant from t = 0) or signals.
@@ -138,7 +138,7 @@ def transient(
     with collective(comm):
         check_reduction("transient", reduction)
         if unreduced:
-            _check_unreduced(model)
+            _check_unreduced(model, scheme)
         if not flag("transient", "in_memory", in_memory) and file is None:
             raise ValueError(
                 "transient: in_memory = False needs a file to hold the history, file = 'history.journal'"
@@ -300,14 +300,14 @@ def _warn_if_long(step: float, highest: float, history: History) -> None:
         )
 
 
-def _check_unreduced(model: Model | ReducedModel) -> None:
+def _check_unreduced(model: Model | ReducedModel, scheme: str) -> None:
     """Raise unless the model itself can be integrated."""
     if isinstance(model, ReducedModel):
         raise ValueError(
             "transient: reduction = None and scheme = 'paper' need the model itself, not a reduced one"
         )
-    if isinstance(model, Model):
-        model.require_frictionless("transient of the unreduced model")
+    if isinstance(model, Model) and scheme == "paper":
+        model.require_frictionless('the scheme "paper"')
 
 
 def check_initial(initial: Any, unreduced: bool) -> None:

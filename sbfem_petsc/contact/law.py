@@ -161,8 +161,7 @@ class Clearance(ContactLaw):
 @dataclass(frozen=True, init=False)
 class Coulomb(Unilateral):
     """Faces that come apart freely and rub where they press on each other: |t| <= friction n, the friction t
-    against the slip; with friction 0, `Unilateral`. Taken by `static`, `load_history`, and
-    `transient` of reduced models.
+    against the slip; with friction 0, `Unilateral`.
 
     Attributes
     ----------

@@ -85,8 +85,7 @@ class Motion(Record):
     @derived("N", "sum of the contact forces, those inside tip elements included", "time")
     def contact_resultant(self) -> np.ndarray:
         """(n,): sum of all contact forces, those inside the tip elements included, N."""
-        gaps = None if self.reduced is None else self.reduced.gaps
-        return self.states.contact[:, :gaps].sum(axis=1)
+        return self.states.contact[:, : self.states.gaps].sum(axis=1)
 
     @derived("m", "gaps of the contact pairs", "time pair", detail=True, stored=False)
     def gap(self) -> np.ndarray:
@@ -105,9 +104,8 @@ class Motion(Record):
 
     def _of_slips(self, rows: np.ndarray) -> np.ndarray | None:
         """The tangential rows of the pairs; None where nothing rubs."""
-        if self.reduced is None or self.reduced.friction is None:
-            return None
-        return rows[:, self.reduced.gaps :][:, : self.reduced.pairs]
+        first = self.states.gaps
+        return None if first in (None, rows.shape[1]) else rows[:, first:][:, : self.states.pairs]
 
     @derived(text="what K of the tips does not tell by itself", dims="note", kept=True)
     def notes(self) -> tuple[str, ...]:

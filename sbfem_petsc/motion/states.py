@@ -47,6 +47,10 @@ class States(Protocol):
         """Number of contact rows that are node pairs."""
 
     @property
+    def gaps(self) -> int | None:
+        """Contact rows that are gaps, behind which slips stand; None: all."""
+
+    @property
     def contact(self) -> np.ndarray:
         """(n, c): forces of all contact rows, N."""
 
@@ -122,6 +126,11 @@ class ModalStates(Record):
     def pairs(self) -> int:
         """Number of contact rows that are node pairs."""
         return self.reduced.pairs
+
+    @property
+    def gaps(self) -> int:
+        """Contact rows that are gaps, behind which slips stand."""
+        return self.reduced.gaps
 
     @property
     def gap(self) -> np.ndarray:
@@ -248,6 +257,9 @@ class SampledStates(Record):
         unit_of=lambda states: states.tip_facts.common,
     )
     tip_facts: TipFacts = quantity(text="kinds of the tips", part="TipFacts")
+    gaps: int | None = quantity(
+        "1", "contact rows that are gaps, behind which slips stand, where faces rub", default=None, least=0
+    )
     fields: KeptFields | None = None
 
     def check(self) -> None:

@@ -279,12 +279,14 @@ def result_of(kept: Kept, in_memory: bool = True) -> History:
         columns = reduced_columns(reduced)
     else:
         tips = from_image(head["tips"])
-        columns = sampled_columns(len(head["points"]), len(tips.names), found["contact_force"][0])
+        size = found["contact_force"][0]
+        gaps = size - head["friction"].shape[1] if "friction" in head else size
+        columns = sampled_columns(len(head["points"]), len(tips.names), size, gaps)
     if found != {name: column.shape for name, column in columns.items()}:
         raise ValueError(f"its rows are {found}, which is not what the model has")
     if head["kind"] == "reduced":
         return reduced_history(rows, reduced, head["step"], recorded_exchanges(state["state"]), complete)
-    run = SampledRun(tuple(head["points"]), tips, head["pairs"], head["step"], head["damped_modes"])
+    run = SampledRun(tuple(head["points"]), tips, head["pairs"], gaps, head["step"], head["damped_modes"])
     return unreduced_history(rows, run, complete)
 
 

@@ -123,6 +123,9 @@ class UnreducedIntegrator:
             "continued_fraction": model.continued_fraction,
             "unknowns": model.unknowns,
         }
+        friction = model.gap_operator.friction
+        if friction is not None:
+            settings["friction"] = np.array([friction.kinetic, friction.static])
         record.begin(
             self.columns,
             settings,
@@ -136,10 +139,11 @@ class UnreducedIntegrator:
         """The row of t = 0."""
         march = self.march
         amplitudes, sums = self.drive.sums(0, 1)
-        march.slope = march.first_slope(sums[0])
         march.amplitudes = amplitudes[0]
         gap = march.displacements()[: march.pairs] + march.gap0 + march.load_gaps @ march.amplitudes
         gap = gap + march.own_flexibility @ self.force
+        march.contact.slip = gap[len(march.laws) :]
+        march.slope = march.first_slope(sums[0])
         return self._stacked([self._row(0.0, march.slope, self.force, gap, march.energies())])
 
     @stage("Steps")
@@ -202,12 +206,14 @@ class UnreducedIntegrator:
             *march.carried,
             *march.slope.ravel(),
         ]
-        return np.concatenate([numbers, march.contact.state, march.u, march.v]).astype(float)
+        contact = march.contact
+        return np.concatenate([numbers, contact.state, contact.slip, march.u, march.v]).astype(float)
 
     def restore(self, checkpoint: np.ndarray | OfOtherRanks) -> None:
         """Go on from a checkpoint, bit by bit; from one of another number of ranks to round-off."""
         march = self.march
-        shared = (3, 3, march.pairs, march.slope.size, march.pairs)
+        slips = len(march.contact.slip)
+        shared = (3, len(march.work), march.pairs, march.slope.size, march.pairs, slips)
         if isinstance(checkpoint, OfOtherRanks):
             known = sum(shared)
             states = [part[known:].reshape(2, -1).T for part in checkpoint.parts]
@@ -216,11 +222,12 @@ class UnreducedIntegrator:
         else:
             numbers = checkpoint
         sizes = (*shared, march.u.size, march.u.size)
-        head, work, carried, slope, rows, u, v = np.split(numbers, np.cumsum(sizes)[:-1])
+        head, work, carried, slope, rows, slip, u, v = np.split(numbers, np.cumsum(sizes)[:-1])
         self.initial, self.supplied, march.stored = map(float, head)
         march.work[:], march.carried, march.slope = work, carried.copy(), slope.reshape(-1, 2)
         self.fields.wanted = False  # those of the former run are gone
         march.contact.state[:], march.u[:], march.v[:] = rows, u, v
+        march.contact.slip = slip.copy()
         march.settle(fold=False)
 
     def history(self, rows: Rows) -> History:
@@ -232,6 +239,7 @@ class UnreducedIntegrator:
                 tuple(model.points),
                 model.tips.facts,
                 model.gap_operator.pairs,
+                len(model.gap_operator.laws),
                 self.march.step,
                 len(self.march.omega),
             ),
@@ -260,29 +268,37 @@ class UnreducedIntegrator:
 
 def unreduced_columns(model: Model) -> dict[str, Column]:
     """What is kept of each instant."""
-    return sampled_columns(len(model.points), len(model.tips.names), len(model.gap_operator))
+    rows, laws = model.gap_operator, model.gap_operator.laws
+    return sampled_columns(len(model.points), len(model.tips.names), len(rows), len(laws))
 
 
-def sampled_columns(points: int, tips: int, size: int) -> dict[str, Column]:
-    """The same of so many points, crack tips and contact rows."""
+def sampled_columns(points: int, tips: int, size: int, gaps: int) -> dict[str, Column]:
+    """The same of so many points, crack tips and contact rows, of which so many are gaps."""
+    energies = ["kinetic", "strain", "external", "damping", "contact"]
+    energies += [] if gaps == size else ["friction"]
     return {
         "time": Column((), "s", "instants"),
         "displacement": Column((points, 2), "m", "of the named points"),
         "velocity": Column((points, 2), "m/s", "of the named points"),
         "acceleration": Column((points, 2), "m/s^2", "of the named points"),
-        "contact_force": Column((size,), "N", "forces of the contact rows, compression positive"),
-        "gap": Column((size,), "m", "gaps of the contact rows"),
-        "energies": Column((5,), "J", "kinetic, strain, external, damping, contact"),
+        "contact_force": Column(
+            (size,), "N", "forces of the contact rows, compression positive, then friction"
+        ),
+        "gap": Column((size,), "m", "gaps of the contact rows, then slips"),
+        "energies": Column((len(energies),), "J", ", ".join(energies)),
         "stress_intensity": Column((tips, 2), "Pa m^(1/2)", "K_I and K_II of the tips"),
     }
 
 
 class SampledRun(NamedTuple):
-    """What a history's rows do not tell: names of points, the tips, pairs, the step (s), damped modes."""
+    """What a history's rows do not tell: names of points, the tips, pairs, contact rows that are gaps,
+    the step (s), damped modes.
+    """
 
     points: tuple[str, ...]
     tips: TipFacts
     pairs: int
+    gaps: int
     step: float
     damped_modes: int
 
@@ -305,6 +321,7 @@ def unreduced_history(
         run.pairs,
         intensities,
         run.tips,
+        run.gaps if run.gaps < rows["gap"].shape[1] else None,
         fields,
     )
     return History(rows["time"], states, Energy(*rows["energies"].T), run.step, 0, run.damped_modes, complete)

@@ -159,7 +159,7 @@ class UnreducedDriven:
         march, steps = self.march, self.period.steps
         sets = np.zeros((steps, march.pairs), dtype=bool)
         self._set(march, state)
-        march.contact.open()
+        march.contact.open(np.zeros(march.pairs))
         for k in range(steps):
             force, gap = march.advance(self.amplitudes[k] + self.amplitudes[k + 1], self.amplitudes[k + 1])
             sets[k] = march.laws.acting(force)
@@ -265,7 +265,7 @@ class UnreducedDriven:
             march.model.gap_operator.pairs,
             {name: intensities[:, k] for k, name in enumerate(tips.names)},
             tips,
-            fields.rolled(1).complete(count) if fields.wanted else None,
+            fields=fields.rolled(1).complete(count) if fields.wanted else None,
         )
 
 

@@ -71,8 +71,9 @@ class UnreducedSteps:
     ----------
     u, v : (local unknowns,) arrays
         This rank's state; that of the structure only after `settle`.
-    work : (3,) array
-        Work of the loads, of damping and of contact since the start, J.
+    work : (3,) or (4,) array
+        Work of the loads, of damping, of contact since the start, and where faces rub what friction has
+        taken, J.
     contact : StepContact
     carried : (c,) array
         Contact force that the paper's scheme takes from a step to the next one, N.
@@ -85,7 +86,6 @@ class UnreducedSteps:
     def __init__(
         self, model: Model, pencil: Pencil, units: Sequence[Load], steps: Steps, found: Modal | None
     ):
-        model.require_frictionless("the integration in time")
         self.model, self.pencil, self.scheme = model, pencil, steps.scheme
         step = self.step = steps.step
         a, b = self.rayleigh = model.rayleigh
@@ -115,10 +115,14 @@ class UnreducedSteps:
         # in the step after
         self.share = 1.0 if self.scheme == "paper" else 2.0
         self.contact = StepContact(
-            0.5 * self.share * (flexibility + flexibility.T) + self.own_flexibility, self.laws, self.scheme
+            0.5 * self.share * (flexibility + flexibility.T) + self.own_flexibility,
+            self.laws,
+            self.scheme,
+            self.model.gap_operator.friction if contact else None,
         )
         self.q = self.p = self.q0 = self.p0 = np.zeros(len(self.omega))
-        self.work, self.carried = np.zeros(3), np.zeros(self.pairs)
+        self.work = np.zeros(3 if self.model.gap_operator.friction is None else 4)
+        self.carried = np.zeros(self.pairs)
         self.slope = np.zeros((len(self.model.points), 2))
         self.stored = 0.0
         self.settle(fold=False)
@@ -256,9 +260,13 @@ class UnreducedSteps:
         contact forces and gaps there.
         """
         self.free_gap, self.amplitudes = self.gap0 + self.load_gaps @ after, after
+        slip = self.contact.slip
         solved = self._take(drive)
         self.force = solved.force
         stored, self.stored = self.stored, self.stored_in(solved.force)
+        # held over the step, friction takes its full value times the way
+        lost = float(self.force[len(self.laws) :] @ (slip - self.contact.slip))
+        self.work[2:] += lost
         self.work[2] += self.stored - stored
         return solved.force, solved.gap
 
@@ -328,7 +336,7 @@ class UnreducedSteps:
             gap = (self.displacements() + probes + self.probe_modes @ (damped - undamped))[: self.pairs]
             if acting is None:
                 gap = gap + self.free_gap
-                touched = self.laws.touched(gap).any()
+                touched = self.laws.touched(gap[: len(self.laws)]).any()
             else:
                 touched = acting.any()
             if touched:
@@ -337,7 +345,7 @@ class UnreducedSteps:
                 probes += self.probe_responses @ (self.share * force)
                 damped, undamped = self._modal(modal_force + self.gap_modes.T @ (self.share * force))
             else:
-                self.contact.open()
+                self.contact.open(gap)
         return _Solved(probes, damped, undamped, force, gap)
 
     def _solve_for_increment(self) -> None:
@@ -365,8 +373,9 @@ class UnreducedSteps:
 
     def first_slope(self, drive: np.ndarray) -> np.ndarray:
         """(points, 2): mean acceleration over the first step, m/s^2."""
+        slips = np.append(np.zeros(len(self.laws)), self.contact.slip)
         solved = self.solve_step(drive)
-        self.contact.open()
+        self.contact.open(slips)
         self.contact.forget()
         change = solved.probes + self.probe_modes @ (solved.damped - solved.undamped)
         return (self.rate * (change / self.step - self.velocities()))[self.pairs + self.loads :].reshape(

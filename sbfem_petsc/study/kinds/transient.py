@@ -48,7 +48,7 @@ class Transient(TransientOptions, Loaded):
 
     @property
     def frictionless(self) -> str | None:
-        return " of the unreduced model" if self.unreduced else None
+        return ' of scheme "paper"' if self.scheme == "paper" else None
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.History:
         return sb.transient(
