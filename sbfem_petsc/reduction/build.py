@@ -153,8 +153,9 @@ def _reduced_body(
                 raise TypeError(f"reduce: {name} has the name {shown(key)}; names are strings")
             item = f"{name}[{key!r}]"
             if name == "loads" and isinstance(row, SupportMotion):
-                for direction, value in row.components.items():
-                    real("reduce", f"{item}.{direction}", value, "m/s^2")
+                values = [real("reduce", f"{item}.{d}", a, "m/s^2") for d, a in row.components.items()]
+                if not any(values):
+                    raise ValueError(f"reduce: {item} = {row!r} moves nothing; give an acceleration, say 1.0")
                 continue
             _of_body(item, instance("reduce", item, row, Row, "a Row, of body.at"), n)
     loads, points = named

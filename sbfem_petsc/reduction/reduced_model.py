@@ -242,8 +242,8 @@ class ReducedModel(Record):
         if self.model is None or self.modal is None:
             raise on_all_ranks(
                 SolveError(
-                    f"{what}: a reduced model of matrices or of a body without shapes, or one read from a "
-                    "file, knows its named points alone; reduce the model again"
+                    f"{what}: a reduced model of matrices, of a body (which has a field if it is reduced "
+                    "with shapes=True) or read from a file knows its named points alone; reduce it again"
                 )
             )
         return self.model

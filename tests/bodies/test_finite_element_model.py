@@ -257,6 +257,10 @@ def test_wrong_models(parts, change, sentence):
         (lambda b: b.contact("LEFT", normal="x", gap=[1e-6]), "gap has 1 values"),
         (lambda b: b.contact("LEFT", normal="x", gap=-1e-6), "overlap"),
         (lambda b: sb.reduce(b, loads={"F": b.at("LEFT", "x")}), "points = None must be a dict"),
+        (
+            lambda b: sb.reduce(b, loads={"F": sb.SupportMotion()}, points={"p": b.at("LEFT", "x")}),
+            "moves nothing; give an acceleration",
+        ),
     ],
 )
 def test_wrong_calls(body, call, sentence):
