@@ -143,7 +143,7 @@ def plot_branches(
         kinds |= _draw_marks(axes, curve, marks, shade, every)
     top = axes.get_ylim()[1]
     if backbone is not None:
-        free = (backbone.frequency * along, shown.along(backbone) * factor)
+        _, *free = smooth([(True, backbone.frequency * along, shown.along(backbone) * factor)])[0]
         axes.plot(*free, color=BLACK, linewidth=1.1, linestyle=":", zorder=1.6, label="free motion")
     name_verdicts(axes, broken)
     for kind in KINDS:

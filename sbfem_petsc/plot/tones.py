@@ -185,7 +185,7 @@ def plot_backbone(
     comm: MPI.Comm | None = None,
 ) -> Axes | None:
     """Draw frequencies of free motions over their energy, broken where they are unstable, and below them the
-    damping ratios where there are damped motions. Collective.
+    damping ratios where there are damped motions; monotone cubics between their points. Collective.
 
     Parameters
     ----------
@@ -208,8 +208,9 @@ def plot_backbone(
         axes.plot([], [], color=colour, linewidth=1.2, label=name or "_")
         drawn = [backbone.frequency * factor] + [backbone.damping_ratio] * backbone.damped
         for panel, values in zip(panels, drawn):
-            parts = split(backbone.energy, values, backbone.stable)
-            broken |= draw_parts(panel, parts, colour, 1.2)
+            parts = smooth(split(np.log10(backbone.energy), values, backbone.stable))
+            drawn_parts = [(stable, 10.0**energy, value) for stable, energy, value in parts]
+            broken |= draw_parts(panel, drawn_parts, colour, 1.2)
     name_verdicts(axes, broken)
     for panel, label in zip(panels, (f"frequency of free vibration ({unit})", "damping ratio (decay)")):
         panel.set(xscale="log", xlabel="energy (J)", ylabel=label)

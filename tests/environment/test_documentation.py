@@ -16,6 +16,7 @@ import pytest
 from matplotlib.image import imread
 
 from meshing import read_gmsh
+from tests.environment.test_readme import assert_printed
 
 ROOT = Path(__file__).resolve().parents[2]
 SNIPPETS = {
@@ -49,8 +50,8 @@ def test_built_without_a_warning(tmp_path):
 
 @pytest.mark.long
 @pytest.mark.parametrize("page", WITH_SNIPPETS, ids=lambda page: page.stem)
-def test_snippets_run(page, tmp_path, monkeypatch):
-    """From the first to the last, which need nothing that a page does not say."""
+def test_snippets_run(page, tmp_path, monkeypatch, capsys):
+    """From the first to the last, which need nothing that a page does not say, and print what it shows."""
     monkeypatch.chdir(tmp_path)
     shutil.copytree(ROOT / "tests/bodies/calculix", tmp_path, dirs_exist_ok=True)  # what bodies.md shows
     for number, drawing in enumerate(re.findall(r"```geo\n(.*?)```", page.read_text(), re.S)):
@@ -60,6 +61,8 @@ def test_snippets_run(page, tmp_path, monkeypatch):
     names: dict = {}
     for snippet in SNIPPETS[page]:
         exec(compile(snippet, page.name, "exec"), names)
+    shown = re.findall(r"```python\n.*?```\n\n```text\n(.*?)```", page.read_text(), re.S)
+    assert_printed("\n".join(shown), capsys.readouterr().out)
 
 
 def test_pictures_of_the_pages():

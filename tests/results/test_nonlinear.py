@@ -151,7 +151,8 @@ def test_picture_of_damped_backbones():
         (lower, (damped,), "damping_ratio"),
     ):
         expected = np.concatenate([np.column_stack([b.energy, getattr(b, values)]) for b in backbones])
-        np.testing.assert_allclose(np.unique(drawn(panel), axis=0), np.unique(expected, axis=0), rtol=1e-12)
+        far = np.abs(drawn(panel)[:, None] / expected - 1.0).max(axis=2).min(axis=0)
+        assert far.max() < 1e-12 and len(drawn(panel)) > 5 * len(expected)
 
 
 def test_frequencies_are_drawn_as_they_are():
@@ -172,8 +173,8 @@ def test_picture_of_a_backbone_over_curves():
     found = examples.backbone()
     axes = plot_branches(examples.branch(), backbone=found)
     (line,) = [line for line in axes.lines if line.get_linestyle() == ":"]
-    x, y = line.get_xdata(), line.get_ydata()
-    np.testing.assert_allclose(x, found.frequency, rtol=1e-12)
-    np.testing.assert_allclose(y / y[0], found.amplitude("A") / found.amplitude("A")[0], rtol=1e-12)
+    drawn = line.get_xydata() / [1.0, line.get_ydata()[0]]
+    expected = np.column_stack([found.frequency, found.amplitude("A") / found.amplitude("A")[0]])
+    assert np.abs(drawn[:, None] / expected - 1.0).max(axis=2).min(axis=0).max() < 1e-12
     with pytest.raises(ValueError, match="are not divided by forces"):
         plot_branches({"a": examples.branch()}, backbone=found, forces={"a": 1.0})
