@@ -15,6 +15,7 @@ from sbfem_petsc.study.case import geometry, laws, loads, objects
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.locations import parse
 from sbfem_petsc.study.starter import KINDS, starter_text
+from sbfem_petsc.study.structure import Structure
 from tests.parallel import ROOT
 from tests.study.small_case import CASE, SWEEP, sbfem
 
@@ -342,3 +343,20 @@ def test_analyses_that_know_no_friction_say_so():
     with pytest.raises((KeyError, ValueError), match="crack9"):
         text = with_law("coulomb", "friction = 0.2").replace("crack1", "crack9")
         objects.model(case_from_text(text), MPI.COMM_SELF)
+
+
+@pytest.mark.long
+def test_a_moved_edge():
+    """In a steady state: the results of Python, reactions among their quantities."""
+    push = '[loads.push]\nkind = "point_force"\npoint = "A"\nfy = 200.0'
+    moved = '[loads.push]\nkind = "edge_motion"\nwhere = "left"\nuy = 1e-6'
+    assert push in CASE
+    case = case_from_text(CASE.replace(push, moved))
+    structure = Structure(case, MPI.COMM_SELF)
+    found = structure.solve(case, "steady")
+    exact = sb.periodic(structure.model, sb.EdgeMotion("left", uy=1e-6), 400.0, modes=12, steps=256)
+    assert np.abs(exact.reactions).max() > 0.1
+    assert np.array_equal(found.reactions, exact.reactions)
+    tree = structure.tree(case, "steady", found)
+    assert np.array_equal(tree["reactions"]["left"].value, exact.reaction("left"))
+    structure.destroy()
