@@ -81,6 +81,19 @@ def test_histories_against_all_states_tried(modes):
     assert seen == {(False, True), (True, True), (True, False)}
 
 
+def test_results_are_kept(tmp_path):
+    """Slips, friction and losses in files and tables; a system without friction has none."""
+    reduced, *_ = pressed(np.random.default_rng(3), np.array([0.3, 0.5]), 9)
+    found = sb.load_history(reduced, [sb.Samples([0.0, 1.0], [1.0, -2.0]), 2.0], [0.0, 0.5, 1.0])
+    sb.save(tmp_path / "results.h5", {"history": found, "state": sb.static(reduced, [1.0, 2.0])})
+    read = sb.read(tmp_path / "results.h5")
+    for name in ("slip", "friction_force", "friction_loss"):
+        assert np.array_equal(getattr(read["history"], name), getattr(found, name)), name
+    assert read["state"].slip == pytest.approx(found.slip[0], rel=1e-12)
+    apart = sb.static(reduced, [1.0, 2.0], contact=False)
+    assert not apart.friction_force.any() and apart.friction_loss == 0.0 and apart.slip.any()
+
+
 def test_work_of_slow_loads():
     """What loads do and what is not stored is lost to friction, the better the closer the states."""
     errors = []

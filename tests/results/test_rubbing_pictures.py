@@ -9,6 +9,7 @@ from sbfem_petsc import plot
 from sbfem_petsc.indicators import friction_power
 from sbfem_petsc.study.kinds.kind import Drawn
 from sbfem_petsc.study.kinds.load_history import LoadHistory
+from sbfem_petsc.study.kinds.periodic import Periodic
 from tests.contact.test_friction import square
 from tests.contact.test_friction_in_motion import slider
 from tests.fuzz import examples
@@ -82,6 +83,11 @@ def test_a_case_draws_them(loads):
     assert names == ["history", *LoadHistory.captions]
     names = [name for name, _ in kind.pictures(examples.loads_in_time(), Drawn("slow", (), MPI.COMM_SELF))]
     assert names == ["history"]
+    orbit = sb.periodic(slider(), [sb.Harmonic(1.5, 0.3), sb.Constant(-2.0)], 0.3, steps=512)
+    names = [
+        name for name, _ in Periodic.model_construct().pictures(orbit, Drawn("steady", (), MPI.COMM_SELF))
+    ]
+    assert set(names) == set(Periodic.captions)
 
 
 def test_power_in_closed_form():
@@ -103,7 +109,7 @@ def test_power_in_closed_form():
 def test_losses_over_amplitude():
     """Each motion's own numbers, lowest amplitude first, whatever order they are given in."""
     orbits = [
-        sb.periodic(slider(damping=0.05), [sb.Harmonic(force, 0.3), sb.Constant(-2.0)], 0.3, steps=128)
+        sb.periodic(slider(damping=0.05), [sb.Harmonic(force, 0.3), sb.Constant(-2.0)], 0.3, steps=512)
         for force in (1.5, 0.8, 3.0)
     ]
     first, second = plot.plot_losses(orbits, "x", count=3)

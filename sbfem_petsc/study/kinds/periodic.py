@@ -20,7 +20,7 @@ from ..case.objects import located
 from ..case.tables import Path
 from ..costs import MULTIPLIERS, STEPS, Cost, Size
 from ..quantities import Quantity, Tree, of_points
-from .kind import PERIODIC, Drawn, Kind, Loaded, Run, Values, Wanted, peak_of
+from .kind import PERIODIC, RUBBING, Drawn, Kind, Loaded, Run, Values, Wanted, peak_of
 
 # Harmonics of a motion kept beside its whole waveform, of each point in a row of a sweep, and in a report.
 HARMONICS, ROW_HARMONICS, SHOWN = 41, 21, 11
@@ -34,7 +34,7 @@ class Steady(Kind):
     signals = PERIODIC
     moving = True
     details = ("contact_force",)
-    captions = {
+    captions = RUBBING | {
         "orbit": "phase plane; gaps and contact resultant over a period",
         "multipliers": "Floquet multipliers",
     }
@@ -127,6 +127,7 @@ class Steady(Kind):
             yield "orbit", drawn.plot.plot_orbit(result, point, title=drawn.title, comm=drawn.comm)
         if len(result.multipliers):
             yield "multipliers", drawn.plot.plot_multipliers(result, title=drawn.title, comm=drawn.comm)
+        yield from drawn.rubbing(result)
 
     def save(self, result: Any, part: Callable[[str], str]) -> None:
         if result.reduced is not None:
