@@ -1,0 +1,83 @@
+"""The solid cantilever of `examples/cracked_cantilever.py` over its size: numbers, CPU seconds and memory.
+
+    ./run python benchmarks/bodies.py                # 17,136 and 46,071 free unknowns
+    ./run python benchmarks/bodies.py --motion       # wedge, folds and backbone of 17,136 too, two minutes
+    mpiexec -n 2 ./run python benchmarks/bodies.py   # reduced by both
+
+CalculiX (ccx) stores the matrices; reading them is not counted.
+"""
+
+import argparse
+import pathlib
+import resource
+import tempfile
+import time
+
+import numpy as np
+from mpi4py import MPI
+
+import sbfem_petsc as sb
+from examples.tables.cracked_cantilever import calculix, mesh, write_deck
+
+# mm, of elements and of those at the crack.
+SIZES = [(5.0, 2.0), (3.3, 1.5)]
+
+
+def body_of(size: float, fine: float) -> sb.FiniteElementModel:
+    """By gmsh and CalculiX, on rank 0, read on all."""
+    folder = MPI.COMM_WORLD.bcast(tempfile.mkdtemp() if MPI.COMM_WORLD.rank == 0 else None)
+    deck = pathlib.Path(folder) / "cantilever.inp"
+    sb.on_root(MPI.COMM_WORLD, lambda: (write_deck(deck, *mesh(size, fine)), calculix(deck)))
+    return sb.read_calculix(deck)
+
+
+def reduced(body: sb.FiniteElementModel, gap, modes: int = 80, damping: float = 0.0) -> sb.ReducedModel:
+    """Load and sensor along z at a corner of the free end."""
+    tip, crack = body.at((0.2, 0.02, 0.01), "z"), body.contact("LEFT", "RIGHT", normal="x", gap=gap)
+    given = {"loads": {"F": tip}, "points": {"tip": tip}, "modes": modes, "damping": damping}
+    return sb.reduce(body, contact=crack, shapes=False, **given)
+
+
+def row(body: sb.FiniteElementModel) -> None:
+    """One of the table in docs/bodies.md."""
+    begun, clock = time.process_time(), time.perf_counter()
+    rom = reduced(body, 0.0, damping=0.005)
+    spent = time.process_time() - begun, time.perf_counter() - clock
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2
+    found, orbit = sb.static(rom, 100.0), sb.periodic(rom, 100.0, 150.0)
+    if MPI.COMM_WORLD.rank == 0:
+        print(
+            f"{len(body.unknowns)} unknowns, {rom.pairs} pairs: {np.round(rom.frequencies[:3], 4)} Hz, "
+            f"{1e3 * float(found.displacement('tip')):.7f} mm, {found.contact_resultant:.2f} N, "
+            f"{found.active.sum()} closed; harmonics {1e6 * np.abs(orbit.harmonics('tip')[:4])} um; "
+            f"reduced in {spent[0]:.1f} CPU s, {spent[1]:.1f} s, {memory:.2f} GB",
+            flush=True,
+        )
+
+
+def motion(body: sb.FiniteElementModel) -> None:
+    """A wedge at rest, the folds of two gaps, the backbone of the wedge and of faces that touch."""
+
+    def wedge(x, y, z):
+        return 1e-3 * (z - 0.005)
+
+    rom = reduced(body, wedge, 40)
+    for force in (20.0, 40.0, 60.0):
+        found = sb.static(rom, force)
+        print(f"{force:g} N: {1e3 * float(found.displacement('tip')):.7f} mm, {found.active.sum()} closed")
+    print(sb.backbone(rom, 1, 0.01, 0.3, stability=False))
+    print(sb.backbone(reduced(body, 0.0, 40), 1, 0.1, 0.101, points=2, stability=False))
+    for gap in (wedge, 5e-6):
+        curve = sb.frequency_response(reduced(body, gap, damping=0.002), 1.0, 194.0, 204.0)
+        print(*curve.bifurcations, f"peak {1e3 * curve.amplitude('tip').max():.3f} mm")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--motion", action="store_true")
+    chosen = parser.parse_args()
+    for sizes in SIZES:
+        cantilever = body_of(*sizes)
+        row(cantilever)
+        if chosen.motion and sizes == SIZES[0]:
+            motion(cantilever)
