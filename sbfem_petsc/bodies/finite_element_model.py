@@ -139,6 +139,16 @@ class FiniteElementModel:
         found[rows, self.unknowns[moves, 1]] = values[moves]
         return found
 
+    def field_of(self, owner: str, name: str, given: Any) -> np.ndarray:
+        """(nodes, 3): m, of an array, a field or a static result, named in errors of a function."""
+        found = real_array(owner, f"fields[{name!r}]", np.asarray(getattr(given, "field", given)), 2, "m")
+        if found.shape != self.places.shape:
+            raise ValueError(
+                f"{owner}: field {name!r} has shape {found.shape}; displacements of all nodes have "
+                f"{self.places.shape}"
+            )
+        return found
+
     def at(self, place: Any, direction: Any) -> Row:
         """The displacement at a place: of a node's label, the mean of a set, the node at (x, y, z) in m.
 

@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.tri import Triangulation
 
+from ..bodies.finite_element_model import FiniteElementModel
 from ..ranks.parallel import on_root
 from ..record.units import length_unit, place_unit, stress_unit
 from ..system.model import Model
@@ -21,6 +22,7 @@ from .crack import Colours, Notch, area_quantile, plain, round_down
 from .drawing import BLACK, WIDTH, Sheet
 from .outlines import Piece, Region, gather_outline, gather_region
 from .picture import fields_by_name, one_of, picture
+from .solids import Solid
 
 # What the colours show, and how the label calls it; stresses by their column in a `Region`.
 STRESSES = {"von_mises": 3, "stress_xx": 0, "stress_yy": 1, "stress_xy": 2}
@@ -39,9 +41,9 @@ BESIDE = 1.7
 DRAWN = 0.05
 
 
-@picture(Model, fields=fields_by_name, colour=one_of(*LABELS))
+@picture(Model, FiniteElementModel, fields=fields_by_name, colour=one_of(*LABELS))
 def plot_field(
-    model: Model,
+    model: Model | FiniteElementModel,
     fields: Mapping[str, Any],
     *,
     colour: str = "von_mises",
@@ -55,9 +57,10 @@ def plot_field(
 
     Parameters
     ----------
-    model : Model
+    model : Model or FiniteElementModel
+        A body of another code needs elements; its colours are those of the displacement.
     fields : dict of str to Static, Field or (m, 2) array
-        One panel each, as for `plot_crack`.
+        One panel each, as for `plot_crack`; of a body as for `write_vtu`.
     colour : {"von_mises", "stress_xx", "stress_yy", "stress_xy", "displacement"}
         What the colours show.
     magnification : float, optional
@@ -69,6 +72,8 @@ def plot_field(
     -------
     Axes, one a field, on rank 0, None elsewhere; `save_picture` writes them
     """
+    if isinstance(model, FiniteElementModel):
+        return _draw_solid(model, fields, magnification, Sheet.of(ax))
     lower, upper = model.extent
     middle, size = 0.5 * (lower + upper), float((upper - lower).max())
     regions = {
@@ -100,6 +105,25 @@ def plot_field(
         return panels
 
     return on_root(model.comm, draw)
+
+
+def _draw_solid(
+    body: FiniteElementModel, fields: Mapping[str, Any], magnification: float | None, sheet: Sheet
+) -> list[Axes]:
+    """A panel for each state of a body in space."""
+    if not body.elements:
+        raise ValueError("plot_field: the body has no elements to draw; give elements= with its nodes")
+    solid = Solid(body, None)
+    states = {name: body.field_of("plot_field", name, given) for name, given in fields.items()}
+    colours, panels = solid.colours(list(states.values())), sheet.panels((len(states), 1), 2.4 * len(states))
+    for axes, (name, state) in zip(panels, states.items()):
+        furthest = solid.largest([state])
+        factor = magnification or (round_down(2.0 * DRAWN * solid.half / furthest) if furthest > 0.0 else 1.0)
+        painted = solid.paint(axes, state, None, 0, factor=factor, colours=colours)
+        solid.frame(axes)
+        axes.set_title(f"{f'{name}, ' if name else ''}displacement × {plain(factor)}")
+    colours.bar(painted[0], panels)
+    return panels
 
 
 def _values(region: Region, colour: str) -> np.ndarray:

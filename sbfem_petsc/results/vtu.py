@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..bodies.finite_element_model import FiniteElementModel
-from ..checks import flag, instance, optional_integer, real_array, shown
+from ..checks import flag, instance, optional_integer, shown
 from ..petsc import MPI
 from ..ranks.parallel import agreed, collective, ranks_of
 from ..reduction.at_rest import ReducedModal
@@ -161,16 +161,9 @@ def _stress(name: str, component: str, per: str) -> str:
 def _of_body(body: FiniteElementModel, fields: Mapping[str, Any], per: str) -> dict:
     """A body's own elements, or its nodes, as the arguments of a meshio mesh."""
     data = {"node": body.labels}
-    for name, given in fields.items():
-        found = real_array(
-            "write_vtu", f"fields[{name!r}]", np.asarray(getattr(given, "field", given)), 2, "m"
-        )
-        if found.shape != body.places.shape:
-            raise ValueError(
-                f"write_vtu: field {name!r} has shape {found.shape}; displacements of all nodes have "
-                f"{body.places.shape}"
-            )
-        data[_displacement(name, per)] = found
+    data |= {
+        _displacement(name, per): body.field_of("write_vtu", name, given) for name, given in fields.items()
+    }
     cells = body.elements or {"vertex": np.arange(len(body.labels))[:, None]}
     return {"points": body.places, "cells": list(cells.items()), "point_data": data}
 

@@ -72,6 +72,8 @@ def test_files_of_the_whole(body, crack, tmp_path):
 
     with Image.open(tmp_path / "film.gif") as film:
         assert film.n_frames == 2
+    push, mode = plot.plot_field(body, {"push": found, "mode 1": sb.modal(crack, 1).nodal(0)})
+    assert len(push.collections[0].get_paths()) == 2 * 16 + 2 * 8 + 2 * 2 + 2 and "×" in mode.get_title()
     bare = sb.FiniteElementModel(
         body.mass, body.stiffness, body.unknowns, dict(zip(body.labels, body.places))
     )
