@@ -12,8 +12,10 @@ from ..checks import flag, integer, optional_integer, path, real_array, text
 from ..motion.history import Motion, model_with_fields
 from ..petsc import MPI
 from ..ranks.parallel import agreed, collective, ranks_of
+from ..system.model import Model
 from ..writing import check_output_folder
-from .vtu import write_vtu, write_xml
+from .vtkhdf import write_series
+from .vtu import sampled_mesh, write_vtu, write_xml
 
 
 @agreed()
@@ -32,7 +34,8 @@ def write_animation(
     Parameters
     ----------
     folder : str
-        Made if it is missing.
+        Made if it is missing. A name that ends in .vtkhdf is that of one file of all instants, which ParaView
+        5.12 and newer open; on one rank.
     motion : History or Orbit
         Of a model, reduced or not, or of a body; the fields are those of `motion.field`, the residual
         flexibility of contact and loads included.
@@ -48,7 +51,7 @@ def write_animation(
     Returns
     -------
     str
-        The PVD file to open.
+        The PVD or VTKHDF file to open.
 
     Raises
     ------
@@ -70,16 +73,27 @@ def write_animation(
         flag("write_animation", "stress", stress)
         subdivisions = optional_integer("write_animation", "subdivisions", subdivisions, least=1, most=100)
         path("write_animation", "folder", folder)
+        single = os.fspath(folder).endswith(".vtkhdf")
+        if single and (comm.size > 1 or not isinstance(model, Model)):
+            raise ValueError(
+                f"write_animation: folder = {os.fspath(folder)!r} asks for one file, which one rank writes "
+                "of a Model; name a folder instead"
+            )
+    fields = ({"displacement": motion.field(float(motion.time[k]))} for k in instants)
+    if single:
+        meshes = (sampled_mesh(model, field, subdivisions, stress) for field in fields)
+        write_series(os.fspath(folder), motion.time[instants], meshes)
+        return os.fspath(folder)
     folder = check_output_folder(folder, comm)
     files = [
         write_vtu(
             os.path.join(folder, f"{name}_{number:04d}.vtu"),
             model,
-            {"displacement": motion.field(float(motion.time[instant]))},
+            field,
             stress=stress,
             subdivisions=subdivisions,
         )
-        for number, instant in enumerate(instants)
+        for number, field in enumerate(fields)
     ]
     whole = os.path.join(folder, f"{name}.pvd")
     with collective(comm):

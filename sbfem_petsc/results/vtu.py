@@ -168,6 +168,13 @@ def _of_body(body: FiniteElementModel, fields: Mapping[str, Any], per: str) -> d
     return {"points": body.places, "cells": list(cells.items()), "point_data": data}
 
 
+def sampled_mesh(
+    model: Model, fields: Mapping[str, Any], subdivisions: int | None, stress: bool
+) -> dict[str, Any]:
+    """Fields at the points of all cells of a model on one rank, as the arguments of a meshio mesh."""
+    return _mesh(model, sample(model, dict(fields), subdivisions, stress), "")
+
+
 def _mesh(model: Model, patches: list[Patches], per: str) -> dict:
     """All patches of a rank as the arguments of a meshio mesh: quadrilaterals first, then the triangles at
     the scaling centres.

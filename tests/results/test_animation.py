@@ -73,6 +73,33 @@ def test_contact_inside_the_tip_element(tmp_path):
     assert orbit.field(peak).tip_forces[0][: len(inside)] == pytest.approx(inside)
 
 
+@pytest.mark.slow
+def test_one_file_of_all_instants(moved, tmp_path):
+    """VTK itself reads times, cells and values of the VTU files of the same instants."""
+    pyvista = pytest.importorskip("pyvista")
+    _, history = moved
+    times = [0.0, 5e-4, 1e-3]
+    file = write_animation(str(tmp_path / "film.vtkhdf"), history, times=times, stress=True)
+    write_animation(str(tmp_path / "film"), history, times=times, stress=True)
+    expected = entries(tmp_path / "film" / "history.pvd")
+    vtk = pytest.importorskip("vtkmodules.vtkIOHDF")
+    reader = vtk.vtkHDFReader()
+    reader.SetFileName(file)
+    reader.UpdateInformation()
+    told = reader.GetOutputInformation(0)
+    pipeline = pytest.importorskip("vtkmodules.vtkCommonExecutionModel").vtkStreamingDemandDrivenPipeline
+    assert told.Get(pipeline.TIME_STEPS()) == pytest.approx([at for at, _ in expected], abs=1e-12)
+    for at, grid in expected:
+        reader.UpdateTimeStep(at)
+        found = pyvista.wrap(reader.GetOutput())
+        assert found.n_cells == sum(len(block.data) for block in grid.cells)
+        np.testing.assert_allclose(found.points, grid.points, atol=1e-12)
+        assert set(grid.point_data) <= set(found.point_data.keys())
+        for name, values in grid.point_data.items():
+            np.testing.assert_allclose(found.point_data[name], values, rtol=1e-6, atol=1e-12)
+    assert found.cell_data["element"].tolist() == np.concatenate(grid.cell_data["element"]).tolist()
+
+
 def entries(pvd):
     """Times and grids of a PVD file."""
     root = xml.parse(pvd).getroot()
