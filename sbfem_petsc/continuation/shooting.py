@@ -239,6 +239,9 @@ class Shooting:
         )
         for k, unit in enumerate(np.eye(len(state))):
             array[:, k] = (self.driven.run(state + step * unit).residual - motion.residual) / step
+        # slips that stay what they are, see `DrivenPeriod.carried`
+        stay = ~array.any(axis=1)
+        array[stay, stay] = -1.0
 
     def _by_update(self, state: np.ndarray, motion: PeriodMotion, array: np.ndarray) -> None:
         """Broyden's update of the last iteration's derivative, if that was good enough."""

@@ -195,6 +195,11 @@ def test_motions_that_stick(mass, tmp_path):
     assert (kept.sticking, kept.friction_loss) == (1, 0.0) and np.array_equal(kept.slip, motions[1].slip)
     again = sb.periodic(mass, shaken(0.2), FREQUENCY, guess=motions[1])
     assert again.iterations == 0
+    for jacobian in ("dense", "matrix-free", "differences"):  # what sticks has no part in the equations
+        less = sb.periodic(mass, shaken(0.15), FREQUENCY, guess=again, jacobian=jacobian)
+        assert less.path == "Newton" and less.slip == pytest.approx(again.slip, abs=1e-15)
+    apart = sb.periodic(mass, shaken(1.0), FREQUENCY, contact=False)
+    assert sb.periodic(mass, shaken(1.0), FREQUENCY, guess=apart).friction_loss > 0.0
 
 
 def test_curves(mass):

@@ -33,7 +33,7 @@ class Steady(Kind):
 
     signals = PERIODIC
     moving = True
-    details = ("contact_force",)
+    details = ("contact_force", "slip", "friction_force")
     captions = RUBBING | {
         "orbit": "phase plane; gaps and contact resultant over a period",
         "multipliers": "Floquet multipliers",
