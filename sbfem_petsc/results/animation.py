@@ -80,7 +80,7 @@ def write_animation(
                 "of a Model; name a folder instead"
             )
     fields = ({"displacement": motion.field(float(motion.time[k]))} for k in instants)
-    if single:
+    if single and isinstance(model, Model):
         meshes = (sampled_mesh(model, field, subdivisions, stress) for field in fields)
         write_series(os.fspath(folder), motion.time[instants], meshes)
         return os.fspath(folder)
