@@ -7,16 +7,15 @@ import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from meshing.boundary_mesh import BoundaryMesh
+from meshing.boundary_mesh import BoundaryMesh, Recipe
 from meshing.cells.complex import CellComplex
 from meshing.cells.crack_splitting import add_cracks
 from meshing.cells.s_elements import build_mesh
-from meshing.extent import check_extent
 from meshing.geometry.beam_drawing import beam_drawing
 from meshing.geometry.beam_options import BeamOptions
-from meshing.gmsh.drawn import discretised, write_drawing
-from meshing.recipe import Recipe
+from meshing.gmsh.discretise import discretised, write_drawing
 from meshing.shapes.beam_shape import BeamShape
+from meshing.warnings import check_extent
 
 
 @dataclass(frozen=True, repr=False)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import functools
 import math
 import os
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +16,32 @@ from meshing.initial_gaps import Gap, gaps_with, remade_with_gap
 from meshing.mesh_checks import check_mesh
 from meshing.mesh_files import Kinds, export, load, save
 from meshing.mesh_summary import summary
-from meshing.recipe import Recipe
+from meshing.vectors import cross
+
+
+@dataclass(frozen=True, eq=False)
+class Recipe:
+    """A function that meshes and the options it was called with.
+
+    Attributes
+    ----------
+    make : callable
+        ``make(**options)`` gives the mesh: `Beam.mesh`, `Plate.mesh`, `read_gmsh` of a path.
+    options : mapping
+        None stands for a default.
+    """
+
+    make: Callable[..., Any]
+    options: Mapping[str, Any]
+
+    @property
+    def chosen(self) -> dict[str, Any]:
+        """The options that were given."""
+        return {name: value for name, value in self.options.items() if value is not None}
+
+    def remade(self, changes: Mapping[str, Any]) -> Any:
+        """The mesh made with some options changed."""
+        return self.make(**{**self.options, **changes})
 
 
 def _array(shape: str, description: str, of: str = "") -> dict[str, str]:
@@ -255,21 +282,18 @@ class BoundaryMesh:
         repeated.
         """
         part = slice(self.element_start[element], self.element_start[element + 1])
-        chain = [
-            self.edges[e, ::-1] if r else self.edges[e]
-            for e, r in zip(self.element_edges[part], self.element_reversed[part])
-        ]
-        nodes = np.concatenate([c[:-1] for c in chain] + [chain[-1][-1:]])
-        return nodes[:-1] if self.closed[element] else nodes
+        edges, backwards = self.edges[self.element_edges[part]], self.element_reversed[part]
+        edges[backwards] = edges[backwards, ::-1]
+        return np.append(edges[:, :-1], [] if self.closed[element] else edges[-1, -1:]).astype(int)
 
     def __post_init__(self) -> None:
         check_mesh(self)
 
     def __repr__(self) -> str:
         (left, bottom), (right, top) = self.nodes.min(axis=0), self.nodes.max(axis=0)
+        made = f"{self.elements} S-elements of order {self.order}"
         parts = [
-            f"{self.elements} S-elements of order {self.order}, {len(self.edges)} edges, {len(self.nodes)} "
-            "nodes",
+            f"{made}, {len(self.edges)} edges, {len(self.nodes)} nodes",
             f"[{left:g}, {right:g}] x [{bottom:g}, {top:g}] m",
             f"{len(self.cracks)} cracks with {len(self.tips)} tips and {len(self.pairs)} contact pairs",
             f"sets {', '.join(self.edge_sets) or 'none'}",
@@ -285,19 +309,12 @@ class BoundaryMesh:
             evaluate(gll_nodes(self.order), at) @ self.nodes[self.edges]
             for evaluate in (lagrange_values, lagrange_slopes)
         )
-        swept = 0.5 * (x[..., 0] * dx[..., 1] - x[..., 1] * dx[..., 0]) @ weight
-        total = float(
-            np.where(self.element_reversed, -swept[self.element_edges], swept[self.element_edges]).sum()
-        )
+        swept = (0.5 * cross(x, dx) @ weight)[self.element_edges]
+        total = float(np.where(self.element_reversed, -swept, swept).sum())
         # An open element is bounded by two straight faces to its scaling centre as well.
         for element in np.flatnonzero(~self.closed):
-            chain, centre = self.nodes[self.element_nodes(element)[[0, -1]]], self.scaling_centres[element]
-            total += 0.5 * float(
-                centre[0] * chain[0, 1]
-                - centre[1] * chain[0, 0]
-                + chain[1, 0] * centre[1]
-                - chain[1, 1] * centre[0]
-            )
+            first, last = self.nodes[self.element_nodes(element)[[0, -1]]]
+            total += 0.5 * float(cross(self.scaling_centres[element], first - last))
         return total
 
     def outline_edges(self) -> np.ndarray:

@@ -8,14 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-_OPTIONS = (
-    "General.Terminal",
-    "General.Verbosity",
-    "Mesh.MeshSizeMax",
-    "Mesh.MeshOnlyVisible",
-    "Mesh.RecombinationAlgorithm",
-    "Mesh.ElementOrder",
-)
+_OF_MESHES = "MeshSizeMax", "MeshOnlyVisible", "RecombinationAlgorithm", "ElementOrder"
+_OPTIONS = ["General.Terminal", "General.Verbosity", *(f"Mesh.{name}" for name in _OF_MESHES)]
 _ALONE = threading.RLock()  # gmsh has one state for all threads
 
 
@@ -48,31 +42,27 @@ def gmsh_session(name: str) -> Iterator[Any]:
             "libGLU, libXcursor, libXft, libXinerama."
         ) from error
     with _ALONE:
-        yield from _session(gmsh, name)
-
-
-def _session(gmsh: Any, name: str) -> Iterator[Any]:
-    started = not gmsh.isInitialized()
-    if started:
-        with _own_signals():
-            initialize(gmsh)
-    previous = None if started else gmsh.model.getCurrent()
-    options = {name: gmsh.option.getNumber(name) for name in _OPTIONS}
-    gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.option.setNumber("General.Verbosity", 0)  # what it says of each curve takes half of the time
-    gmsh.model.add(name)
-    try:
-        yield gmsh
-    finally:
+        started = not gmsh.isInitialized()
         if started:
             with _own_signals():
-                gmsh.finalize()
-        else:
-            gmsh.model.remove()
-            for option, value in options.items():  # options belong to gmsh, not to a model
-                gmsh.option.setNumber(option, value)
-            if previous:
-                gmsh.model.setCurrent(previous)
+                initialize(gmsh)
+        previous = None if started else gmsh.model.getCurrent()
+        options = {option: gmsh.option.getNumber(option) for option in _OPTIONS}
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("General.Verbosity", 0)  # what it says of each curve takes half of the time
+        gmsh.model.add(name)
+        try:
+            yield gmsh
+        finally:
+            if started:
+                with _own_signals():
+                    gmsh.finalize()
+            else:
+                gmsh.model.remove()
+                for option, value in options.items():  # options belong to gmsh, not to a model
+                    gmsh.option.setNumber(option, value)
+                if previous:
+                    gmsh.model.setCurrent(previous)
 
 
 @contextmanager

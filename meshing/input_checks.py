@@ -6,8 +6,9 @@ from __future__ import annotations
 
 import math
 import numbers
+import operator
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,6 +30,7 @@ class Bounds(NamedTuple):
 
 
 ANY = Bounds()
+_HOLD = [("above", operator.gt), ("at least", operator.ge), ("below", operator.lt), ("at most", operator.le)]
 
 
 def shown(value: Any) -> str:
@@ -40,14 +42,7 @@ def shown(value: Any) -> str:
     return line if len(line) <= 80 else f"{line[:76]} ..."
 
 
-def real(
-    owner: str,
-    name: str,
-    value: Any,
-    unit: str = "",
-    *,
-    within: Bounds = ANY,
-) -> float:
+def real(owner: str, name: str, value: Any, unit: str = "", *, within: Bounds = ANY) -> float:
     """`value` as a finite float between bounds.
 
     Raises
@@ -57,7 +52,6 @@ def real(
     ValueError
         If it is not finite or outside the bounds.
     """
-    above, least, below, most = within
     in_unit = f" ({unit})" if unit else ""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
         raise TypeError(f"{owner}: {name} = {shown(value)} must be a number{in_unit}")
@@ -65,21 +59,9 @@ def real(
         number = float(value)
     except OverflowError:
         number = math.inf
-    bounds = [
-        f"above {above:g}" if above is not None else "",
-        f"at least {least:g}" if least is not None else "",
-        f"below {below:g}" if below is not None else "",
-        f"at most {most:g}" if most is not None else "",
-    ]
-    inside = (
-        math.isfinite(number)
-        and (above is None or number > above)
-        and (least is None or number >= least)
-        and (below is None or number < below)
-        and (most is None or number <= most)
-    )
-    if not inside:
-        wanted = " and ".join(part for part in ["finite", *bounds] if part)
+    bounds = [(word, holds, bound) for (word, holds), bound in zip(_HOLD, within) if bound is not None]
+    if not (math.isfinite(number) and all(holds(number, bound) for _, holds, bound in bounds)):
+        wanted = " and ".join(["finite", *(f"{word} {bound:g}" for word, _, bound in bounds)])
         raise ValueError(f"{owner}: {name} = {shown(value)} must be {wanted}{in_unit}")
     return number
 
@@ -147,6 +129,12 @@ def number(owner: str, name: str, value: Any) -> float:
 def length(owner: str, name: str, value: Any) -> float:
     """`value` as a length, m; errors as `real`."""
     return real(owner, name, value, "m", within=Bounds(above=0.0, most=LARGEST))
+
+
+def check_fields(item: object, owner: str, checks: Mapping[str, Callable[[str, str, Any], Any]]) -> None:
+    """Put in the place of fields of a frozen object what their checks make of them; `owner` names it."""
+    for name, check in checks.items():
+        object.__setattr__(item, name, check(owner, name, getattr(item, name)))
 
 
 def checked_order(order: Any) -> int:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 
 from meshing.gll import gll_nodes, lagrange_slopes
+from meshing.vectors import cross
 
 if TYPE_CHECKING:
     from meshing.boundary_mesh import BoundaryMesh
@@ -36,20 +37,10 @@ def check_mesh(mesh: BoundaryMesh) -> None:
         itself, normals that are no unit vectors, gaps and positions that are negative, weights that are not
         positive; cracks and tips with such numbers, or whose element is none, closed or elsewhere.
     """
-    edges, elements, uses = len(mesh.edges), len(mesh.closed), len(mesh.element_edges)
-    sizes = {
-        "2": 2,
-        "points": mesh.order + 1,
-        "nodes": len(mesh.nodes),
-        "edges": edges,
-        "elements": elements,
-        "starts": elements + 1,
-        "uses": uses,
-        "ends": uses + 1,
-        "materials": len(mesh.material_names),
-        "pairs": len(mesh.pairs),
-        "cracks": len(mesh.cracks),
-    }
+    elements, uses = len(mesh.closed), len(mesh.element_edges)
+    sizes = {"2": 2, "points": mesh.order + 1, "starts": elements + 1, "ends": uses + 1}
+    sizes |= {"elements": elements, "uses": uses, "materials": len(mesh.material_names)}
+    sizes |= {name: len(getattr(mesh, name)) for name in ("nodes", "edges", "pairs", "cracks")}
     if mesh.order < 1:
         _fail(f"its order is {mesh.order}, at least 1 was expected")
     for name, values, shape, of in _arrays(mesh):
@@ -69,13 +60,8 @@ def _arrays(mesh: BoundaryMesh) -> Iterator[tuple[str, np.ndarray, str, str]]:
     """Name, numbers, shape ("any" for any length) and what they refer to."""
     for owner, prefix in ((mesh, ""), (mesh.pairs, "pairs.")):
         for item in fields(owner):
-            if item.metadata:
-                yield (
-                    prefix + item.name,
-                    getattr(owner, item.name),
-                    item.metadata["shape"],
-                    item.metadata["of"],
-                )
+            if told := item.metadata:
+                yield prefix + item.name, getattr(owner, item.name), told["shape"], told["of"]
     for key, edges in mesh.edge_sets.items():
         yield f"edge set {key!r}", np.asarray(edges), "any", "edges"
     for element, sectors in mesh.sector_materials.items():
@@ -141,11 +127,9 @@ def _check_centres(mesh: BoundaryMesh) -> None:
     edges = mesh.edges[mesh.element_edges]
     at = mesh.nodes[edges] - mesh.scaling_centres[element][:, None]
     along = lagrange_slopes(gll_nodes(mesh.order), gll_nodes(mesh.order)) @ at
-    swept = at[..., 0] * along[..., 1] - at[..., 1] * along[..., 0]
-    swept = np.where(mesh.element_reversed, -1.0, 1.0)[:, None] * swept
-    wrong = np.flatnonzero(
-        (swept <= _FOLDED * (at**2).sum(axis=2).max(axis=1, initial=0)[:, None]).any(axis=1)
-    )
+    swept = np.where(mesh.element_reversed, -1.0, 1.0)[:, None] * cross(at, along)
+    least = _FOLDED * (at**2).sum(axis=2).max(axis=1, initial=0)
+    wrong = np.flatnonzero((swept <= least[:, None]).any(axis=1))
     if len(wrong):
         x, y = mesh.scaling_centres[element[wrong[0]]]
         _fail(
@@ -183,8 +167,7 @@ def _check_tips(mesh: BoundaryMesh) -> None:
             _fail(f"the length of crack {crack.name!r} is {crack.length!r}")
     for tip in mesh.tips:
         _check_tip(mesh, f"tip {tip.name!r}", tip.position, tip.axis, tip.opening, tip.element)
-        if not (isinstance(tip.arc, tuple) and len(tip.arc) == 2 and all(_is_number(v) for v in tip.arc)):
-            _fail(f"the arc of tip {tip.name!r} is {tip.arc!r}, two finite numbers were expected")
+        _check_two(f"arc of tip {tip.name!r}", tip.arc)
         for face in tip.faces:
             if face not in mesh.edge_sets:
                 _fail(f"tip {tip.name!r} has the face {face!r}, which is no edge set")
@@ -192,8 +175,7 @@ def _check_tips(mesh: BoundaryMesh) -> None:
 
 def _check_tip(mesh: BoundaryMesh, what: str, tip, axis, opening: float, element: int) -> None:
     for name, vector in (("tip", tip), ("axis", axis)):
-        if not (isinstance(vector, tuple) and len(vector) == 2 and all(_is_number(v) for v in vector)):
-            _fail(f"the {name} of {what} is {vector!r}, two finite numbers were expected")
+        _check_two(f"{name} of {what}", vector)
     if abs(np.hypot(*axis) - 1.0) > _UNIT:
         _fail(f"the axis of {what} has the length {np.hypot(*axis):.6g}, not 1")
     if not (_is_number(opening) and 0 <= opening < 2 * np.pi):
@@ -205,6 +187,11 @@ def _check_tip(mesh: BoundaryMesh, what: str, tip, axis, opening: float, element
             _fail(f"{what} has the S-element {element}, which is closed; an open one was expected")
         if np.abs(mesh.scaling_centres[element] - tip).max() > _PLACE * np.ptp(mesh.nodes, axis=0).max():
             _fail(f"{what} is not at the scaling centre of its S-element {element}")
+
+
+def _check_two(what: str, values: object) -> None:
+    if not (isinstance(values, tuple) and len(values) == 2 and all(map(_is_number, values))):
+        _fail(f"the {what} is {values!r}, two finite numbers were expected")
 
 
 def _is_number(value: object) -> bool:

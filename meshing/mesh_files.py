@@ -142,6 +142,9 @@ def _unpacked(stored: bytes, kinds: Kinds) -> dict[str, Any]:
         def values(name: str) -> np.ndarray:
             return _own(file, name, len(stored))[()]
 
+        def arrays(kind: type, group: str = "") -> dict[str, np.ndarray]:
+            return {item.name: values(group + item.name) for item in _arrays(kind)}
+
         def named(title: str) -> dict[str, np.ndarray]:
             names = [f"{title}/{i}" for i in range(len(file[title]))]
             return {_own(file, name, len(stored)).attrs["name"]: values(name) for name in names}
@@ -156,16 +159,14 @@ def _unpacked(stored: bytes, kinds: Kinds) -> dict[str, Any]:
         return {
             "order": int(file.attrs["order"]),
             "clamped": str(file.attrs["clamped"]) or None,
-            **{item.name: values(item.name) for item in _arrays(kinds.mesh)},
+            **arrays(kinds.mesh),
             "material_names": tuple(name.decode() for name in values("material_names").tolist()),
             "sector_materials": {
                 int(element): values(f"sector_materials/{element}") for element in file["sector_materials"]
             },
             "edge_sets": named("edge_sets"),
             "points": {name: int(node) for name, node in named("points").items()},
-            "pairs": kinds.pairs(
-                **{item.name: values(f"pairs/{item.name}") for item in _arrays(kinds.pairs)}
-            ),
+            "pairs": kinds.pairs(**arrays(kinds.pairs, "pairs/")),
             "cracks": parts("cracks"),
             "tips": parts("tips"),
         }

@@ -9,17 +9,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshing.boundary_mesh import BoundaryMesh
-from meshing.cells.crack_meshing import CrackMeshing
-from meshing.cells.crack_splitting import add_cracks
+from meshing.boundary_mesh import BoundaryMesh, Recipe
+from meshing.cells.crack_splitting import CrackMeshing, add_cracks
 from meshing.cells.s_elements import build_mesh
-from meshing.extent import check_extent
-from meshing.geometry.plate_drawing import plate_drawing
-from meshing.gmsh.drawn import discretised, write_drawing
+from meshing.geometry.drawing import Drawing
+from meshing.geometry.fill import draw_filled
+from meshing.geometry.graph import Point, plane_graph
+from meshing.gmsh.discretise import discretised, write_drawing
 from meshing.input_checks import checked_order, length, named_points
-from meshing.recipe import Recipe
-from meshing.shapes.features import corners_of
+from meshing.shapes.features import point_of
 from meshing.shapes.plate_shape import PlateShape
+from meshing.warnings import check_extent
 
 _DEFAULT_SIZE = 0.2  # of the square root of the area
 
@@ -99,11 +99,9 @@ class Plate(PlateShape):
             A body above 20 m or below 1 mm.
         """
         given = {name: value for name, value in locals().items() if name != "self"}
-        order = checked_order(order)
-        options = self._drawing_options(size, points)
-        meshing = CrackMeshing.checked(self.diagonal, given)
+        order, meshing = checked_order(order), CrackMeshing.checked(self.diagonal, given)
         check_extent("plate", *np.ptp(self.outline, axis=0))
-        cells = discretised(plate_drawing(self, *options), order, "plate")
+        cells = discretised(self._drawing(size, points), order, "plate")
         add_cracks(cells, meshing, "plate")
         return build_mesh(cells, order, "plate", recipe=Recipe(self.mesh, given))
 
@@ -130,18 +128,27 @@ class Plate(PlateShape):
         ValueError, TypeError
             As `mesh`; another ending; the file cannot be written.
         """
-        options = self._drawing_options(size, points)
-        write_drawing(plate_drawing(self, *options), path, "Plate.write")
+        write_drawing(self._drawing(size, points), path, "Plate.write")
 
-    def _drawing_options(
-        self, size: float | None, points: Mapping[str, tuple[float, float]] | None
-    ) -> tuple[float, dict[str, tuple[float, float]]]:
-        """Largest edge, m, and named points, m, checked."""
+    def _drawing(self, size: float | None, points: Mapping[str, Point] | None) -> Drawing:
+        """What gmsh fills.
+
+        Raises
+        ------
+        ValueError, TypeError
+            See `mesh`; cracks or points come too close to something.
+        """
         size = _DEFAULT_SIZE * math.sqrt(self.area) if size is None else length("mesh", "size", size)
         if size < 1e-3 * self.diagonal:
             raise ValueError(
                 f"mesh: size {size:g} m is below 0.1 % of the body's diagonal {self.diagonal:g} m; high "
                 "orders on larger cells cost less."
             )
-        given = named_points(points).items()
-        return size, {name: corners_of(f"point {name!r}", "place", (point,), 1)[0] for name, point in given}
+        named = {name: point_of(f"point {name!r}", at) for name, at in named_points(points).items()}
+        # From the tip, as everything that is numbered along a crack.
+        lines = {name: np.array(crack.points[::-1]) for name, crack in zip(self.crack_names(), self.cracks)}
+        holes = {f"hole{i}": ((hole.x, hole.y), hole.radius) for i, hole in enumerate(self.holes, 1)}
+        drawing = Drawing()
+        draw_filled(drawing, plane_graph(self.outline, holes, lines, named), size, self.side_names)
+        drawing.name_openings({name: crack.opening for name, crack in zip(lines, self.cracks)})
+        return drawing

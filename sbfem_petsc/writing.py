@@ -14,9 +14,9 @@ import numpy as np
 from mpi4py import MPI
 
 from meshing import whole_file
-from meshing.folder_index import make_folder
 
 from .checks import path as checked_path
+from .output_folder import make_folder
 from .ranks.parallel import collective
 
 

@@ -4,12 +4,16 @@ apart.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from meshing.vectors import line_length
+
 Edge = tuple[int, int]
+Point = tuple[float, float]
 Curve = Callable[[np.ndarray], np.ndarray]
 _FINE = np.linspace(0.0, 1.0, 65)
 
@@ -23,24 +27,25 @@ class Cell:
     vertices : list of int
         Counter-clockwise; the first is not repeated. An open cell is a chain from one face to the other.
     centre : (x, y) or None
-        Prescribed scaling centre, m; None: to be searched.
-    closed : bool
-        False for the cell around a crack tip, whose scaling centre is the tip.
+        The tip, m, that is the scaling centre of an open cell; None: to be searched.
     material : int
     sectors : list of int or None
         Of the cell around a tip at an interface: material of the sector between each edge and the tip.
     """
 
     vertices: list[int]
-    centre: tuple[float, float] | None = None
-    closed: bool = True
+    centre: Point | None = None
     material: int = 0
     sectors: list[int] | None = None
 
+    @property
+    def closed(self) -> bool:
+        """False for the cell around a crack's tip."""
+        return self.centre is None
+
     def edges(self) -> list[Edge]:
         """Directed edges as pairs of vertices."""
-        following = self.vertices[1:] + (self.vertices[:1] if self.closed else [])
-        return list(zip(self.vertices, following))
+        return around(self.vertices) if self.closed else edges_of(self.vertices)
 
 
 @dataclass
@@ -61,11 +66,11 @@ class TipCell:
         Where the tip and the boundary of that cell stand along the crack, m; `crack_pairs` finds them.
     """
 
-    position: tuple[float, float]
-    axis: tuple[float, float]
+    position: Point = (0.0, 0.0)
+    axis: Point = (0.0, 0.0)
     opening: float = 0.0
     cell: int = -1
-    arc: tuple[float, float] = (0.0, 0.0)
+    arc: Point = (0.0, 0.0)
 
 
 @dataclass
@@ -94,6 +99,20 @@ class FacePath:
     start: TipCell | None = None
     end: TipCell | None = None
     mouths: tuple[bool, bool] = (False, False)
+
+    @property
+    def tips(self) -> list[TipCell]:
+        """The one or two that it has."""
+        return [tip for tip in (self.start, self.end) if tip is not None]
+
+    @property
+    def faces(self) -> tuple[list[Edge], list[Edge]]:
+        """Right and left."""
+        return self.right, self.left
+
+    def divide(self, inserted: Mapping[Edge, Sequence[int]]) -> None:
+        """Give the faces the vertices that have been put between the ends of edges."""
+        self.right, self.left = (divided(face, inserted) for face in self.faces)
 
 
 @dataclass
@@ -151,7 +170,7 @@ class CellComplex:
     cracks : list of CrackFaces
     """
 
-    vertices: list[tuple[float, float]] = field(default_factory=list)
+    vertices: list[Point] = field(default_factory=list)
     cells: list[Cell] = field(default_factory=list)
     curves: dict[Edge, Curve] = field(default_factory=dict)
     edge_sets: dict[str, list[Edge]] = field(default_factory=dict)
@@ -166,15 +185,9 @@ class CellComplex:
         self.vertices.append((float(x), float(y)))
         return len(self.vertices) - 1
 
-    def add_cell(
-        self,
-        vertices: Sequence[int],
-        centre: tuple[float, float] | None = None,
-        closed: bool = True,
-        material: int = 0,
-    ) -> int:
+    def add_cell(self, vertices: Sequence[int], material: int = 0, centre: Point | None = None) -> int:
         """Append a cell (counter-clockwise vertices) and return its number."""
-        self.cells.append(Cell(list(vertices), centre, closed, material))
+        self.cells.append(Cell(list(vertices), centre, material))
         return len(self.cells) - 1
 
     def curve(self, first: int, second: int) -> Curve | None:
@@ -186,34 +199,79 @@ class CellComplex:
         """Give an edge the shape of `curve`, which runs from the first vertex to the second."""
         self.curves[edge_key((first, second))] = curve if first < second else reversed_curve(curve)
 
+    def set_pieces(self, chain: Sequence[int], curve: Curve, bounds: Sequence[float]) -> None:
+        """Give the edges of a chain the pieces of a curve between some of its parameters."""
+        for (first, second), low, high in zip(edges_of(chain), bounds, bounds[1:]):
+            self.set_curve(first, second, part_of_curve(curve, low, high))
+
     def along(self, edge: Edge, at: Sequence[float] | np.ndarray) -> np.ndarray:
         """Points of an edge (n, 2) at parameters in [0, 1], from its first vertex to its second."""
-        curve, at = self.curve(*edge), np.asarray(at, float)
-        if curve is not None:
-            return curve(at)
+        return self.shape(edge)(np.asarray(at, float))
+
+    def shape(self, edge: Edge) -> Curve:
+        """Shape of an edge, also of a straight one."""
         first, last = (np.array(self.vertices[vertex]) for vertex in edge)
-        return (1.0 - at[:, None]) * first + at[:, None] * last
+        return self.curve(*edge) or (lambda at: (1.0 - at[:, None]) * first + at[:, None] * last)
 
     def edge_length(self, first: int, second: int) -> float:
         """m."""
-        points = self.along(
-            (first, second), _FINE if edge_key((first, second)) in self.curves else (0.0, 1.0)
-        )
-        return float(np.hypot(*np.diff(points, axis=0).T).sum())
+        curved = edge_key((first, second)) in self.curves
+        return line_length(self.along((first, second), _FINE if curved else (0.0, 1.0)))
 
-    def edge_uses(self) -> dict[Edge, int]:
+    def edge_uses(self) -> Counter[Edge]:
         """How many cells use each edge, keyed by its vertices, lower number first."""
-        uses: dict[Edge, int] = {}
+        return Counter(edge_key(edge) for cell in self.cells for edge in cell.edges())
+
+    def divide(self, wanted: Mapping[Edge, np.ndarray]) -> dict[Edge, list[int]]:
+        """Divide edges in place; only the cells that have them get more vertices.
+
+        Parameters
+        ----------
+        wanted : mapping of (int, int) to array
+            For each edge, in its direction, the places of its new vertices, ascending in (0, 1).
+
+        Returns
+        -------
+        dict of (int, int) to list of int
+            New vertices between the ends of each divided edge, in both directions.
+        """
+        inserted: dict[Edge, list[int]] = {}
+        for (first, last), fractions in wanted.items():
+            curve = self.curve(first, last)
+            new = [self.add_vertex(*point) for point in self.along((first, last), fractions)]
+            if curve is not None:
+                self.set_pieces([first, *new, last], curve, [0.0, *fractions.tolist(), 1.0])
+                del self.curves[edge_key((first, last))]
+            inserted[first, last], inserted[last, first] = new, new[::-1]
         for cell in self.cells:
-            for edge in cell.edges():
-                key = edge_key(edge)
-                uses[key] = uses.get(key, 0) + 1
-        return uses
+            if any(edge in inserted for edge in cell.edges()):
+                last_one = [] if cell.closed else cell.vertices[-1:]
+                cell.vertices = [a for a, _ in divided(cell.edges(), inserted)] + last_one
+        self.divide_sets(inserted)
+        return inserted
+
+    def divide_sets(self, inserted: Mapping[Edge, Sequence[int]]) -> None:
+        """Give edge sets the vertices that have been put between the ends of edges."""
+        self.edge_sets = {name: divided(edges, inserted) for name, edges in self.edge_sets.items()}
 
 
 def edge_key(edge: Edge) -> Edge:
     """An edge's vertices, lower number first."""
     return edge if edge[0] < edge[1] else (edge[1], edge[0])
+
+
+def around(loop: Sequence[int]) -> list[Edge]:
+    """The edges of a closed loop of vertices."""
+    return list(zip(loop, [*loop[1:], *loop[:1]]))
+
+
+def neighbours(edges: Iterable[Edge]) -> dict[int, list[int]]:
+    """The vertices at the other ends of each vertex's edges."""
+    near: dict[int, list[int]] = {}
+    for a, b in edges:
+        near.setdefault(a, []).append(b)
+        near.setdefault(b, []).append(a)
+    return near
 
 
 def edges_of(path: Sequence[int]) -> list[Edge]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import fields, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from meshing.boundary_mesh import ContactPairs
 from meshing.cells.complex import CrackFaces, FacePath
 from meshing.gll import gll_nodes, lagrange_slopes, lagrange_values
+from meshing.vectors import turn
 
 FRACTION_TOLERANCE = 1e-6
 # Faces that turn by more in one node (degrees) get a pair for each side of it.
@@ -45,36 +46,29 @@ def crack_pairs(
     Raises
     ------
     ValueError
-        The faces carry different numbers of edges, or they overlap.
+        The faces overlap.
     """
     parts, arc = [], 0.0
-    for path in sorted(faces.paths, key=lambda path: min(_tips_of(path), default=(np.inf, np.inf))):
+    for path in sorted(faces.paths, key=_first_tip):
         pairs, arc = _path_pairs(path, edge_nodes, nodes, crack, arc, faces.where)
         parts += pairs
     joined = join_pairs(parts)
     length = arc if faces.length is None else faces.length
-    for path in faces.paths:
-        for tip in (path.start, path.end):
-            if tip is not None:
-                tip.arc = (tip.arc[0] / arc * length, tip.arc[1] / arc * length)
+    for tip in (tip for path in faces.paths for tip in path.tips):
+        tip.arc = (tip.arc[0] / arc * length, tip.arc[1] / arc * length)
     fraction = joined.arc / arc
     return replace(joined, position=fraction, arc=fraction * length), length
 
 
-def _tips_of(path: FacePath) -> list[tuple[float, float]]:
-    return [tip.position for tip in (path.start, path.end) if tip is not None]
+def _first_tip(path: FacePath) -> tuple[float, float]:
+    return min((tip.position for tip in path.tips), default=(math.inf, math.inf))
 
 
 def _path_pairs(
     path: FacePath, edge_nodes: EdgeNodes, nodes: np.ndarray, crack: int, arc: float, where: str
 ) -> tuple[list[ContactPairs], float]:
     """Pairs of one line from its first tip, which has the arc coordinate given, and that at its other end."""
-    right, left = (np.array([edge_nodes(edge) for edge in face]) for face in (path.right, path.left))
-    if right.shape != left.shape:
-        raise ValueError(
-            f"{where}: the faces do not match, {len(right)} edges on the right face and {len(left)} on the "
-            "left; divide both into edges of equal fractions of their lengths."
-        )
+    right, left = (np.array([edge_nodes(edge) for edge in face]) for face in path.faces)
     inside = [
         0.5 * sum(math.dist(tip.position, nodes[face[i, j]]) for face in (right, left)) if tip else 0.0
         for tip, i, j in ((path.start, 0, 0), (path.end, -1, -1))
@@ -83,7 +77,7 @@ def _path_pairs(
     from_start = inside[0] + 0.5 * (along[0] + along[1])
     extent = float(from_start[-1, -1])
     end = arc + extent + inside[1]
-    backwards = path.end is not None and path.end.position == min(_tips_of(path))
+    backwards = path.end is not None and path.end.position == _first_tip(path)
     places = end - from_start if backwards else arc + from_start
     first, last = (path.end, path.start) if backwards else (path.start, path.end)
     if first is not None:
@@ -91,15 +85,14 @@ def _path_pairs(
     if last is not None:
         last.arc = (end, end - inside[not backwards])
     normals = _nodal_normals(nodes[right], nodes[left])
-    parts = []
+    parts, order = [], right.shape[1] - 1
     for run in _runs(right, left, nodes):
-        one, other = (np.concatenate([face[run, :-1].ravel(), face[run[-1], -1:]]) for face in (right, left))
+        one, other, at = (
+            np.concatenate([table[run, :-1].ravel(), table[run[-1], -1:]]) for table in (right, left, places)
+        )
         summed = np.zeros((len(one), 2))
-        order = right.shape[1] - 1
-        for position, edge in enumerate(run):
-            summed[position * order : (position + 1) * order + 1] += normals[edge]
+        np.add.at(summed, order * np.arange(len(run))[:, None] + np.arange(order + 1), normals[run])
         normal, weight = _unit(summed, path)
-        at = np.concatenate([places[run, :-1].ravel(), places[run[-1], -1:]])
         gap = np.einsum("ij,ij->i", normal, nodes[one] - nodes[other])
         separate = one != other
         _refuse_overlap(gap[separate], extent, path, where)
@@ -126,11 +119,9 @@ def _unit(summed: np.ndarray, path: FacePath) -> tuple[np.ndarray, np.ndarray]:
 
 def _refuse_overlap(gap: np.ndarray, extent: float, path: FacePath, where: str) -> None:
     if gap.size and gap.min() < -1e-9 * extent:
-        mend = (
-            "the right face must lie at the right hand of the left one, seen from the tip."
-            if path.start
-            else "the two bodies may touch each other at most."
-        )
+        mend = "the two bodies may touch each other at most."
+        if path.start:
+            mend = "the right face must lie at the right hand of the left one, seen from the tip."
         raise ValueError(f"{where}: the faces overlap by {-gap.min():.3g} m; {mend}")
 
 
@@ -166,17 +157,11 @@ def _runs(right: np.ndarray, left: np.ndarray, nodes: np.ndarray) -> list[list[i
     for edge in range(1, len(right)):
         broken = right[edge, 0] != right[edge - 1, -1] or left[edge, 0] != left[edge - 1, -1]
         # Both the chords and the edges' ends turn: a coarse smooth bend is none.
-        turns = min(abs(_turn(chords[edge - 1], chords[edge])), abs(_turn(ends[1][edge - 1], ends[0][edge])))
+        turns = min(abs(turn(chords[edge - 1], chords[edge])), abs(turn(ends[1][edge - 1], ends[0][edge])))
         if broken or turns > math.radians(SHARP_KINK):
             runs.append([])
         runs[-1].append(edge)
     return runs
-
-
-def _turn(first: Sequence[float], second: Sequence[float]) -> float:
-    return math.atan2(
-        first[0] * second[1] - first[1] * second[0], first[0] * second[0] + first[1] * second[1]
-    )
 
 
 def chosen(pairs: ContactPairs, rows: np.ndarray) -> ContactPairs:
@@ -188,9 +173,8 @@ def join_pairs(parts: list[ContactPairs]) -> ContactPairs:
     """Pairs of several cracks one after the other."""
     pairs, row, number = np.zeros((0, 2)), np.zeros(0), np.zeros(0, int)
     none = ContactPairs(pairs.astype(int), pairs, row, number, row, row, row)
-    return ContactPairs(
-        *(np.concatenate([getattr(part, item.name) for part in (none, *parts)]) for item in fields(none))
-    )
+    columns = ([getattr(part, item.name) for part in (none, *parts)] for item in fields(none))
+    return ContactPairs(*map(np.concatenate, columns))
 
 
 def without_doubles(pairs: ContactPairs) -> ContactPairs:
@@ -204,7 +188,7 @@ def without_doubles(pairs: ContactPairs) -> ContactPairs:
     kept = []
     for row, nodes in enumerate(np.sort(pairs.nodes, axis=1).tolist()):
         known = seen.setdefault((nodes[0], nodes[1]), [])
-        first = next((k for k in known if abs(_turn(normal[k], normal[row])) < math.radians(SHARP_KINK)), -1)
+        first = next((k for k in known if abs(turn(normal[k], normal[row])) < math.radians(SHARP_KINK)), -1)
         if first < 0:
             known.append(row)
             kept.append(row)

@@ -10,10 +10,13 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
+from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 
-from meshing.cells.complex import CellComplex, CrackFaces, Edge, FacePath, TipCell, edge_key, edges_of
+from meshing.cells.complex import CellComplex, CrackFaces, Edge, FacePath, TipCell, edge_key, neighbours
 from meshing.cells.contact_faces import FRACTION_TOLERANCE
 from meshing.cells.face_matching import match_faces
 from meshing.shapes.features import WIDEST_OPENING
@@ -32,8 +35,7 @@ def crack_lines(cells: CellComplex, origin: str) -> tuple[list[CrackFaces], set[
     for name, (parts, opening) in _named_parts(cells, origin).items():
         crack = CrackFaces(name, f"{origin}: crack {name!r}", opening=opening)
         if "" in parts:
-            edges = list(dict.fromkeys(edge_key(edge) for edge in parts[""]))
-            for edge in edges:
+            for edge in dict.fromkeys(map(edge_key, parts[""])):
                 if uses[edge] != 2:
                     raise ValueError(
                         f"{crack.where}: part of its line lies on the outline, a line inside the material "
@@ -46,14 +48,11 @@ def crack_lines(cells: CellComplex, origin: str) -> tuple[list[CrackFaces], set[
                         f"{owner[edge]!r}; a piece of line belongs to one crack."
                     )
                 owner[edge] = name
-            crack.paths = [FacePath(line, line) for line in map(edges_of, _paths(parts[""]))]
+            crack.paths = [FacePath(line, line) for line in ([*pairwise(line)] for line in _paths(parts[""]))]
         else:
             crack.paths = [_recognise(cells, name, parts["right"], parts["left"], crack.where)]
         cracks.append(crack)
-    degree: dict[int, int] = {}
-    for edge in owner:
-        for vertex in edge:
-            degree[vertex] = degree.get(vertex, 0) + 1
+    degree = Counter(vertex for edge in owner for vertex in edge)
     for crack in cracks:
         for path in crack.paths:
             _orient(path, degree, outline)
@@ -102,32 +101,23 @@ def _degrees(text: str) -> float:
 
 def _paths(edges: list[Edge]) -> list[list[int]]:
     """Unbranched chains that a set of edges falls into; the first edge's direction is kept where it can."""
-    at: dict[int, list[int]] = {}
-    for a, b in edges:
-        at.setdefault(a, []).append(b)
-        at.setdefault(b, []).append(a)
-    at = {vertex: list(dict.fromkeys(near)) for vertex, near in at.items()}
-    left_over = dict.fromkeys(edge_key(edge) for edge in edges)
-    paths = []
+    at = {vertex: list(dict.fromkeys(near)) for vertex, near in neighbours(edges).items()}
+    left_over = dict.fromkeys(map(edge_key, edges))
+    paths: list[list[int]] = []
+    given = set(edges)
     while left_over:
         # From an end or a branching point if any is left, else around a loop.
-        first = next(
-            (e for a, b in left_over for e in ((a, b), (b, a)) if len(at[e[0]]) != 2), next(iter(left_over))
-        )
-        path = list(first)
-        del left_over[edge_key(first)]
-        while len(at[path[-1]]) == 2:
-            following = next((v for v in at[path[-1]] if edge_key((path[-1], v)) in left_over), None)
-            if following is None:
-                break
-            del left_over[edge_key((path[-1], following))]
-            path.append(following)
-        paths.append(path)
-    given = set(edges)
-    return [
-        path if sum(edge in given for edge in edges_of(path)) * 2 >= len(path) - 1 else path[::-1]
-        for path in paths
-    ]
+        ends = (e for a, b in left_over for e in ((a, b), (b, a)) if len(at[e[0]]) != 2)
+        first, last = next(ends, next(iter(left_over)))
+        path, ahead = [first], [last]
+        while ahead:
+            del left_over[edge_key((path[-1], ahead[0]))]
+            path.append(ahead[0])
+            near = at[path[-1]]
+            ahead = [v for v in near if len(near) == 2 and edge_key((path[-1], v)) in left_over]
+        forward = sum(edge in given for edge in pairwise(path)) * 2 >= len(path) - 1
+        paths.append(path if forward else path[::-1])
+    return paths
 
 
 def _recognise(cells: CellComplex, name: str, right: list[Edge], left: list[Edge], where: str) -> FacePath:
@@ -141,18 +131,18 @@ def _recognise(cells: CellComplex, name: str, right: list[Edge], left: list[Edge
         one = paths[0][::-1] if outwards[0] else paths[0]
         other = paths[1] if outwards[1] else paths[1][::-1]
         one, other = match_faces(cells, one, other, where)
-        return FacePath(edges_of(one), edges_of(other), embedded=False, joined=False)
+        return FacePath([*pairwise(one)], [*pairwise(other)], embedded=False, joined=False)
     if outwards[0] == outwards[1]:
         raise ValueError(f"{where}: its faces do not lie on the outline of the material.")
     if outwards[0]:
         paths.reverse()
     _check_match(cells, paths[0], paths[1], where)
-    return FacePath(edges_of(paths[0]), edges_of(paths[1]), embedded=False)
+    return FacePath([*pairwise(paths[0])], [*pairwise(paths[1])], embedded=False)
 
 
 def _faces(right: list[Edge], left: list[Edge], where: str) -> list[list[int]]:
     """Vertices of the two faces in order, from the tip if they share one."""
-    paths = []
+    paths: list[list[int]] = []
     for side, edges in (("right", right), ("left", left)):
         found = _paths(edges)
         if len(found) != 1 or found[0][0] == found[0][-1]:
@@ -177,17 +167,15 @@ def _faces(right: list[Edge], left: list[Edge], where: str) -> list[list[int]]:
 def _outwards(cells: CellComplex, paths: list[list[int]], name: str, where: str) -> list[bool]:
     """Whether the material is at the left of somebody who walks along each face."""
     directed = {edge for cell in cells.cells for edge in cell.edges()}
-    outwards = [[edge in directed for edge in edges_of(path)] for path in paths]
-    inwards = [[edge[::-1] in directed for edge in edges_of(path)] for path in paths]
-    if any(o and i for out, back in zip(outwards, inwards) for o, i in zip(out, back)):
+    uses = [[((a, b) in directed, (b, a) in directed) for a, b in pairwise(path)] for path in paths]
+    if any(all(use) for face in uses for use in face):
         raise ValueError(
             f"{where}: its faces have cells on both sides; name an embedded line crack:{name} to have it "
             "split."
         )
-    sides = [(all(out), all(back)) for out, back in zip(outwards, inwards)]
-    if not all(out != back for out, back in sides):
+    if any(len(set(face)) > 1 or not any(face[0]) for face in uses):
         raise ValueError(f"{where}: its faces do not lie on the outline of the material.")
-    return [out for out, _ in sides]
+    return [face[0][0] for face in uses]
 
 
 def _check_match(cells: CellComplex, right: list[int], left: list[int], where: str) -> None:
@@ -199,7 +187,7 @@ def _check_match(cells: CellComplex, right: list[int], left: list[int], where: s
         )
     fractions = []
     for path in (right, left):
-        along = np.cumsum([0.0, *(cells.edge_length(*edge) for edge in edges_of(path))])
+        along = np.cumsum([0.0, *(cells.edge_length(*edge) for edge in pairwise(path))])
         fractions.append(along / along[-1])
     worst = int(np.abs(fractions[0] - fractions[1]).argmax())
     if abs(fractions[0][worst] - fractions[1][worst]) > FRACTION_TOLERANCE:
@@ -210,12 +198,12 @@ def _check_match(cells: CellComplex, right: list[int], left: list[int], where: s
         )
 
 
-def _orient(path: FacePath, degree: dict[int, int], outline: set[int]) -> None:
+def _orient(path: FacePath, degree: Mapping[int, int], outline: set[int]) -> None:
     """Let a line run from its tip if it has one; mark tips and mouths."""
     if not path.joined:
         return
     if not path.embedded:
-        path.start, path.mouths = TipCell((0.0, 0.0), (0.0, 0.0)), (False, True)
+        path.start, path.mouths = TipCell(), (False, True)
         return
     ends = [path.right[0][0], path.right[-1][1]]
     free = [degree[end] == 1 and end not in outline for end in ends]
@@ -223,5 +211,5 @@ def _orient(path: FacePath, degree: dict[int, int], outline: set[int]) -> None:
         path.right = path.left = [(b, a) for a, b in path.right[::-1]]
         free.reverse()
         ends.reverse()
-    path.start, path.end = (TipCell((0.0, 0.0), (0.0, 0.0)) if tip else None for tip in free)
+    path.start, path.end = (TipCell() if tip else None for tip in free)
     path.mouths = (ends[0] in outline, ends[1] in outline)

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 import shapely
 from scipy import sparse
+from scipy.sparse import csgraph
 from scipy.sparse.linalg import spsolve
 
 from meshing.cells.complex import CellComplex, CrackFaces, FacePath, TipCell, edge_key
@@ -43,7 +44,7 @@ def open_cracks(cells: CellComplex) -> None:
 def _add_moves(cells: CellComplex, faces: CrackFaces, angle: float, moved: dict[int, np.ndarray]) -> None:
     """Moves of the vertices on a crack's faces, and what it says of its length and opening."""
     path, start = _path_to_open(cells, faces)
-    rights, lefts = ([face[0][0], *(edge[1] for edge in face)] for face in (path.right, path.left))
+    rights, lefts = ([face[0][0], *(edge[1] for edge in face)] for face in path.faces)
     line = np.array([cells.vertices[v] for v in rights])
     steps = np.diff(line, axis=0)
     length = math.dist(start.position, line[0]) + np.concatenate([[0.0], np.cumsum(np.hypot(*steps.T))])
@@ -59,9 +60,8 @@ def _add_moves(cells: CellComplex, faces: CrackFaces, angle: float, moved: dict[
             mouth = _along_edge(cells, side[-1], sign * arc[-1], unit[-1], angle)
         moves = _moves_of_face(sign * math.tan(angle / 2) * arc, length, unit, mouth)
         moved.update(zip(side, moves))
-    for tip in (path.start, path.end):
-        if tip is not None:
-            tip.opening = angle
+    for tip in path.tips:
+        tip.opening = angle
 
 
 def _path_to_open(cells: CellComplex, faces: CrackFaces) -> tuple[FacePath, TipCell]:
@@ -76,15 +76,9 @@ def _path_to_open(cells: CellComplex, faces: CrackFaces) -> tuple[FacePath, TipC
     path = faces.paths[0] if len(faces.paths) == 1 else None
     if path is None or path.start is None:
         raise ValueError(f"{opening}, but it has no tip to open from; give 0.")
-    others = {
-        vertex
-        for crack in cells.cracks
-        if crack is not faces
-        for piece in crack.paths
-        for edge in [*piece.right, *piece.left]
-        for vertex in edge
-    }
-    for face in (path.right, path.left):
+    foreign = [piece for crack in cells.cracks if crack is not faces for piece in crack.paths]
+    others = {vertex for piece in foreign for face in piece.faces for edge in face for vertex in edge}
+    for face in path.faces:
         broken = [a[1] for a, b in zip(face, face[1:]) if a[1] != b[0]]
         for vertex in [*broken, *(v for edge in face for v in edge if v in others)]:
             x, y = cells.vertices[vertex]
@@ -124,9 +118,9 @@ def _moves_of_face(
         # Along the line more and more from a tip, so that nothing is passed by what moves beside a kink.
         low, high = (0.0 if first == 0 else length[first]), length[last]
         start, stop = (at[k] - shifts[k] * normal[first] for k in (first, last))
-        for place in range(first, last + 1):
-            share = (length[place] - low) / (high - low)
-            moves[place] = shifts[place] * normal[first] + (1.0 - share) * start + share * stop
+        part = slice(first, last + 1)
+        share = (length[part, None] - low) / (high - low)
+        moves[part] = shifts[part, None] * normal[first] + (1.0 - share) * start + share * stop
     return moves
 
 
@@ -134,7 +128,7 @@ def _along_edge(
     cells: CellComplex, vertex: int, length: float, direction: np.ndarray, angle: float
 ) -> np.ndarray:
     """Shift of a mouth's corner along the outline to where the opened face meets it."""
-    faces = {edge_key(e) for crack in cells.cracks for p in crack.paths for e in [*p.right, *p.left]}
+    faces = {edge_key(e) for crack in cells.cracks for p in crack.paths for face in p.faces for e in face}
     uses = cells.edge_uses()
     other = next(
         (a if b == vertex else b)
@@ -143,8 +137,9 @@ def _along_edge(
     )
     here, there = np.array(cells.vertices[vertex]), np.array(cells.vertices[other])
     along = (there - here) / math.dist(there, here)
-    turn = -math.copysign(angle / 2, length)
-    face = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]]) @ direction
+    turned = -math.copysign(angle / 2, length)
+    cos, sin = math.cos(turned), math.sin(turned)
+    face = np.array([[cos, -sin], [sin, cos]]) @ direction
     # The face through the point opposite, turned by half the angle: here - |length| direction + s face =
     # here + t along.
     t, _ = np.linalg.solve(np.stack([along, -face], axis=1), -abs(length) * direction)
@@ -155,25 +150,17 @@ def _follow(cells: CellComplex, moved: Mapping[int, np.ndarray]) -> None:
     """Move the other vertices inside by the mean of their neighbours' moves; the outline and named points
     stay.
     """
-    uses = cells.edge_uses()
-    count = len(cells.vertices)
-    held = np.zeros(count, bool)
-    held[list(cells.points.values())] = True
+    uses, places = cells.edge_uses(), np.array(cells.vertices)
     first, second = np.array(list(uses)).T
-    for (a, b), times in uses.items():
-        if times == 1:
-            held[[a, b]] = True
     # Rings around a tip stretch with its faces: neighbours count by the inverse of their distance.
-    places = np.array(cells.vertices)
     weight = 1.0 / np.hypot(*(places[first] - places[second]).T)
-    graph = sparse.coo_matrix((weight, (first, second)), (count, count))
-    graph = (graph + graph.T).tocsr()
-    laplace = sparse.diags(np.asarray(graph.sum(axis=1)).ravel()) - graph
-    shift = np.zeros((count, 2))
-    for vertex, move in moved.items():
-        shift[vertex], held[vertex] = move, True
-    free = np.flatnonzero(~held & (np.asarray(graph.sum(axis=1)).ravel() > 0))
+    graph = sparse.coo_matrix((weight, (first, second)), (len(places), len(places)))
+    laplace = csgraph.laplacian((graph + graph.T).tocsr()).tocsr()
+    held = np.zeros(len(places), bool)
+    held[[*cells.points.values(), *moved, *(v for edge, n in uses.items() if n == 1 for v in edge)]] = True
+    shift = np.zeros(places.shape)
+    shift[list(moved)] = list(moved.values())
+    free = np.flatnonzero(~held & (laplace.diagonal() > 0))
     if len(free):
-        right = -laplace[free] @ shift
-        shift[free] = spsolve(laplace[free][:, free].tocsc(), right)
+        shift[free] = spsolve(laplace[free][:, free].tocsc(), -laplace[free] @ shift)
     cells.vertices[:] = [(float(x), float(y)) for x, y in places + shift]

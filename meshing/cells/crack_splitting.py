@@ -5,16 +5,19 @@ lines of edges.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from meshing.cells.complex import Cell, CellComplex, CrackFaces, Edge, FacePath, TipCell, divided, edge_key
+from meshing.cells.complex import CellComplex, CrackFaces, Edge, FacePath, TipCell, edge_key, neighbours
 from meshing.cells.crack_lines import crack_lines
-from meshing.cells.crack_meshing import CrackMeshing
 from meshing.cells.crack_opening import open_cracks
-from meshing.cells.face_division import divide_edges
 from meshing.cells.splitting import split
 from meshing.cells.vertex_rings import Rings
+from meshing.input_checks import flag, integer, length, number
+from meshing.vectors import line_length, turn, unit
 
 _DEFAULT_TIP = 0.02  # of a crack's length
 _DEFAULT_IN_STAR = 0.03  # of the cells around the tip
@@ -22,6 +25,61 @@ _KINK = math.radians(20.0)  # from here on there are rings around a kink
 _INNERMOST = 0.02  # level around a kink or junction, relative to the cells there
 _NEAR_CUT = math.radians(30.0)  # from a cell's edge at a tip to the direction wanted
 _AT_MOST = 0.5  # half-size of a tip's element, relative to the cells there
+
+
+@dataclass(frozen=True)
+class CrackMeshing:
+    """How cracks are meshed.
+
+    Attributes
+    ----------
+    tip_element : bool
+        Rings around each tip with an open cell in their middle.
+    tip_size : float or None
+        Half-size of that cell, m; None: 0.02 of the crack's length, or
+        0.03 of the reach of the cells around the tip if that is less.
+    grading : float
+        Largest ratio of neighbouring rings.
+    face_size : float or None
+        Longest edge on the faces, m; None: `face_edges` of them along the crack.
+    face_edges : int
+    sectors : bool
+        No rings around tips but closed cells that meet in the tip.
+    """
+
+    tip_element: bool = True
+    tip_size: float | None = None
+    grading: float = 2.5
+    face_size: float | None = None
+    face_edges: int = 12
+    sectors: bool = False
+
+    @classmethod
+    def checked(cls, extent: float, given: Mapping[str, Any], sectors: bool = False) -> CrackMeshing:
+        """What is given of it among the arguments of a function that meshes, checked.
+
+        Parameters
+        ----------
+        extent : float
+            The body's size, m; 0 where it is not known yet.
+        given : mapping of str to object
+            Arguments by their names.
+        """
+        sizes: dict[str, float | None] = {"tip_size": None, "face_size": None}
+        for name, least in (("tip_size", 1e-7), ("face_size", 1e-6)):
+            if given.get(name) is not None:
+                sizes[name] = size = length("mesh", name, given[name])
+                if size < least * extent:
+                    raise ValueError(
+                        f"mesh: {name} {size:g} m is below {least:g} of the body's size {extent:g} m, "
+                        "round-off would show; make it larger."
+                    )
+        grading = number("mesh", "grading", given["grading"])
+        if not 1.1 <= grading <= 10:
+            raise ValueError(f"mesh: grading is {grading:g}, a ratio from 1.1 to 10 was expected.")
+        tip_element = flag("mesh", "tip_element", given.get("tip_element", True))
+        face_edges = integer("mesh", "face_edges", given.get("face_edges", 12), least=1, most=1000)
+        return cls(tip_element, sizes["tip_size"], grading, sizes["face_size"], face_edges, sectors)
 
 
 def add_cracks(cells: CellComplex, meshing: CrackMeshing, origin: str) -> None:
@@ -55,49 +113,42 @@ def _paths(cracks: list[CrackFaces]) -> list[FacePath]:
     return [path for crack in cracks for path in crack.paths]
 
 
-def _refine(
-    cells: CellComplex,
-    cracks: list[CrackFaces],
-    outline: set[int],
-    meshing: CrackMeshing,
-) -> None:
+def _refine(cells: CellComplex, cracks: list[CrackFaces], outline: set[int], meshing: CrackMeshing) -> None:
     """Rings around tips, junctions and sharp kinks; the lines get the new vertices."""
-    rings = Rings(cells)
-    near: dict[int, list[int]] = {}
-    for a, b in [edge for path in _paths(cracks) for edge in path.right]:
-        near.setdefault(a, []).append(b)
-        near.setdefault(b, []).append(a)
+    rings = Rings(cells, meshing.grading)
+    near = neighbours(edge for path in _paths(cracks) for edge in path.right)
     done: set[int] = set()
     for crack in cracks:
         crack.drawn = sum(_length(cells, path) for path in crack.paths)
         for path in crack.paths:
             _refuse_one_edge(cells, crack, path, meshing)
-            right, left = path.right, path.left
+            right, left = path.faces
             for tip, vertex, ends in (
                 (path.start, right[0][0], (left[0][1], right[0][1])),
                 (path.end, right[-1][1], (right[-1][0], left[-1][0])),
             ):
-                if tip is None:
-                    continue
-                _describe(cells, tip, vertex, ends)
-                if meshing.tip_element:
-                    _put_tip(rings, crack, tip, vertex, ends, meshing)
-                    done |= {vertex, *ends}
+                if tip is not None:
+                    _describe(cells, tip, vertex, ends)
+                    if meshing.tip_element:
+                        _put_tip(rings, crack, tip, vertex, ends, meshing)
+                        done |= {vertex, *ends}
     for vertex, others in near.items():
-        sharp = len(others) > 2 or (len(others) == 2 and _bend(cells, vertex, others) > _KINK)
-        found = None
-        if sharp and vertex not in outline and not done & {vertex, *others}:
-            found = rings.fan(vertex, others[0], others[0])
+        if vertex in outline or done & {vertex, *others} or not _sharp(cells, vertex, others):
+            continue
+        found = rings.fan(vertex, others[0], others[0])
         if found is not None:
-            reach = max(math.dist(cells.vertices[vertex], cells.vertices[v]) for v in found.chain)
-            innermost = _INNERMOST * reach
-            rings.refine(vertex, others, found, innermost=innermost, grading=meshing.grading, tip=False)
+            rings.refine(found, others, _INNERMOST * found.reach, tip=False)
             done |= {vertex, *others}
-    _follow_lines(cells, cracks, rings)
+    cells.divide_sets(rings.inserted)
+    for path in _paths(cracks):
+        path.divide(rings.inserted)
+        # lines leave out ends that are scaling centres now
+        first, last = (int(tip is not None and tip.cell >= 0) for tip in (path.start, path.end))
+        path.right, path.left = (face[first : len(face) - last] for face in path.faces)
 
 
 def _refuse_one_edge(cells: CellComplex, crack: CrackFaces, path: FacePath, meshing: CrackMeshing) -> None:
-    if meshing.tip_element and path.start and path.end and len(path.right) == 1:
+    if meshing.tip_element and len(path.tips) == 2 and len(path.right) == 1:
         (x, y), (u, v) = (cells.vertices[vertex] for vertex in path.right[0])
         raise ValueError(
             f"{crack.where}: its line from ({x:.6g}, {y:.6g}) to ({u:.6g}, {v:.6g}) m is one edge of cells, "
@@ -105,57 +156,43 @@ def _refuse_one_edge(cells: CellComplex, crack: CrackFaces, path: FacePath, mesh
         )
 
 
-def _follow_lines(cells: CellComplex, cracks: list[CrackFaces], rings: Rings) -> None:
-    """Give edge sets and lines the vertices of rings; lines leave out ends that are scaling centres now."""
-    for name, edges in cells.edge_sets.items():
-        cells.edge_sets[name] = divided(edges, rings.inserted)
-    for path in _paths(cracks):
-        first, last = (int(tip is not None and tip.cell >= 0) for tip in (path.start, path.end))
-        for face in ("right", "left"):
-            edges = divided(getattr(path, face), rings.inserted)
-            setattr(path, face, edges[first : len(edges) - last])
-
-
 def _length(cells: CellComplex, path: FacePath) -> float:
     """Length of a line, between the two faces where these exist already, m."""
     if path.embedded or not path.joined:
         return sum(cells.edge_length(*edge) for edge in path.right)
     places = np.array(cells.vertices)
-    right, left = (places[[face[0][0], *(b for _, b in face)]] for face in (path.right, path.left))
-    return float(np.hypot(*np.diff(0.5 * (right + left), axis=0).T).sum())
+    right, left = (places[[face[0][0], *(b for _, b in face)]] for face in path.faces)
+    return line_length(0.5 * (right + left))
 
 
 def _describe(cells: CellComplex, tip: TipCell, vertex: int, ends: tuple[int, int]) -> None:
     """Position, axis and opening of a tip from the vertices next to it on the left and right face."""
-    position = np.array(cells.vertices[vertex])
     left, right = (_tangent(cells, vertex, end) for end in ends)
-    opening = math.atan2(right[0] * left[1] - right[1] * left[0], float(right @ left))
+    opening = turn(right, left)
     # A closed crack's faces coincide; round-off must not open it.
     tip.opening = opening if abs(opening) > 1e-12 else 0.0
-    axis = (left + right) / np.hypot(*(left + right))
-    tip.position = (float(position[0]), float(position[1]))
-    tip.axis = (float(axis[0]), float(axis[1]))
+    tip.position = cells.vertices[vertex]
+    x, y = unit(left + right).tolist()
+    tip.axis = (x, y)
 
 
 def _tangent(cells: CellComplex, first: int, second: int) -> np.ndarray:
     """Unit vector from a vertex along the edge to another."""
     curved = edge_key((first, second)) in cells.curves
     start, stop = cells.along((first, second), (0.0, 1e-6 if curved else 1.0))
-    return (stop - start) / np.hypot(*(stop - start))
+    return unit(stop - start)
 
 
-def _bend(cells: CellComplex, vertex: int, others: list[int]) -> float:
+def _sharp(cells: CellComplex, vertex: int, others: list[int]) -> bool:
+    """Whether lines meet or turn sharply in a vertex."""
+    if len(others) != 2:
+        return len(others) > 2
     one, other = (_tangent(cells, vertex, end) for end in others)
-    return math.pi - math.acos(float(np.clip(one @ other, -1.0, 1.0)))
+    return abs(turn(-one, other)) > _KINK
 
 
 def _put_tip(
-    rings: Rings,
-    crack: CrackFaces,
-    tip: TipCell,
-    vertex: int,
-    ends: tuple[int, int],
-    meshing: CrackMeshing,
+    rings: Rings, crack: CrackFaces, tip: TipCell, vertex: int, ends: tuple[int, int], meshing: CrackMeshing
 ) -> None:
     found = rings.fan(vertex, *ends)
     if found is None:
@@ -163,19 +200,17 @@ def _put_tip(
             f"{crack.where}: the cells around its tip do not go from one face round to the other; check that "
             "the tip is inside the material."
         )
-    away = np.array([rings.cells.vertices[v] for v in found.chain]) - tip.position
-    reach = float(np.hypot(*away.T).max())
     size = rings.cells.tip_sizes.get(vertex)
-    if size is None and meshing.tip_size is not None and meshing.tip_size > _AT_MOST * reach:
+    if size is None and meshing.tip_size is not None and meshing.tip_size > _AT_MOST * found.reach:
         raise ValueError(
             f"{crack.where}: tip_size {meshing.tip_size:g} m does not fit in the cells around the tip, "
-            f"which reach {reach:g} m; make it smaller."
+            f"which reach {found.reach:g} m; make it smaller."
         )
-    wanted = size or meshing.tip_size or min(_DEFAULT_TIP * crack.drawn, _DEFAULT_IN_STAR * reach)
+    wanted = size or meshing.tip_size or min(_DEFAULT_TIP * crack.drawn, _DEFAULT_IN_STAR * found.reach)
     if meshing.sectors:
-        rings.merge(vertex, found, _cuts(tip.axis, away), innermost=wanted, grading=meshing.grading)
+        rings.merge(found, _cuts(tip.axis, found.away), wanted)
     else:
-        tip.cell = rings.refine(vertex, ends, found, innermost=wanted, grading=meshing.grading, tip=True)
+        tip.cell = rings.refine(found, ends, wanted, tip=True)
 
 
 def _cuts(axis: tuple[float, float], away: np.ndarray) -> list[int]:
@@ -210,9 +245,9 @@ def _divide(cells: CellComplex, cracks: list[CrackFaces], meshing: CrackMeshing)
                 length = max(cells.edge_length(*edge) for edge in pair)
                 count = max(1, math.ceil(length / longest - 1e-6))
                 wanted |= {edge: np.arange(1, count) / count for edge in pair if count > 1}
-    inserted = divide_edges(cells, wanted)
+    inserted = cells.divide(wanted)
     for path in _paths(cracks):
-        path.right, path.left = (divided(face, inserted) for face in (path.right, path.left))
+        path.divide(inserted)
 
 
 def _record(cells: CellComplex, crack: CrackFaces, sides: dict[Edge, tuple[Edge, Edge]]) -> None:
@@ -227,28 +262,22 @@ def _record(cells: CellComplex, crack: CrackFaces, sides: dict[Edge, tuple[Edge,
         if path.mouths[1]:
             corners.append((path.right[-1][1], path.left[-1][1]))
     cells.cracks.append(crack)
-    cells.edge_sets[f"{crack.name}_right"] = [edge for path in crack.paths for edge in path.right]
-    cells.edge_sets[f"{crack.name}_left"] = [edge for path in crack.paths for edge in path.left]
-    if len(corners) == 1:
-        cells.points[f"{crack.name}_right"], cells.points[f"{crack.name}_left"] = corners[0]
+    for name, faces in (("right", 0), ("left", 1)):
+        cells.edge_sets[f"{crack.name}_{name}"] = [e for path in crack.paths for e in path.faces[faces]]
+        if len(corners) == 1:
+            cells.points[f"{crack.name}_{name}"] = corners[0][faces]
 
 
 def _drop_missing(cells: CellComplex, origin: str) -> None:
     """Remove cells that were merged away; named items that went with them are an error."""
-    number_of = {}
-    kept: list[Cell] = []
-    for number, cell in enumerate(cells.cells):
-        if cell.vertices:
-            number_of[number] = len(kept)
-            kept.append(cell)
-    cells.cells = kept
-    for crack in cells.cracks:
-        for path in crack.paths:
-            for tip in (path.start, path.end):
-                if tip is not None:
-                    tip.cell = number_of.get(tip.cell, -1)
+    kept = [number for number, cell in enumerate(cells.cells) if cell.vertices]
+    number_of = {number: place for place, number in enumerate(kept)}
+    cells.cells = [cells.cells[number] for number in kept]
+    for path in _paths(cells.cracks):
+        for tip in path.tips:
+            tip.cell = number_of.get(tip.cell, -1)
     uses = cells.edge_uses()
-    present = {vertex for cell in kept for vertex in cell.vertices}
+    present = {vertex for edge in uses for vertex in edge}
     cells.curves = {edge: curve for edge, curve in cells.curves.items() if edge in uses}
     for name, edges in cells.edge_sets.items():
         cells.edge_sets[name] = [edge for edge in edges if edge_key(edge) in uses]

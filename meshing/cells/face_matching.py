@@ -8,13 +8,11 @@ other.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.spatial import cKDTree
 
 from meshing.cells.complex import CellComplex, Curve, divided, edge_key, edges_of
-from meshing.cells.face_division import divide_edges
+from meshing.vectors import turn
 
 # Vertices of the two faces that are closer than this, in units of the shortest edge there, are put beside
 # each other; others get a partner of their own. Short edges between long ones make the pressure uneven.
@@ -118,11 +116,11 @@ class _Face:
     def __init__(self, cells: CellComplex, path: list[int], along: np.ndarray, where: str) -> None:
         self._cells, self._path, self._along = cells, path, along
         edges = list(zip(path, path[1:]))
-        self._curves = [cells.curve(*edge) for edge in edges]
-        self._corners = np.array([cells.vertices[v] for v in path])
-        self._bounds = self._corners @ along
+        self._curved = [edge_key(edge) in cells.curves for edge in edges]
+        self._shapes = [cells.shape(edge) for edge in edges]
+        self._bounds = np.array([cells.vertices[v] for v in path]) @ along
         self.places = self._bounds.copy()
-        pieces = [self._piece(number, _FINE) for number in range(len(edges))]
+        pieces = [shape(_FINE) for shape in self._shapes]
         for edge, piece in zip(edges, pieces):
             steps = np.diff(piece, axis=0)
             if ((steps @ along) < _STEEPEST * np.hypot(*steps.T)).any():
@@ -132,14 +130,6 @@ class _Face:
                     "along both faces; name only the parts of the bodies that may touch."
                 )
         self._free = self._movable(pieces)
-
-    def _piece(self, number: int, at: np.ndarray) -> np.ndarray:
-        """Points of an edge at its own parameters."""
-        curve = self._curves[number]
-        if curve is not None:
-            return curve(at)
-        first, last = self._corners[number : number + 2]
-        return first + np.asarray(at)[:, None] * (last - first)
 
     def _movable(self, pieces: list[np.ndarray]) -> np.ndarray:
         """(n,): vertices that may be moved along the face: neither ends nor corners, named points, or ends
@@ -156,10 +146,8 @@ class _Face:
         for k, vertex in enumerate(self._path[1:-1], 1):
             before, after = pieces[k - 1][-1] - pieces[k - 1][-2], pieces[k][1] - pieces[k][0]
             # the chords of the finest pieces of an arc turn by its curvature times their length
-            own = sum(
-                abs(_turn(piece[1] - piece[0], piece[-1] - piece[-2])) for piece in pieces[k - 1 : k + 1]
-            )
-            smooth = abs(_turn(before, after)) < _SMOOTH + own / 8
+            own = sum(abs(turn(one[1] - one[0], one[-1] - one[-2])) for one in pieces[k - 1 : k + 1])
+            smooth = abs(turn(before, after)) < _SMOOTH + own / 8
             edges = [edge_key((self._path[i], self._path[i + 1])) for i in (k - 1, k)]
             whole = all((edges[0] in one) == (edges[1] in one) for one in sets)
             free[k] = smooth and whole and vertex not in named and len(materials[vertex]) == 1
@@ -168,13 +156,12 @@ class _Face:
     def points(self, places: np.ndarray) -> np.ndarray:
         """(m, 2): where the face has some places along the direction."""
         places = np.asarray(places, float)
-        number = np.clip(np.searchsorted(self._bounds, places, side="right") - 1, 0, len(self._curves) - 1)
+        number = np.clip(np.searchsorted(self._bounds, places, side="right") - 1, 0, len(self._shapes) - 1)
         result = np.empty((len(places), 2))
         for k in np.unique(number):
-            mine, (first, last) = number == k, self._bounds[k : k + 2]
+            mine, shape, (first, last) = number == k, self._shapes[k], self._bounds[k : k + 2]
             share = (places[mine] - first) / (last - first)
-            curve = self._curves[k]
-            result[mine] = self._piece(k, share if curve is None else self._parameters(curve, places[mine]))
+            result[mine] = shape(self._parameters(shape, places[mine]) if self._curved[k] else share)
         return result
 
     def _parameters(self, curve: Curve, places: np.ndarray) -> np.ndarray:
@@ -203,20 +190,18 @@ class _Face:
         first station to the last one.
         """
         cells = self._cells
-        for vertex, place, bound, point in zip(
-            self._path, self.places, self._bounds, self.points(self.places)
-        ):
-            if place != bound:
-                cells.vertices[vertex] = (float(point[0]), float(point[1]))
+        moved = np.flatnonzero(self.places != self._bounds)
+        for k, (x, y) in zip(moved, self.points(self.places[moved]).tolist()):
+            cells.vertices[self._path[k]] = (x, y)
         cuts = {}
         for k, edge in enumerate(zip(self._path, self._path[1:])):
             first, last = self.places[k : k + 2]
-            if any(self._curves[max(k - 1, 0) : k + 2]):
+            if any(self._curved[max(k - 1, 0) : k + 2]):
                 cells.set_curve(*edge, self._between(first, last))
             inside = stations[(stations > first) & (stations < last)]
             if len(inside):
                 cuts[edge] = (inside - first) / (last - first)
-        edges = divided(edges_of(self._path), divide_edges(cells, cuts))
+        edges = divided(edges_of(self._path), cells.divide(cuts))
         whole = [self._path[0], *(last for _, last in edges)]
         places = np.unique(np.concatenate([self.places, stations]))
         places = places[(places >= self.places[0]) & (places <= self.places[-1])]
@@ -225,9 +210,3 @@ class _Face:
     def _between(self, first: float, last: float) -> Curve:
         """The face between two places, run through evenly along the direction."""
         return lambda at: self.points(first + np.asarray(at, float) * (last - first))
-
-
-def _turn(first: Sequence[float], second: Sequence[float]) -> float:
-    """Angle from a vector to another, radian."""
-    cross = first[0] * second[1] - first[1] * second[0]
-    return float(np.arctan2(cross, first[0] * second[0] + first[1] * second[1]))

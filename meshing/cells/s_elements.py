@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshing.boundary_mesh import BoundaryMesh, Crack, Tip
-from meshing.cells.complex import Cell, CellComplex, CrackFaces, edge_key
+from meshing.boundary_mesh import BoundaryMesh, Crack, Recipe, Tip
+from meshing.cells.complex import Cell, CellComplex, CrackFaces, Edge, edge_key
 from meshing.cells.contact_faces import crack_pairs, join_pairs, without_doubles
 from meshing.gll import gll_nodes, lagrange_slopes, lagrange_values
-from meshing.recipe import Recipe
+from meshing.vectors import cross
 
 # Distance of the scaling centre from the nearest tangent of the outline, relative to the square root of the
 # cell's area: a centroid with less than the first is worth a search in the kernel, less than the second is no
@@ -50,44 +50,31 @@ def build_mesh(
     """
     middles = [np.mean([cells.vertices[v][0] for v in cell.vertices]) for cell in cells.cells]
     sequence = np.argsort(middles, kind="stable")
+    ordered = [cells.cells[i] for i in sequence]
+    directed = [edge for cell in ordered for edge in cell.edges()]
+    edge_number = {key: number for number, key in enumerate(dict.fromkeys(map(edge_key, directed)))}
     parameter = 0.5 * (gll_nodes(order) + 1.0)
     coordinates: list[tuple[float, float]] = []
     node_of_vertex: dict[int, int] = {}
-    edge_number: dict[tuple[int, int], int] = {}
     edges: list[list[int]] = []
-    starts, used, turned = [0], [], []
-
-    def vertex_node(vertex: int) -> int:
-        if vertex not in node_of_vertex:
-            node_of_vertex[vertex] = len(coordinates)
-            coordinates.append(cells.vertices[vertex])
-        return node_of_vertex[vertex]
-
-    for number in sequence:
-        for edge in cells.cells[number].edges():
-            key = edge_key(edge)
-            if key not in edge_number:
-                first, last = vertex_node(key[0]), vertex_node(key[1])
-                inner = range(len(coordinates), len(coordinates) + order - 1)
-                coordinates.extend(map(tuple, _edge_points(cells, key, parameter)[1:-1]))
-                edge_number[key] = len(edges)
-                edges.append([first, *inner, last])
-            used.append(edge_number[key])
-            turned.append(key != edge)
-        starts.append(len(used))
+    for key in edge_number:
+        for vertex in key:
+            if vertex not in node_of_vertex:
+                node_of_vertex[vertex] = len(coordinates)
+                coordinates.append(cells.vertices[vertex])
+        inner = range(len(coordinates), len(coordinates) + order - 1)
+        coordinates.extend(map(tuple, _edge_points(cells, key, parameter)[1:-1]))
+        edges.append([node_of_vertex[key[0]], *inner, node_of_vertex[key[1]]])
 
     nodes, edge_nodes = np.array(coordinates), np.array(edges)
-    flat, backwards, start = np.array(used), np.array(turned), np.array(starts)
-    ordered = [cells.cells[i] for i in sequence]
+    flat = np.array([edge_number[edge_key(edge)] for edge in directed])
+    backwards = np.array([first > last for first, last in directed])
+    start = np.cumsum([0, *(len(cell.edges()) for cell in ordered)])
     centres = _scaling_centres(ordered, nodes[edge_nodes[flat]], backwards, start, origin)
     element_of_cell = np.argsort(sequence)
 
-    def numbers(pairs: list[tuple[int, int]]) -> np.ndarray:
-        return np.array([edge_number[edge_key(pair)] for pair in pairs], dtype=int)
-
-    def nodes_of(edge: tuple[int, int]) -> np.ndarray:
-        key = edge_key(edge)
-        return edge_nodes[edge_number[key]] if key == edge else edge_nodes[edge_number[key]][::-1]
+    def nodes_of(edge: Edge) -> np.ndarray:
+        return edge_nodes[edge_number[edge_key(edge)], :: 1 if edge[0] < edge[1] else -1]
 
     cracks, tips, pairs = [], [], []
     for index, faces in enumerate(cells.cracks):
@@ -110,7 +97,10 @@ def build_mesh(
             number: np.array(cell.sectors) for number, cell in enumerate(ordered) if cell.sectors is not None
         },
         material_names=tuple(cells.materials),
-        edge_sets={name: np.sort(numbers(pairs_of_set)) for name, pairs_of_set in cells.edge_sets.items()},
+        edge_sets={
+            name: np.sort(np.array([edge_number[edge_key(edge)] for edge in own], int))
+            for name, own in cells.edge_sets.items()
+        },
         points={name: node_of_vertex[vertex] for name, vertex in cells.points.items()},
         pairs=without_doubles(join_pairs(pairs)),
         cracks=tuple(cracks),
@@ -123,22 +113,14 @@ def build_mesh(
 def _tips(faces: CrackFaces, index: int, element_of_cell: np.ndarray) -> list[Tip]:
     """Tips of a crack, sorted and named."""
     sets = (f"{faces.name}_left", f"{faces.name}_right")
-    found = [(path.start, sets) for path in faces.paths if path.start]
-    found += [(path.end, sets[::-1]) for path in faces.paths if path.end]
+    found = [(tip, sets if tip is path.start else sets[::-1]) for path in faces.paths for tip in path.tips]
     found.sort(key=lambda item: item[0].position)
-    return [
-        Tip(
-            faces.name if len(found) == 1 else f"{faces.name}:{number}",
-            index,
-            (tip.position[0], tip.position[1]),
-            (tip.axis[0], tip.axis[1]),
-            tip.opening,
-            int(element_of_cell[tip.cell]) if tip.cell >= 0 else -1,
-            face_sets,
-            tip.arc,
-        )
-        for number, (tip, face_sets) in enumerate(found, 1)
-    ]
+    tips = []
+    for number, (tip, names) in enumerate(found, 1):
+        name = faces.name if len(found) == 1 else f"{faces.name}:{number}"
+        element = int(element_of_cell[tip.cell]) if tip.cell >= 0 else -1
+        tips.append(Tip(name, index, tip.position, tip.axis, tip.opening, element, names, tip.arc))
+    return tips
 
 
 def _crack(faces: CrackFaces, tips: list[Tip], length: float, nodes_of, nodes: np.ndarray) -> Crack:
@@ -189,15 +171,13 @@ def _scaling_centres(
     local, length = points - middle[owner], np.hypot(*tangents.T)
     following = np.roll(local, -1, axis=0)
     following[first + count - 1] = local[first]
-    cross = local[:, 0] * following[:, 1] - local[:, 1] * following[:, 0]
+    swept = cross(local, following)
     given = np.array([i for i, cell in enumerate(cells) if cell.centre is not None], int)
     tips = np.array([cells[i].centre for i in given]).reshape(-1, 2) - middle[given]
     for i, tip in zip(given, tips):  # the outline passes through the centre
-        one, last = local[first[i]], local[first[i] + count[i] - 1]
-        cross[first[i] + count[i] - 1] = (
-            last[0] * tip[1] - last[1] * tip[0] + tip[0] * one[1] - tip[1] * one[0]
-        )
-    area = 0.5 * np.add.reduceat(cross, first)
+        end = first[i] + count[i] - 1
+        swept[end] = cross(local[end], tip) + cross(tip, local[first[i]])
+    area = 0.5 * np.add.reduceat(swept, first)
     extent = np.maximum.reduceat(local, first) - np.minimum.reduceat(local, first)
     where = [f"{origin}: cell near ({mx:.6g}, {my:.6g}) m" for mx, my in middle.tolist()]
     wrong = (np.minimum.reduceat(length, first) == 0.0) | (area <= 1e-12 * extent.max(axis=1) ** 2)
@@ -209,10 +189,9 @@ def _scaling_centres(
 
     def sight(centre: np.ndarray, of: np.ndarray, starts: np.ndarray) -> np.ndarray:
         """Least distance of centres, one for each row of `of`, from the tangents in these rows."""
-        away = local[of] - centre
-        return np.minimum.reduceat(away[:, 0] * unit[of, 1] - away[:, 1] * unit[of, 0], starts)
+        return np.minimum.reduceat(cross(local[of] - centre, unit[of]), starts)
 
-    centre = np.add.reduceat((local + following) * cross[:, None], first) / (6 * area[:, None])
+    centre = np.add.reduceat((local + following) * swept[:, None], first) / (6 * area[:, None])
     centre[given] = tips
     everything = np.arange(len(points))
     seen = sight(centre[owner], everything, first) / np.sqrt(area)
@@ -265,20 +244,17 @@ def _outlines(
 
 def _kernel(points: np.ndarray, unit: np.ndarray) -> np.ndarray:
     """Corners of the set of points that lie to the left of every tangent; empty if there is none."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+    (left, low), (right, high) = points.min(axis=0), points.max(axis=0)
+    corners = np.array([(left, low), (right, low), (right, high), (left, high)])
     for point, direction in zip(points, unit):
-        side = direction[0] * (corners[:, 1] - point[1]) - direction[1] * (corners[:, 0] - point[0])
-        if side.min() >= 0:
+        here = cross(direction, corners - point)
+        if here.min() >= 0:
             continue
-        kept = []
-        for i, (here, there) in enumerate(zip(side, np.roll(side, -1))):
-            following = corners[(i + 1) % len(corners)]
-            if here >= 0:
-                kept.append(corners[i])
-            if (here >= 0) != (there >= 0):
-                kept.append(corners[i] + here / (here - there) * (following - corners[i]))
-        if len(kept) < 3:
+        there, steps = np.roll(here, -1), np.roll(corners, -1, axis=0) - corners
+        crossed = (here >= 0) != (there >= 0)
+        share = np.divide(here, here - there, out=np.zeros(len(here)), where=crossed)
+        both = np.stack([corners, corners + share[:, None] * steps], axis=1)
+        corners = both[np.stack([here >= 0, crossed], axis=1)]
+        if len(corners) < 3:
             return np.zeros((0, 2))
-        corners = np.array(kept)
     return corners

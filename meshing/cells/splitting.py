@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 from scipy.cluster.hierarchy import DisjointSet
 
-from meshing.cells.complex import CellComplex, edge_key, reversed_curve
+from meshing.cells.complex import CellComplex, Edge, edge_key, reversed_curve
 
-Edge = tuple[int, int]
 Corner = tuple[int, int]  # a cell, and a place in its list of vertices
 
 
@@ -36,23 +35,22 @@ def split(cells: CellComplex, lines: Iterable[Edge]) -> dict[Edge, tuple[Edge, E
     users = _uses(cells, touched)
     corners = _sectors(cells, users, touched, {edge_key(edge) for edge in lines})
     # The cell that runs through an edge in its direction lies at its left.
+    beside = {edge: sorted(users[edge_key(edge)], key=lambda use: use.edge == edge) for edge in lines}
     kept: dict[int, Corner] = {}
-    for edge in lines:
-        for use in users[edge_key(edge)]:
-            if use.edge == edge:
-                kept.setdefault(edge[0], use.start)
-                kept.setdefault(edge[1], use.stop)
+    for edge, (_, left) in beside.items():
+        kept.setdefault(edge[0], left.start)
+        kept.setdefault(edge[1], left.stop)
     before = [cell.edges() for cell in cells.cells]
     _renumber(cells, corners, {corners[corner]: vertex for vertex, corner in kept.items()}, touched)
     _carry_over(cells, before)
-    sides = {}
-    for edge in lines:
-        found: dict[bool, Edge] = {}
-        for use in users[edge_key(edge)]:
-            first, last = (cells.cells[number].vertices[place] for number, place in (use.start, use.stop))
-            found[use.edge == edge] = (first, last) if use.edge == edge else (last, first)
-        sides[edge] = (found[False], found[True])
-    return sides
+
+    def vertex(corner: Corner) -> int:
+        return cells.cells[corner[0]].vertices[corner[1]]
+
+    return {
+        edge: ((vertex(right.stop), vertex(right.start)), (vertex(left.start), vertex(left.stop)))
+        for edge, (right, left) in beside.items()
+    }
 
 
 class _Use(NamedTuple):
@@ -82,10 +80,7 @@ def _sectors(
     corners, which may be one vertex.
     """
     corners = DisjointSet(
-        (number, place)
-        for number, cell in enumerate(cells.cells)
-        for place, vertex in enumerate(cell.vertices)
-        if vertex in touched
+        (i, k) for i, cell in enumerate(cells.cells) for k, v in enumerate(cell.vertices) if v in touched
     )
     for key, uses in users.items():
         if key in walls or len(uses) != 2 or uses[0].edge == uses[1].edge:

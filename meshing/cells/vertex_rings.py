@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
-from meshing.cells.complex import CellComplex, Curve, part_of_curve
+from meshing.cells.complex import CellComplex, Curve, Edge, edges_of
+from meshing.vectors import turn
 
-Edge = tuple[int, int]
 _STRAIGHT = 1e-9  # sine of an angle that is none
 
 
@@ -28,17 +29,27 @@ class Fan:
 
     Attributes
     ----------
+    vertex : int
     chain : list of int
         Vertices around it, counter-clockwise; a closed chain repeats its first one.
     members : list of int
         The cell of each edge of the chain.
     between : list of list of int
         Further vertices on each edge: of neighbours, on the straight side of a cell.
+    away : (n, 2) array
+        From the vertex to those of the chain, m.
     """
 
+    vertex: int
     chain: list[int]
-    members: list[int]
-    between: list[list[int]]
+    members: list[int] = field(default_factory=list)
+    between: list[list[int]] = field(default_factory=list)
+    away: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+
+    @property
+    def reach(self) -> float:
+        """Largest distance of the chain from the vertex, m."""
+        return float(np.hypot(*self.away.T).max())
 
     def rim(self, first: int, last: int) -> list[int]:
         """All vertices from one place of the chain to another."""
@@ -49,6 +60,12 @@ class Fan:
 class Rings:
     """Makes rings in a complex, whose cells it removes and adds.
 
+    Parameters
+    ----------
+    cells : CellComplex
+    grading : float
+        Largest ratio of the distances of neighbouring levels from the vertex.
+
     Attributes
     ----------
     inserted : dict of (int, int) to list of int
@@ -56,8 +73,8 @@ class Rings:
         between its ends.
     """
 
-    def __init__(self, cells: CellComplex) -> None:
-        self.cells = cells
+    def __init__(self, cells: CellComplex, grading: float) -> None:
+        self.cells, self.grading = cells, grading
         self.inserted: dict[Edge, list[int]] = {}
         self._around: dict[int, set[int]] = {}
         for number, cell in enumerate(cells.cells):
@@ -75,9 +92,8 @@ class Rings:
         for number in self._around.get(vertex, ()):
             loop = self.cells.cells[number].vertices
             i = loop.index(vertex)
-            ordered = loop[i + 1 :] + loop[:i]
-            following[ordered[0]] = (number, ordered)
-        fan = Fan([first], [], [])
+            following[loop[(i + 1) % len(loop)]] = (number, loop[i + 1 :] + loop[:i])
+        fan = Fan(vertex, [first])
         while fan.chain[-1] in following and (len(fan.chain) == 1 or fan.chain[-1] != last):
             number, ordered = following.pop(fan.chain[-1])
             side: list[int] = []
@@ -89,40 +105,27 @@ class Rings:
                 fan.members.append(number)
                 fan.between.append(side)
                 side = []
+        where = self.cells.vertices
+        fan.away = np.array([where[v] for v in fan.chain]) - where[vertex]
         return fan if fan.chain[-1] == last and not following else None
 
     def _straight(self, *vertices: int) -> bool:
         """Whether three vertices of a cell lie on one straight side."""
-        one, middle, other = (np.array(self.cells.vertices[v]) for v in vertices)
-        ahead, behind = other - middle, middle - one
-        across = abs(ahead[0] * behind[1] - ahead[1] * behind[0])
-        curved = any(self.cells.curve(*pair) for pair in zip(vertices, vertices[1:]))
-        return (
-            not curved and ahead @ behind > 0 and across <= _STRAIGHT * np.hypot(*ahead) * np.hypot(*behind)
-        )
+        steps = np.diff([self.cells.vertices[v] for v in vertices], axis=0)
+        curved = any(self.cells.curve(*pair) for pair in edges_of(vertices))
+        return not curved and abs(turn(*steps)) <= _STRAIGHT
 
-    def refine(
-        self,
-        vertex: int,
-        rays: Sequence[int],
-        fan: Fan,
-        *,
-        innermost: float,
-        grading: float,
-        tip: bool,
-    ) -> int:
+    def refine(self, fan: Fan, rays: Sequence[int], innermost: float, tip: bool) -> int:
         """Replace the cells around a vertex by rings.
 
         Parameters
         ----------
+        fan : Fan
         rays : sequence of int
             Vertices of the fan to which lines of a crack go from the vertex; the first one is where it
             starts.
-        fan : Fan
         innermost : float
             Largest distance of the innermost level from the vertex, m.
-        grading : float
-            Largest ratio of levels.
         tip : bool
             Inside the innermost level: one open cell with its scaling centre at the vertex, of several
             materials where these meet there; else a closed cell for each sector between rays and interfaces,
@@ -133,38 +136,26 @@ class Rings:
         int
             The tip's cell, -1 if there is none.
         """
-        cells, chain, members = self.cells, fan.chain, fan.members
-        materials = {number: cells.cells[number].material for number in members}
-        interfaces = {
-            place
-            for place, (one, other) in enumerate(zip(members, members[1:]), 1)
-            if materials[one] != materials[other]
-        }
-        places = [place for place, v in enumerate(chain) if v in rays or place in interfaces]
-        levels = self._levels(vertex, chain, places, innermost, grading)
-        self._remove(materials)
-        for inner, outer in zip(levels, levels[1:]):
-            for i, number in enumerate(members):
+        cells, members = self.cells, fan.members
+        materials = [cells.cells[number].material for number in members]
+        interfaces = {i for i, (one, other) in enumerate(pairwise(materials), 1) if one != other}
+        places = [place for place, v in enumerate(fan.chain) if v in rays or place in interfaces]
+        levels = self._levels(fan, places, innermost)
+        self._remove(dict.fromkeys(members))
+        for inner, outer in pairwise(levels):
+            for i, material in enumerate(materials):
                 between = fan.between[i] if outer is levels[-1] else []
-                self._add([inner[i], outer[i], *between, outer[i + 1], inner[i + 1]], materials[number])
+                self._add([inner[i], outer[i], *between, outer[i + 1], inner[i + 1]], material)
         if tip:
-            cell = self._add(levels[0], materials[members[0]], centre=cells.vertices[vertex])
+            cell = self._add(levels[0], materials[0], centre=cells.vertices[fan.vertex])
             if interfaces:
-                cells.cells[cell].sectors = [materials[number] for number in members]
+                cells.cells[cell].sectors = materials
             return cell
-        for first, last in zip(places, places[1:]):
-            self._add([vertex, *levels[0][first : last + 1]], materials[members[first]])
+        for first, last in pairwise(places):
+            self._add([fan.vertex, *levels[0][first : last + 1]], materials[first])
         return -1
 
-    def merge(
-        self,
-        vertex: int,
-        fan: Fan,
-        cuts: Sequence[int],
-        *,
-        innermost: float,
-        grading: float,
-    ) -> None:
+    def merge(self, fan: Fan, cuts: Sequence[int], innermost: float) -> None:
         """Replace the cells around a vertex by closed ones that meet in it, with edges graded towards it.
 
         Parameters
@@ -174,55 +165,35 @@ class Rings:
             Places in the fan at which cells part, beside its ends.
         innermost : float
             Length of the innermost edge of the longest ray, m.
-        grading : float
-            Largest ratio of neighbouring distances from the vertex.
         """
         places = sorted({0, *cuts, len(fan.members)})
-        levels = self._levels(vertex, fan.chain, places, innermost, grading)
+        levels = self._levels(fan, places, innermost)
         material = self.cells.cells[fan.members[0]].material
         self._remove(fan.members)
-        for first, last in zip(places, places[1:]):
+        for first, last in pairwise(places):
             out = [level[first] for level in levels[:-1]]
             back = [level[last] for level in levels[-2::-1]]
-            self._add([vertex, *out, *fan.rim(first, last), *back], material)
+            self._add([fan.vertex, *out, *fan.rim(first, last), *back], material)
 
-    def _levels(
-        self, vertex: int, chain: list[int], places: list[int], innermost: float, grading: float
-    ) -> list[list[int]]:
+    def _levels(self, fan: Fan, places: list[int], innermost: float) -> list[list[int]]:
         """Vertices of scaled copies of a fan's chain, from the innermost to the chain itself; the edges from
         the vertex to `places` of the chain are divided by them.
         """
-        cells = self.cells
-        centre = np.array(cells.vertices[vertex])
-        points = np.array([cells.vertices[v] for v in chain])
-        reach = float(np.hypot(*(points - centre).T).max())
-        loop = chain[0] == chain[-1]
-        curves = {place: cells.curve(vertex, chain[place]) for place in places}
-        levels: list[list[int]] = []
-        at: dict[int, list[float]] = {place: [] for place, curve in curves.items() if curve}
-        for scale in ring_scales(innermost / reach, grading)[:-1]:
-            level: list[int] = []
-            for place, point in enumerate(points):
-                if loop and place == len(chain) - 1:
-                    level.append(level[0])
-                    continue
-                curve, position = curves.get(place), centre + scale * (point - centre)
-                if curve is not None:
-                    at[place].append(_parameter(curve, centre, scale))
-                    position = curve(np.array(at[place][-1:]))[0]
-                level.append(cells.add_vertex(*position))
-            levels.append(level)
-        levels.append(list(chain))
+        cells, vertex, chain = self.cells, fan.vertex, fan.chain
+        centre, loop = np.array(cells.vertices[vertex]), int(chain[0] == chain[-1])
+        scales = ring_scales(innermost / fan.reach, self.grading)[:-1]
+        where = centre + scales[:, None, None] * (fan.away)
+        curves = {place: curve for place in places if (curve := cells.curve(vertex, chain[place]))}
+        at = {k: [_parameter(curve, centre, scale) for scale in scales] for k, curve in curves.items()}
         for place, curve in curves.items():
-            if curve is None or (loop and place == len(chain) - 1):
-                continue
-            bounds = [*at[place], 1.0]
-            for inner, outer, low, high in zip(levels, levels[1:], bounds, bounds[1:]):
-                cells.set_curve(inner[place], outer[place], part_of_curve(curve, low, high))
+            where[:, place] = curve(np.array(at[place]))
+        levels = [[cells.add_vertex(*point) for point in level[: len(chain) - loop]] for level in where]
+        levels = [level + level[:loop] for level in levels] + [list(chain)]
         for place in places:
-            between = [level[place] for level in levels[:-1]]
-            self.inserted[vertex, chain[place]] = between
-            self.inserted[chain[place], vertex] = between[::-1]
+            ray = [level[place] for level in levels]
+            if place in curves and not (loop and place == len(chain) - 1):
+                cells.set_pieces(ray, curves[place], [*at[place], 1.0])
+            self.inserted[vertex, chain[place]], self.inserted[chain[place], vertex] = ray[:-1], ray[-2::-1]
         return levels
 
     def _remove(self, numbers: Iterable[int]) -> None:
@@ -232,7 +203,7 @@ class Rings:
             self.cells.cells[number].vertices = []
 
     def _add(self, vertices: list[int], material: int, centre: tuple[float, float] | None = None) -> int:
-        number = self.cells.add_cell(vertices, centre=centre, closed=centre is None, material=material)
+        number = self.cells.add_cell(vertices, material, centre)
         self._register(number, vertices)
         return number
 

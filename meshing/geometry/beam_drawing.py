@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import shapely
 
-from meshing.cells.complex import edge_key
+from meshing.cells.complex import Point, edge_key
 from meshing.cells.vertex_rings import Rings
 from meshing.geometry.beam_options import BeamOptions
 from meshing.geometry.blocks import Block, features_of, plan_blocks
@@ -24,8 +25,6 @@ _NEAR = 1e-9  # distance of what is at one place, relative to the height
 _COLUMN = 0.25  # of a column that is left out
 _EDGE = 0.5  # largest edge of a filled block, relative to the height
 
-Point = tuple[float, float]
-
 
 def beam_drawing(beam: BeamShape, options: BeamOptions) -> Drawing:
     """Draw a beam.
@@ -39,7 +38,7 @@ def beam_drawing(beam: BeamShape, options: BeamOptions) -> Drawing:
     widths = _corner_widths(beam, options)
     start, stop = widths["left"], beam.length - widths["right"]
     blocks = plan_blocks(beam, options.points, start, stop)
-    _draw_columns(drawing, beam, options, blocks, start, stop)
+    _draw_columns(drawing, beam, options, blocks, (start, stop))
     _draw_ends(drawing, beam, widths)
     for block in blocks:
         if Fan.suits(beam, block):
@@ -82,17 +81,12 @@ def _corner_widths(beam: BeamShape, options: BeamOptions) -> dict[str, float]:
 
 
 def _draw_columns(
-    drawing: Drawing,
-    beam: BeamShape,
-    options: BeamOptions,
-    blocks: Sequence[Block],
-    start: float,
-    stop: float,
+    drawing: Drawing, beam: BeamShape, options: BeamOptions, blocks: Sequence[Block], ends: Sequence[float]
 ) -> None:
-    """Plain columns between the blocks, equal between two fixed lines."""
+    """Plain columns between the blocks and the ends of what they fill, equal between two fixed lines."""
     rows = math.ceil(beam.height / options.size - 1e-9)
     levels = [beam.height * i / rows for i in range(rows)] + [beam.height]
-    for left, right in zip([start, *(b.high for b in blocks)], [*(b.low for b in blocks), stop]):
+    for left, right in zip([ends[0], *(b.high for b in blocks)], [*(b.low for b in blocks), ends[1]]):
         fixed = sorted({left, right} | {x for x, _ in options.points.values() if left < x < right})
         for a, b in pairwise(fixed):
             count = max(1, math.ceil((b - a) / options.size - _COLUMN))
@@ -105,11 +99,8 @@ def _draw_ends(drawing: Drawing, beam: BeamShape, widths: Mapping[str, float]) -
         if width:
             sides = (0.0, width) if end == "left" else (beam.length - width, beam.length)
             levels = sorted({0.0, width, beam.height - width, beam.height})
-            _grid(
-                drawing,
-                sides,
-                [y for y, last in zip(levels, [-1.0, *levels]) if y - last > _NEAR * beam.height],
-            )
+            apart = [y for y, last in zip(levels, [-1.0, *levels]) if y - last > _NEAR * beam.height]
+            _grid(drawing, sides, apart)
 
 
 def _grid(drawing: Drawing, xs: Sequence[float], ys: Sequence[float]) -> None:
@@ -120,24 +111,17 @@ def _grid(drawing: Drawing, xs: Sequence[float], ys: Sequence[float]) -> None:
 
 def _grade(drawing: Drawing, vertex: int, options: BeamOptions) -> None:
     """Rings of cells around a corner of the outline."""
-    rings = Rings(drawing)
+    rings = Rings(drawing, options.cracks.grading)
     cell = next(cell.vertices for cell in drawing.cells if vertex in cell.vertices)
     place = cell.index(vertex)
     first, last = cell[(place + 1) % len(cell)], cell[place - 1]
     fan = rings.fan(vertex, first, last)
     assert fan is not None
-    innermost = options.corner_size * math.sqrt(2)
-    rings.refine(vertex, [first, last], fan, innermost=innermost, grading=options.cracks.grading, tip=False)
+    rings.refine(fan, [first, last], options.corner_size * math.sqrt(2), tip=False)
 
 
 def _fill_block(drawing: Drawing, beam: BeamShape, block: Block, size: float) -> None:
     """A block that gmsh fills; notches that are open are cut out of its outline."""
-    corners: list[Point] = [
-        (block.low, 0.0),
-        (block.high, 0.0),
-        (block.high, beam.height),
-        (block.low, beam.height),
-    ]
     holes, lines, flanks = {}, {}, {}
     for feature in block.features:
         shape = feature.shape
@@ -150,22 +134,17 @@ def _fill_block(drawing: Drawing, beam: BeamShape, block: Block, size: float) ->
         else:
             flanks[feature.name] = (shape, [tuple(corner) for corner in beam.triangle(shape)])
     _refuse_crossed_notches(lines, flanks)
-    outline, tips = _cut_out(
-        corners,
-        [flank for _, flank in sorted(flanks.values(), key=lambda flank: flank[1][1][0])],
-        beam.height,
-    )
-    graph = plane_graph(outline, list(holes.values()), lines, block.points)
-    sides = draw_filled(drawing, graph, size, [""] * len(outline), list(holes), tips)
+    triangles = sorted((triangle for _, triangle in flanks.values()), key=lambda corners: corners[1][0])
+    outline, tips = _cut_out(block.corners(beam.height), triangles, beam.height)
+    graph = plane_graph(outline, holes, lines, block.points)
+    sides = draw_filled(drawing, graph, size, [""] * len(outline), tips)
     flank_of = {outline[place]: (sides[place - 1][::-1], sides[place]) for place in tips}
     for name, (_, triangle) in flanks.items():
         before, after = (list(pairwise(chain)) for chain in flank_of[triangle[0]])
         drawing.groups[f"crack:{name}:right"], drawing.groups[f"crack:{name}:left"] = before, after
 
 
-def _refuse_crossed_notches(
-    lines: Mapping[str, np.ndarray], flanks: Mapping[str, tuple[VNotch, list[Point]]]
-) -> None:
+def _refuse_crossed_notches(lines: Mapping[str, Any], flanks: Mapping[str, tuple[VNotch, Any]]) -> None:
     """ValueError for a crack that runs into an open notch."""
     for name, line in lines.items():
         for other, (notch, triangle) in flanks.items():

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from meshing.cells.crack_meshing import CrackMeshing
+from meshing.cells.complex import Point
+from meshing.cells.crack_splitting import CrackMeshing
 from meshing.input_checks import checked_order, choice, length, named_points, shown
 from meshing.shapes.beam_shape import BeamShape
 
 _CORNER_SIZE = 0.2  # default size of the innermost cell at a graded corner, relative to the beam's height
 _LEAST = 1e-6  # size of a cell, relative to the beam's height
-
-Point = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -38,7 +36,11 @@ class BeamOptions:
         layout = choice("mesh", "layout", given.get("layout", "tip"), ("tip", "vertex"))
         cracks = CrackMeshing.checked(beam.height, given, sectors=layout == "vertex")
         wanted, corners = given["corner_size"] is not None, _checked_corners(given["corners"])
-        corner_size = length("mesh", "corner_size", given["corner_size"]) if wanted else math.nan
+        corner_size = _CORNER_SIZE * beam.height
+        if wanted:
+            corner_size = length("mesh", "corner_size", given["corner_size"])
+        elif layout == "vertex":  # the paper's, for comparison: nothing in it is graded unless asked for
+            corners = ()
         if wanted and not _LEAST * beam.height <= corner_size < 0.5 * beam.height:
             raise ValueError(
                 f"mesh: corner_size {corner_size:g} m must be between {_LEAST * beam.height:g} m and half "
@@ -46,16 +48,8 @@ class BeamOptions:
             )
         if wanted and not corners:
             raise ValueError(f"mesh: corner_size {corner_size:g} m has no corners to be used at; name some.")
-        return cls(
-            order,
-            size,
-            cracks,
-            _checked_points(beam, given["points"]),
-            corner_size if wanted else _CORNER_SIZE * beam.height,
-            wanted,
-            # The paper's layout is there for comparison: nothing in it is graded unless asked for.
-            corners if wanted or layout == "tip" else (),
-        )
+        points = _checked_points(beam, given["points"])
+        return cls(order, size, cracks, points, corner_size, wanted, corners)
 
 
 def _checked_size(beam: BeamShape, size: Any) -> float:

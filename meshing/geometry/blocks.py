@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
+import shapely
 
+from meshing.cells.complex import Point
 from meshing.shapes.beam_shape import BeamShape
 from meshing.shapes.features import CrackLine, Hole, VNotch
 
@@ -15,8 +17,6 @@ from meshing.shapes.features import CrackLine, Hole, VNotch
 _REACH = 0.5  # half-width of a block around a notch tip or hole
 _CLEAR = 0.15  # least distance of a block's side from its features
 _SLIDE = 0.25  # how far a block's side moves to pass through a user's point or to avoid a thin strip
-
-Point = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,10 @@ class Block:
     low: float = 0.0
     high: float = 0.0
     points: Mapping[str, Point] = field(default_factory=dict)
+
+    def corners(self, height: float) -> list[Point]:
+        """Counter-clockwise from the lower left, m."""
+        return [(self.low, 0.0), (self.high, 0.0), (self.high, height), (self.low, height)]
 
 
 def features_of(beam: BeamShape) -> list[Feature]:
@@ -96,11 +100,8 @@ def plan_blocks(beam: BeamShape, points: Mapping[str, Point], start: float, stop
     for before, after in pairwise([None, *blocks, None]):
         _set_sides(beam.height, before, after, xs, start, stop)
     for block in blocks:
-        block.points = {
-            name: (x, y)
-            for name, (x, y) in points.items()
-            if block.low < x < block.high and 0 < y < beam.height
-        }
+        inside = shapely.box(block.low, 0, block.high, beam.height)
+        block.points = {name: at for name, at in points.items() if inside.contains(shapely.Point(at))}
     return blocks
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
@@ -10,9 +11,7 @@ from itertools import product
 import numpy as np
 import shapely
 
-from meshing.cells.complex import CellComplex, edge_key
-
-Edge = tuple[int, int]
+from meshing.cells.complex import CellComplex, Edge, around, edge_key
 
 
 @dataclass
@@ -101,13 +100,10 @@ class Drawing(CellComplex):
         for edge in around(loop):
             self.arcs[edge_key(edge)] = centre
 
-    def edge_uses(self) -> dict[Edge, int]:
+    def edge_uses(self) -> Counter[Edge]:
         """How many surfaces use each edge, lower vertex first."""
-        uses = super().edge_uses()
-        for surface in self.filled:
-            for edge in map(edge_key, surface.edges()):
-                uses[edge] = uses.get(edge, 0) + 1
-        return uses
+        filled = Counter(edge_key(edge) for surface in self.filled for edge in surface.edges())
+        return super().edge_uses() + filled
 
     def name_openings(self, openings: Mapping[str, float]) -> None:
         """Sort the cracks, and put their openings, degrees, into the names of their groups."""
@@ -143,8 +139,3 @@ class Drawing(CellComplex):
             cell.vertices = completed(cell.edges())
         for surface in self.filled:
             surface.loops = [completed(around(loop)) for loop in surface.loops]
-
-
-def around(loop: Sequence[int]) -> list[Edge]:
-    """The edges of a closed loop of vertices."""
-    return list(zip(loop, [*loop[1:], loop[0]]))

@@ -8,11 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
+from meshing.cells.complex import Point, around
 from meshing.cells.vertex_rings import ring_scales
 from meshing.geometry.blocks import Block
-from meshing.geometry.drawing import Drawing, around
+from meshing.geometry.drawing import Drawing
 from meshing.shapes.beam_shape import BeamShape
 from meshing.shapes.features import Hole, VNotch
+from meshing.vectors import cross, unit
 
 _WIDEST = math.radians(55.0)  # angle of an edge seen from the vertex
 _FOOT = math.radians(15.0)  # least angle between a foot and a corner
@@ -21,8 +23,6 @@ _LONGEST = 4.01  # largest extent of a fan, relative to its smallest
 _WALL = 1.25  # smallest extent of a fan around a hole, in radii
 _HOLE_RING = 1.6  # the same of the outline next to a hole
 _TIP = 0.02  # half-size of the element on a notch's tip, relative to its depth
-
-Point = tuple[float, float]
 
 
 class Fan:
@@ -39,11 +39,10 @@ class Fan:
         self.beam, self.feature = beam, block.features[0]
         shape = self.feature.shape
         assert isinstance(shape, (VNotch, Hole))
-        x, y = self.centre = (
-            tuple(beam.triangle(shape)[0]) if isinstance(shape, VNotch) else (shape.x, shape.y)
-        )
+        x, y = beam.triangle(shape)[0] if isinstance(shape, VNotch) else (shape.x, shape.y)
+        self.centre = (x, y)
         low, high, top = block.low, block.high, beam.height
-        self.box = [(low, 0.0), (high, 0.0), (high, top), (low, top)]
+        self.box = block.corners(top)
         self.feet = [(x, 0.0), (high, y), (x, top), (low, y)]
         extents = (x - low, high - x, y, top - y)
         self.smallest, self.largest = min(extents), max(extents)
@@ -118,7 +117,7 @@ class Fan:
         scales = np.ones(1)
         if self.smallest >= _HOLE_RING * grading**0.5 * hole.radius:
             scales = ring_scales(min(1.0 - 1e-12, _HOLE_RING * hole.radius / self.smallest), grading)
-        rims = [self.centre + hole.radius * away / np.hypot(*away.T)[:, None]]
+        rims = [self.centre + hole.radius * unit(away)]
         rims += [self.centre + scale * away for scale in scales[:-1]] + [outer]
         rings = [[drawing.add_vertex(*place) for place in rim] for rim in rims]
         drawing.add_circle(rings[0], self.centre)
@@ -179,6 +178,5 @@ def outline(
 
 def _crossed(centre: Point, angle: float, start: np.ndarray, stop: np.ndarray) -> np.ndarray:
     """Where a ray from the centre meets a line."""
-    ray, step, gap = np.array([math.cos(angle), math.sin(angle)]), stop - start, start - centre
-    along = (gap[1] * ray[0] - gap[0] * ray[1]) / (step[0] * ray[1] - step[1] * ray[0])
-    return start + along * step
+    ray, step = np.array([math.cos(angle), math.sin(angle)]), stop - start
+    return start + cross(ray, start - centre) / cross(step, ray) * step

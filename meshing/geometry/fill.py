@@ -8,21 +8,18 @@ from itertools import pairwise
 
 import numpy as np
 
-from meshing.geometry.drawing import Drawing, Edge, Filled, Rosette, around
+from meshing.cells.complex import around
+from meshing.geometry.drawing import Drawing, Edge, Filled, Rosette
 from meshing.geometry.graph import Graph
 from meshing.geometry.lengths import ARCS, RIM, Lengths, divided, divided_line
 from meshing.geometry.planar import find_crossing
+from meshing.vectors import on_circle
 
 _SPOKE = math.radians(46.0)  # widest angle between spokes
 
 
 def draw_filled(
-    drawing: Drawing,
-    graph: Graph,
-    size: float,
-    side_names: Sequence[str],
-    hole_names: Sequence[str],
-    tips: Sequence[int] = (),
+    drawing: Drawing, graph: Graph, size: float, side_names: Sequence[str], tips: Sequence[int] = ()
 ) -> list[list[int]]:
     """Add a graph's inside to a drawing; holes and named sides become edge sets, cracks groups.
 
@@ -30,7 +27,7 @@ def draw_filled(
     ----------
     size : float
         Largest edge, m.
-    side_names, hole_names : sequence of str
+    side_names : sequence of str
         An empty name gives no edge set.
     tips : sequence of int
         Corners that are tips of notches: the side from one is divided as that to it.
@@ -45,7 +42,7 @@ def draw_filled(
     RuntimeError
         Divided lines cross or touch each other.
     """
-    return _Filler(drawing, graph, size, tips).draw(side_names, hole_names)
+    return _Filler(drawing, graph, size, tips).draw(side_names)
 
 
 class _Filler:
@@ -56,14 +53,14 @@ class _Filler:
         self.segments: list[Edge] = []
         self.rays: dict[int, dict[float, int]] = {v: {} for v in self.wanted.rosettes}
 
-    def draw(self, side_names: Sequence[str], hole_names: Sequence[str]) -> list[list[int]]:
+    def draw(self, side_names: Sequence[str]) -> list[list[int]]:
         drawing, graph = self.drawing, self.graph
         sides = self.sides()
         for name, side in zip(side_names, sides):
             if name:
                 drawing.edge_sets.setdefault(name, []).extend(pairwise(side))
         loops = [[v for side in sides for v in side[:-1]]]
-        for name, (centre, radius), fixed in zip(hole_names, graph.holes, graph.circles):
+        for (name, (centre, radius)), fixed in zip(graph.holes.items(), graph.circles):
             loops.append(self.circle(np.array(centre), radius, fixed))
             drawing.add_circle(loops[-1], centre)
             drawing.edge_sets[name] = around(loops[-1])
@@ -94,36 +91,26 @@ class _Filler:
             for a, b in pairwise(side):
                 start, stop = self.graph.vertices[[a, b]]
                 at = 1.0 - at[::-1] if number in self.tips else divided_line(start, stop, self.wanted)
-                chain += [*self.between(start, stop, at), self.own[b]]
+                chain += [*self.added(start + at[:, None] * (stop - start)), self.own[b]]
             chains.append(chain)
         return chains
 
-    def between(self, start: np.ndarray, stop: np.ndarray, at: np.ndarray) -> list[int]:
-        """New vertices on a line."""
-        return [self.drawing.add_vertex(*place) for place in start + at[:, None] * (stop - start)]
-
-    def on_circle(self, centre: np.ndarray, radius: float, turns: np.ndarray) -> list[int]:
-        """New vertices on a circle at angles (n,)."""
-        return [
-            self.drawing.add_vertex(*place)
-            for place in centre + radius * np.stack([np.cos(turns), np.sin(turns)], axis=1)
-        ]
+    def added(self, places: np.ndarray) -> list[int]:
+        """New vertices."""
+        return [self.drawing.add_vertex(*place) for place in places]
 
     def circle(self, centre: np.ndarray, radius: float, fixed: Sequence[int]) -> list[int]:
         """Vertices on a hole, counter-clockwise, with those that are fixed."""
-        gaps = self.graph.vertices[list(fixed)] - centre
-        known: list[tuple[float, int]] = sorted(
-            (math.atan2(y, x), self.own[v]) for (x, y), v in zip(gaps, fixed)
-        )
+        angles = np.arctan2(*(self.graph.vertices[list(fixed)] - centre).T[::-1])
         first = 0.5 * math.pi / ARCS
-        bounds = known or [(first, self.on_circle(centre, radius, np.full(1, first))[0])]
+        bounds: list[tuple[float, int]] = sorted(zip(angles.tolist(), (self.own[v] for v in fixed)))
+        bounds = bounds or [(first, self.added(on_circle(centre, radius, np.full(1, first)))[0])]
         loop = []
         for (angle, vertex), (following, _) in pairwise([*bounds, (bounds[0][0] + 2 * math.pi, -1)]):
-            turn = np.linspace(angle, following, 65)
-            rim = centre + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+            rim = on_circle(centre, radius, np.linspace(angle, following, 65))
             arcs = math.ceil((following - angle) / (2 * math.pi / ARCS) - 1e-6)
-            inner = divided(rim, self.wanted, max(1 if known else ARCS, arcs))
-            loop += [vertex, *self.on_circle(centre, radius, angle + (following - angle) * inner)]
+            inner = divided(rim, self.wanted, max(1, arcs))
+            loop += [vertex, *self.added(on_circle(centre, radius, angle + (following - angle) * inner))]
         return loop
 
     def crack(self, path: Sequence[int]) -> list[int]:
@@ -132,7 +119,8 @@ class _Filler:
         for a, b in pairwise(path):
             start, stop = self.graph.vertices[[a, b]]
             radii = (self.wanted.rosettes.get(a, 0.0), self.wanted.rosettes.get(b, 0.0))
-            inner = self.between(start, stop, divided_line(start, stop, self.wanted, radii))
+            at = divided_line(start, stop, self.wanted, radii)
+            inner = self.added(start + at[:, None] * (stop - start))
             for v, rim in ((a, inner[:1]), (b, inner[-1:])):
                 if v in self.rays:
                     x, y = np.subtract(self.drawing.vertices[rim[0]], self.graph.vertices[v])
@@ -148,7 +136,7 @@ class _Filler:
         for angle, following in pairwise([*angles, angles[0] + 2 * math.pi]):
             parts = math.ceil((following - angle) / _SPOKE)
             turns = angle + (following - angle) * np.arange(1, parts) / parts
-            new = self.on_circle(self.graph.vertices[v], radius, turns)
+            new = self.added(on_circle(self.graph.vertices[v], radius, turns))
             rim += [rays[angle], *new]
             self.segments += [(self.own[v], spoke) for spoke in new]
         self.segments += around(rim)

@@ -27,7 +27,8 @@ class Graph:
         m.
     sides : list of list of int
         For each side of the outline its vertices, from corner to corner.
-    holes : sequence of ((x, y), radius)
+    holes : mapping of str to ((x, y), radius)
+        By the names of their edge sets.
     circles : list of list of int
         Vertices on each hole, in any order.
     cracks : dict of str to list of int
@@ -38,7 +39,7 @@ class Graph:
 
     vertices: np.ndarray
     sides: list[list[int]]
-    holes: Sequence[Circle]
+    holes: Mapping[str, Circle]
     circles: list[list[int]]
     cracks: dict[str, list[int]]
     points: dict[str, int]
@@ -46,7 +47,7 @@ class Graph:
     @property
     def outline(self) -> set[int]:
         """Vertices on the outline or on holes."""
-        return {v for path in [*self.sides, *self.circles] for v in path}
+        return set().union(*self.sides, *self.circles)
 
     def segments(self) -> list[tuple[int, int]]:
         """Pieces of cracks."""
@@ -55,7 +56,7 @@ class Graph:
 
 def plane_graph(
     corners: Sequence[Point],
-    holes: Sequence[Circle],
+    holes: Mapping[str, Circle],
     cracks: Mapping[str, np.ndarray],
     points: Mapping[str, Point],
 ) -> Graph:
@@ -65,7 +66,7 @@ def plane_graph(
     ----------
     corners : sequence of (x, y)
         Outline, counter-clockwise, a simple polygon, m.
-    holes : sequence of ((x, y), radius)
+    holes : mapping of str to ((x, y), radius)
         Circles inside it that touch nothing, m.
     cracks : mapping of str to (n, 2) array
         Corners of each line, m.
@@ -78,7 +79,7 @@ def plane_graph(
         A crack leaves the body, runs along its edge or over another crack, or comes too close to something
         without touching it; a point outside.
     """
-    return _Body(np.array(corners, float), holes).graph(cracks, points)
+    return _Body(np.array(corners, float), [*holes.values()]).graph(holes, cracks, points)
 
 
 class _Body:
@@ -91,7 +92,9 @@ class _Body:
         self.sides = shapely.linestrings(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
         self.area = shapely.Polygon(corners)
 
-    def graph(self, cracks: Mapping[str, np.ndarray], points: Mapping[str, Point]) -> Graph:
+    def graph(
+        self, holes: Mapping[str, Circle], cracks: Mapping[str, np.ndarray], points: Mapping[str, Point]
+    ) -> Graph:
         """The plane graph; what touches is one vertex."""
         lines = {name: self.on_edge(line) for name, line in cracks.items()}
         for name, line in lines.items():
@@ -127,14 +130,11 @@ class _Body:
                 )
             paths[name] = path
             first += len(line)
-        graph = Graph(
-            vertices,
-            [along(side) for side in self.sides],
-            self.holes,
-            [np.flatnonzero(np.abs(_gaps(vertices, hole)) <= self.snap).tolist() for hole in self.holes],
-            paths,
-            dict(zip(points, number[len(places) - len(named) :].tolist())),
-        )
+        sides = [along(side) for side in self.sides]
+        on_holes = (np.abs(_gaps(vertices, hole)) <= self.snap for hole in self.holes)
+        circles = [np.flatnonzero(near).tolist() for near in on_holes]
+        own = dict(zip(points, number[len(places) - len(named) :].tolist()))
+        graph = Graph(vertices, sides, holes, circles, paths, own)
         self.check_points(graph)
         _Clearances(self, graph).check()
         return graph
@@ -255,53 +255,46 @@ class _Clearances:
 
     def check_holes(self, lines: np.ndarray) -> None:
         """Lines do not cross holes, nor pass close by."""
-        for i, (centre, radius) in enumerate(self.body.holes):
+        expected = f"{self.body.least:.3g} m or an end on the hole was expected; move it or let it end there"
+        for i, (centre, radius) in enumerate(self.body.holes, 1):
             gap = shapely.distance(lines, shapely.Point(centre)) - radius
             for k in np.flatnonzero(gap < self.body.least):
                 if gap[k] < -self.body.snap:
                     self.fail(
-                        k, f"it crosses hole {i + 1}; give each piece outside the hole as a crack of its own"
+                        k, f"it crosses hole {i}; give each piece outside the hole as a crack of its own"
                     )
-                if not set(self.pairs[k]) & set(self.graph.circles[i]):
-                    self.fail(
-                        k,
-                        f"it passes hole {i + 1} at {max(gap[k], 0.0):.3g} m, {self.body.least:.3g} m or an "
-                        "end on the hole was expected; move it or let it end there",
-                    )
+                if not set(self.pairs[k]) & set(self.graph.circles[i - 1]):
+                    self.fail(k, f"it passes hole {i} at {max(gap[k], 0.0):.3g} m, {expected}")
 
     def check_vertices(self, lines: np.ndarray) -> None:
         """Lines keep clear of corners and of vertices of cracks that are not on them."""
+        expected = (
+            f"{self.body.least:.3g} m or a point on the corner was expected; move it or let it end there"
+        )
         spots = shapely.points(self.graph.vertices)
         on_cracks, outline = {v for pair in self.pairs for v in pair}, self.graph.outline
         near = shapely.STRtree(lines).query(spots, predicate="dwithin", distance=self.body.least)
         for v, k in near.T.tolist():
+            (x, y), crack = self.graph.vertices[v], self.owner[k]
             if v in self.pairs[k]:
                 continue
             if v < len(self.body.corners):
-                (x, y), gap = self.graph.vertices[v], spots[v].distance(lines[k])
+                gap = spots[v].distance(lines[k])
                 self.fail(
-                    k,
-                    f"it passes the outline's corner ({x:.6g}, {y:.6g}) m at "
-                    f"{gap:.3g} m, {self.body.least:.3g} m or a point on "
-                    "the corner was expected; move it or let it end there",
+                    k, f"it passes the outline's corner ({x:.6g}, {y:.6g}) m at {gap:.3g} m, {expected}"
                 )
             if v in on_cracks and v not in outline:
                 self.fail_at(
-                    v,
-                    f"is too close to crack {self.owner[k]!r} without touching it; join them or move them "
-                    "apart",
+                    v, f"is too close to crack {crack!r} without touching it; join them or move them apart"
                 )
 
     def check_edge(self) -> None:
         """Vertices of cracks inside keep clear of the edge."""
+        expected = f"{self.body.least:.3g} m or touching was expected; end it on the edge or move it"
         inner = sorted({v for pair in self.pairs for v in pair} - self.graph.outline)
         places = self.graph.vertices[inner]
         gaps = [shapely.distance(self.body.area.exterior, shapely.points(places))]
         gaps += [np.abs(_gaps(places, hole)) for hole in self.body.holes]
         for vertex, gap in zip(inner, np.min(gaps, axis=0)):
             if gap < self.body.least:
-                self.fail_at(
-                    vertex,
-                    f"is {gap:.3g} m from the edge, {self.body.least:.3g} m or touching was expected; end it "
-                    "on the edge or move it",
-                )
+                self.fail_at(vertex, f"is {gap:.3g} m from the edge, {expected}")

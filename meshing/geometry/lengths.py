@@ -9,7 +9,9 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from meshing.cells.complex import neighbours
 from meshing.geometry.graph import Graph
+from meshing.vectors import line_length, on_circle, turn
 
 RIM = 0.77  # edges of a rosette's rim, relative to its radius
 ARCS = 8  # of a hole, at least
@@ -46,17 +48,16 @@ class Lengths:
         self.rosettes: dict[int, float] = {}
         self._sources: list[tuple[np.ndarray, np.ndarray]] = []
         pairs = [pair for path in graph.sides for pair in zip(path, path[1:])] + graph.segments()
-        rims = [np.array(c) + r * np.stack([np.cos(_TURN), np.sin(_TURN)], axis=1) for c, r in graph.holes]
-        lines = np.array(
-            [*shapely.linestrings(graph.vertices[np.array(pairs)]), *map(shapely.LineString, rims)]
-        )
+        rims = [on_circle(np.array(centre), radius, _TURN) for centre, radius in graph.holes.values()]
+        straight = shapely.linestrings(graph.vertices[np.array(pairs)])
+        lines = np.array([*straight, *map(shapely.LineString, rims)])
         ends = [{across.get(v, v) for v in pair} for pair in pairs] + [*map(set, graph.circles)]
         tree = shapely.STRtree(lines)
         self._plan_rosettes(graph, tree, ends)
         for pair, line in zip(pairs, lines):
-            self._add(graph.vertices[list(pair)], np.full(2, line.length))
-        for rim, (_, radius) in zip(rims, graph.holes):
-            self._add(rim, np.full(len(rim), 2 * math.pi * radius / ARCS))
+            self._add(graph.vertices[list(pair)], line.length)
+        for rim, (_, radius) in zip(rims, graph.holes.values()):
+            self._add(rim, 2 * math.pi * radius / ARCS)
         self._add_nearness(tree, ends)
         places, sizes = (np.concatenate(part) for part in zip(*self._sources))
         self._sizes = sizes[sizes < largest]
@@ -70,28 +71,22 @@ class Lengths:
         distance, number = self._tree.query(points, k=nearest)
         return np.minimum(self.largest, (self._sizes[number] + _GROWTH * distance).min(axis=1))
 
-    def _add(self, places: np.ndarray, sizes: np.ndarray) -> None:
-        self._sources.append((places, sizes))
+    def _add(self, places: np.ndarray, sizes: np.ndarray | float) -> None:
+        self._sources.append((places, np.broadcast_to(sizes, len(places))))
 
     def _plan_rosettes(self, graph: Graph, tree: shapely.STRtree, ends: list[set[int]]) -> None:
         """Rosettes that keep clear of lines they are not on, of other vertices and of named points."""
         vertices, outline = graph.vertices, graph.outline
-        near: dict[int, list[int]] = {}
-        for a, b in graph.segments():
-            near.setdefault(a, []).append(b)
-            near.setdefault(b, []).append(a)
-        for v, others in near.items():
-            if v in outline or (
-                len(others) == 2 and _bend(*(vertices[w] - vertices[v] for w in others)) <= _KINK
-            ):
+        for v, others in neighbours(graph.segments()).items():
+            arms = vertices[others] - vertices[v]
+            if v in outline or (len(others) == 2 and abs(turn(-arms[0], arms[1])) <= _KINK):
                 continue
             spot = shapely.Point(vertices[v])
             clear = [math.dist(vertices[v], vertices[w]) for w in {*others, *graph.points.values()} - {v}]
             close = tree.query(spot, "dwithin", min(clear))
             clear += [spot.distance(tree.geometries[i]) for i in close if v not in ends[i]]
             self.rosettes[v] = radius = min(_ROSETTE * min(clear), _ROSETTE_SIZE * self.largest)
-            rim = vertices[v] + radius * np.stack([np.cos(_TURN[::8]), np.sin(_TURN[::8])], axis=1)
-            self._add(rim, np.full(len(rim), RIM * radius))
+            self._add(on_circle(vertices[v], radius, _TURN[::8]), RIM * radius)
 
     def _add_nearness(self, tree: shapely.STRtree, ends: list[set[int]]) -> None:
         """Sources where lines come close to others that they do not touch."""
@@ -106,11 +101,6 @@ class Lengths:
             self._add(shapely.get_coordinates(spots), _NEARNESS * gap)
 
 
-def _bend(one: np.ndarray, other: np.ndarray) -> float:
-    """Angle by which a line with these two arms turns."""
-    return math.pi - abs(math.atan2(one[0] * other[1] - one[1] * other[0], float(one @ other)))
-
-
 def divided(curve: np.ndarray, wanted: Lengths, least: int = 1) -> np.ndarray:
     """Fractions in (0, 1) that divide a curve as wanted.
 
@@ -121,7 +111,7 @@ def divided(curve: np.ndarray, wanted: Lengths, least: int = 1) -> np.ndarray:
     least : int
         Number of parts, at least.
     """
-    density = np.hypot(*np.diff(curve, axis=0).T).sum() / wanted(curve)
+    density = line_length(curve) / wanted(curve)
     total = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))]) / (len(curve) - 1)
     parts = max(least, math.ceil(total[-1] - _SLACK))
     even = np.arange(1, parts) / parts

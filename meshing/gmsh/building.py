@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import NoReturn
 
 import numpy as np
 
-from meshing.cells.complex import CellComplex, Curve, edge_key
-from meshing.geometry.drawing import around
-from meshing.geometry.planar import polygon_area
+from meshing.cells.complex import CellComplex, Edge, around, edge_key
 from meshing.gll import gll_nodes, lagrange_values
 from meshing.gmsh.describe import WHOLE
 from meshing.gmsh.model import Block, FileModel
 from meshing.gmsh.report import right_spelling
+from meshing.vectors import cross, polygon_area, unit
 from meshing.warnings import warn
-
-Edge = tuple[int, int]
 
 _STRAIGHT = 1e-9  # deviation from the chord, relative to it
 _FLATTEST = 0.05  # smallest sine of a corner of a quadrilateral that gmsh made here
@@ -167,12 +165,10 @@ class _Builder:
         """Sizes given at vertices all of whose cells are S-elements as drawn: there they can only mean the
         element on a crack's tip.
         """
+        cells = [cell for number, cell in enumerate(self.cells.cells) if number not in self._whole]
+        others = {vertex for cell in cells for vertex in cell.vertices}
         sizes = {self.vertex_of[tag]: h for tag, h in self._model.sizes.items() if tag in self.vertex_of}
-        for number, cell in enumerate(self.cells.cells):
-            if number not in self._whole:
-                for vertex in cell.vertices:
-                    sizes.pop(vertex, None)
-        return sizes
+        return {vertex: size for vertex, size in sizes.items() if vertex not in others}
 
     def _add_sides(self, loop: list[int], element: list[int], block: Block) -> None:
         """Curved sides of an element of higher order."""
@@ -202,9 +198,7 @@ class _Builder:
         straight = points[0] + parameters[:, None] * chord
         if np.abs(points - straight).max() <= _STRAIGHT * np.hypot(*chord):
             return
-        if first > last:
-            parameters, points = 1.0 - parameters[::-1], points[::-1]
-        self.cells.curves[edge_key((first, last))] = polynomial_curve(parameters, points)
+        self.cells.set_curve(first, last, lambda at: lagrange_values(parameters, at) @ points)
 
     def _put_on_curve(self, first: int, last: int, points: np.ndarray) -> None:
         """GLL nodes of an edge on curved geometry."""
@@ -239,26 +233,18 @@ class _Builder:
         if spelled and (inside or ":" in name):  # a misspelt crack would be none, without a word
             self._fail(f"physical curve {name!r} is not how a crack is named; write {spelled!r}")
         elif spelled:
-            warn(
-                self._origin,
-                f"physical curve {name!r} lies on the outline and is an edge set without contact; name the "
-                f"two faces of a notch {spelled}:right and {spelled}:left if they shall close.",
-            )
+            where = "lies on the outline and is an edge set without contact; name the two faces of a notch"
+            mend = f"{spelled}:right and {spelled}:left if they shall close"
+            warn(self._origin, f"physical curve {name!r} {where} {mend}.")
         elif inside and not name.startswith("crack:") and self._same_material(inside):
-            warn(
-                self._origin,
-                f"physical curve {name!r} lies inside a material and is an edge set, not a crack; name it "
-                f"'crack:{name}' if it is one.",
-            )
+            where = "lies inside a material and is an edge set, not a crack"
+            warn(self._origin, f"physical curve {name!r} {where}; name it 'crack:{name}' if it is one.")
 
     def _same_material(self, edges: list[Edge]) -> bool:
         """Whether an edge of these has one material on both sides."""
-        beside: dict[Edge, set[int]] = {edge: set() for edge in edges}
-        for cell in self.cells.cells:
-            for edge in cell.edges():
-                if edge_key(edge) in beside:
-                    beside[edge_key(edge)].add(cell.material)
-        return any(len(materials) == 1 for materials in beside.values())
+        found = {(edge_key(edge), cell.material) for cell in self.cells.cells for edge in cell.edges()}
+        materials = Counter(edge for edge, _ in found)
+        return any(materials[edge] == 1 for edge in edges)
 
     def _line_edges(self, name: str, entity: int, uses: dict[Edge, int]) -> list[Edge]:
         """Edges of cells along a physical curve, in its direction."""
@@ -289,15 +275,9 @@ class _Builder:
 
 def _sound_pieces(cell: list[int], points: np.ndarray) -> list[list[int]]:
     """The cell; a quadrilateral that is not safely convex in two triangles."""
-    ahead, behind = np.roll(points, -1, axis=0) - points, np.roll(points, 1, axis=0) - points
-    across = ahead[:, 0] * behind[:, 1] - ahead[:, 1] * behind[:, 0]
-    sine = across / np.hypot(*ahead.T) / np.hypot(*behind.T)
+    ahead, behind = (unit(np.roll(points, way, axis=0) - points) for way in (-1, 1))
+    sine = cross(ahead, behind)
     if len(cell) == 3 or sine.min() > _FLATTEST:
         return [cell]
     a, b, c, d = np.roll(cell, -int(sine.argmin())).tolist()
     return [[a, b, c], [a, c, d]]
-
-
-def polynomial_curve(parameters: np.ndarray, points: np.ndarray) -> Curve:
-    """The polynomial through points (n, 2) at parameters (n,)."""
-    return lambda at: lagrange_values(parameters, at) @ points

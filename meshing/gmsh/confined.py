@@ -148,20 +148,15 @@ def _communicate(origin: str, request: dict[str, Any], time_limit: float) -> tup
 
     By sockets: a script can open a pipe by its name in /proc, and write into the answer.
     """
-    until = time.monotonic() + time_limit
+    until, command = time.monotonic() + time_limit, [sys.executable, "-I", "-S", "-c", _BOOT]
     env = {name: os.environ[name] for name in _KEPT if name in os.environ} | _ONE_THREAD
     (answers, outlet), (sayings, mouth) = socket.socketpair(), socket.socketpair()
     with contextlib.ExitStack() as stack:
         for end in (answers, outlet, sayings, mouth):
             stack.enter_context(end)
         try:
-            child = subprocess.Popen(
-                [sys.executable, "-I", "-S", "-c", _BOOT],
-                stdin=subprocess.PIPE,
-                stdout=outlet.fileno(),
-                stderr=mouth.fileno(),
-                env=env,
-            )
+            out, err = outlet.fileno(), mouth.fileno()
+            child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=out, stderr=err, env=env)
         except OSError as error:
             raise RuntimeError(
                 f"{origin}: the process in which gmsh reads files could not be started ({error})."
@@ -274,9 +269,8 @@ def _found(libc: ctypes.CDLL, request: dict[str, Any]) -> tuple[dict[str, Any], 
 
 def _limit(rights: Rights) -> None:
     """Limits of this process: memory and time; of what is not trusted, files of no bytes."""
-    seconds = (
-        math.ceil(min(rights.time_limit, _LONGEST)) + 1
-    )  # the parent's limit comes first, unless it is gone
+    # the parent's limit comes first, unless it is gone
+    seconds = math.ceil(min(rights.time_limit, _LONGEST)) + 1
     limits = {resource.RLIMIT_AS: rights.memory, resource.RLIMIT_CPU: seconds, resource.RLIMIT_CORE: 0}
     if not rights.trusted:
         limits[resource.RLIMIT_FSIZE] = 0

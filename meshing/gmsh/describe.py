@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -42,16 +43,19 @@ def node_positions(gmsh: Any) -> np.ndarray:
     return where
 
 
+def signed_curves(gmsh: Any, surface: int) -> list[int]:
+    """The curves around a surface in the sense of going round, negative where they run the other way."""
+    found = gmsh.model.getBoundary([(2, surface)], combined=False, oriented=True)
+    return [int(curve) for _, curve in found]
+
+
 def line_ends(gmsh: Any, curve: int) -> np.ndarray:
     """Node tags of the ends of the lines on a curve, (n, 2)."""
-    ends = [np.zeros((0, 2), np.int64)]
-    for kind, _, nodes in zip(*gmsh.model.mesh.getElements(1, curve)):
-        count = gmsh.model.mesh.getElementProperties(kind)[3]
-        ends.append(np.asarray(nodes, np.int64).reshape(-1, count)[:, :2])
-    return np.vstack(ends)
+    blocks = element_blocks(gmsh, 1, [curve])
+    return np.vstack([np.zeros((0, 2), np.int64), *(block.nodes[:, :2] for block in blocks)])
 
 
-def describe(gmsh: Any, groups: Groups, order: int, geometry: bool) -> FileModel:
+def described(gmsh: Any, groups: Groups, order: int, geometry: bool) -> FileModel:
     """The meshed model by few calls.
 
     Parameters
@@ -73,24 +77,16 @@ def describe(gmsh: Any, groups: Groups, order: int, geometry: bool) -> FileModel
     if geometry:
         surfaces = [tag for tag in surfaces if tag not in whole]
         lines = _line_blocks(gmsh, curves, {node for nodes in points.values() for node in nodes})
-        whole = {tag: _curves_around(gmsh, tag) for tag in whole}
+        whole = {tag: signed_curves(gmsh, tag) for tag in whole}
         given = gmsh.model.mesh.getSizes([(0, tag) for tag in points]) if whole else ()
         sizes = {node: float(h) for tag, h in zip(points, given) if 0 < h < NO_SIZE for node in points[tag]}
         shapes = _true_curves(gmsh, order, curves)
-    return FileModel(
-        geometry,
-        groups,
-        (_blocks(gmsh, 1, curves) if lines is None else lines) + _blocks(gmsh, 2, surfaces),
-        np.asarray(tags, np.int64),
-        np.reshape(positions, (-1, 3)),
-        points,
-        whole=whole,
-        sizes=sizes,
-        **shapes,
-    )
+    blocks = (element_blocks(gmsh, 1, curves) if lines is None else lines) + element_blocks(gmsh, 2, surfaces)
+    tags, where = np.asarray(tags, np.int64), np.reshape(positions, (-1, 3))
+    return FileModel(geometry, groups, blocks, tags, where, points, whole=whole, sizes=sizes, **shapes)
 
 
-def _blocks(gmsh: Any, dimension: int, entities: list[int]) -> list[Block]:
+def element_blocks(gmsh: Any, dimension: int, entities: list[int]) -> list[Block]:
     """Elements of each type in each entity."""
     blocks: list[Block] = []
     for entity in entities:
@@ -121,12 +117,6 @@ def _line_blocks(gmsh: Any, curves: list[int], ends: set[int]) -> list[Block] | 
     return [Block(1, tag, "Line 2", 1, 2, line) for tag, line in zip(curves, lines)]
 
 
-def _curves_around(gmsh: Any, surface: int) -> list[int]:
-    """The curves around a surface in the sense of going round, negative where they run the other way."""
-    found = gmsh.model.getBoundary([(2, surface)], combined=False, oriented=True)
-    return [int(curve) for _, curve in found]
-
-
 def _true_curves(gmsh: Any, order: int, curves: list[int]) -> dict[str, np.ndarray]:
     """GLL nodes of the line elements on curved geometry by its parametrisation."""
     at = 0.5 * (gll_nodes(order) + 1.0)
@@ -136,13 +126,8 @@ def _true_curves(gmsh: Any, order: int, curves: list[int]) -> dict[str, np.ndarr
             continue
         parameter_of = _parameters(gmsh, curve)
         ends = line_ends(gmsh, curve)
-        spans = [
-            min(
-                ((a, b) for a in parameter_of[int(first)] for b in parameter_of[int(last)]),
-                key=lambda pair: abs(pair[1] - pair[0]),
-            )
-            for first, last in ends
-        ]
+        pairs = [product(parameter_of[first], parameter_of[last]) for first, last in ends.tolist()]
+        spans = [min(pair, key=lambda span: abs(span[1] - span[0])) for pair in pairs]
         where = np.array([start + at * (stop - start) for start, stop in spans])
         values = np.array(gmsh.model.getValue(1, curve, where.ravel()))
         ends_of.append(ends)

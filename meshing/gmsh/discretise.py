@@ -1,22 +1,34 @@
-"""A drawing in gmsh to its boundary discretisation and, in surfaces to be filled, cells."""
+"""Drawings through gmsh: to their boundary discretisation and, in surfaces to be filled, cells; to a file
+that gmsh opens and `read_gmsh` reads.
+"""
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from meshing.gmsh.describe import Groups, line_ends, node_positions, physical_groups, whole_surfaces
+from meshing.cells.complex import CellComplex
+from meshing.geometry.drawing import Drawing
+from meshing.gmsh import describe
+from meshing.gmsh.building import cells_of
+from meshing.gmsh.draw import draw_geometry
+from meshing.gmsh_session import gmsh_session
+from meshing.input_checks import path as checked_path
+from meshing.vectors import cross, polygon_area
+from meshing.whole_file import replaced
 
 # Quadrilaterals or triangles, and gmsh's algorithm (6 frontal, 5 Delaunay, 1 adaptive): needles between lines
 # that meet at a few degrees may be too much for one of them.
 _WAYS = ((True, 6), (False, 6), (False, 5), (False, 1))
+ENDING = ".geo_unrolled"
 # Blossom's repositioning may fold the cells around embedded points over each other.
 OPTIONS = {"Mesh.ElementOrder": 1, "Mesh.RecombinationAlgorithm": 0}
-_CORNERS = {2: 3, 3: 4}  # of gmsh's types of cells
 
 
-def boundary_discretisation(gmsh: Any, size: float | None) -> tuple[Groups, dict[int, int]]:
+def boundary_discretisation(gmsh: Any, size: float | None) -> tuple[describe.Groups, dict[int, int]]:
     """Mesh the curves; mesh the surfaces that are no S-elements as a whole, by the first of gmsh's ways that
     does it.
 
@@ -30,7 +42,7 @@ def boundary_discretisation(gmsh: Any, size: float | None) -> tuple[Groups, dict
     Returns
     -------
     groups : list
-        See `physical_groups`.
+        See `describe.physical_groups`.
     algorithms : dict of int to int
         gmsh's algorithm for each filled surface.
 
@@ -39,8 +51,8 @@ def boundary_discretisation(gmsh: Any, size: float | None) -> tuple[Groups, dict
     RuntimeError
         gmsh fails.
     """
-    groups = physical_groups(gmsh)
-    whole = set(whole_surfaces(groups))
+    groups = describe.physical_groups(gmsh)
+    whole = set(describe.whole_surfaces(groups))
     ways = {tag: 0 for _, tag in gmsh.model.getEntities(2) if tag not in whole}
     for name, value in OPTIONS.items():
         gmsh.option.setNumber(name, value)
@@ -66,7 +78,8 @@ def boundary_discretisation(gmsh: Any, size: float | None) -> tuple[Groups, dict
     except Exception as error:  # gmsh raises nothing more precise
         raise RuntimeError(f"gmsh could not mesh the drawing: {error}") from error
     if left:
-        x, y = _outline(gmsh, left[0], node_positions(gmsh))[:, 0].mean(axis=0)
+        nodes = gmsh.model.mesh.getNodes(2, left[0], includeBoundary=True)[1]
+        x, y, _ = np.reshape(nodes, (-1, 3)).mean(axis=0)
         raise RuntimeError(
             f"gmsh's cells around ({x:.6g}, {y:.6g}) m overlap or leave gaps, as they may where lines meet "
             "at a few degrees or pass close to each other; give a smaller size, or move the lines."
@@ -84,25 +97,67 @@ def mesh_surfaces(gmsh: Any, surfaces: list[int]) -> None:
     gmsh.option.setNumber("Mesh.MeshOnlyVisible", 0)
 
 
-def _outline(gmsh: Any, surface: int, where: np.ndarray) -> np.ndarray:
-    """Ends of the lines around a surface, directed, (n, 2, 2)."""
-    curves = [curve for _, curve in gmsh.model.getBoundary([(2, surface)], oriented=True)]
-    ends = [
-        line_ends(gmsh, abs(curve))[:: 1 if curve > 0 else -1, :: 1 if curve > 0 else -1] for curve in curves
-    ]
-    return where[np.vstack(ends)][..., :2]
-
-
 def _covered(gmsh: Any, surface: int) -> bool:
     """Whether the cells of a surface have the area within its outline."""
-    where, twice = node_positions(gmsh), 0.0
-    for kind, _, nodes in zip(*gmsh.model.mesh.getElements(2, surface)):
-        cells = where[np.asarray(nodes, np.int64), :2].reshape(-1, _CORNERS[kind], 2)
-        twice += float(np.abs(_cross(cells, np.roll(cells, -1, axis=1)).sum(axis=1)).sum())
-    line = _outline(gmsh, surface, where)
-    wanted = abs(float(_cross(line[:, 0], line[:, 1]).sum()))
-    return abs(twice - wanted) <= 1e-9 * wanted
+    where = describe.node_positions(gmsh)
+    blocks = describe.element_blocks(gmsh, 2, [surface])
+    area = sum(float(np.abs(polygon_area(where[block.nodes])).sum()) for block in blocks)
+    curves = describe.signed_curves(gmsh, surface)
+    ends = [describe.line_ends(gmsh, abs(tag))[:, :: 1 if tag > 0 else -1] for tag in curves]
+    first, last = np.moveaxis(where[np.vstack(ends)], 1, 0)
+    wanted = 0.5 * abs(float(cross(first, last).sum()))
+    return abs(area - wanted) <= 1e-9 * wanted
 
 
-def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    return one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
+def discretised(drawing: Drawing, order: int, origin: str) -> CellComplex:
+    """Cells of a drawing, before its cracks are made.
+
+    Parameters
+    ----------
+    drawing : Drawing
+    order : int
+        Of the S-elements' edges.
+    origin : str
+        For messages.
+
+    Raises
+    ------
+    RuntimeError
+        gmsh cannot be loaded or fails.
+    """
+    with gmsh_session(origin) as gmsh:
+        draw_geometry(drawing, gmsh)
+        groups, _ = boundary_discretisation(gmsh, drawing.largest)
+        found = describe.described(gmsh, groups, order, True)
+    return cells_of(found, origin)
+
+
+def write_drawing(drawing: Drawing, path: str | os.PathLike[str], origin: str) -> None:
+    """Write a drawing in m as gmsh's .geo_unrolled.
+
+    Raises
+    ------
+    ValueError
+        Another ending; the file cannot be written.
+    RuntimeError
+        gmsh cannot be loaded or fails.
+    """
+    target = Path(checked_path(origin, "path", path))
+    if target.suffix != ENDING:
+        raise ValueError(
+            f"{origin}: the ending of {str(target)!r} is {target.suffix or '(none)'}, {ENDING} was expected: "
+            "other formats of gmsh lose arcs or the names of what is drawn."
+        )
+    with gmsh_session(origin) as gmsh:
+        draw_geometry(drawing, gmsh)
+        _, algorithms = boundary_discretisation(gmsh, drawing.largest)
+
+        options: dict[str, float] = dict(OPTIONS)
+        if drawing.largest is not None:
+            options["Mesh.MeshSizeMax"] = drawing.largest
+        lines = [f"{name} = {value!r};" for name, value in options.items()]
+        lines += [f"MeshAlgorithm Surface {{{tag}}} = {way};" for tag, way in algorithms.items()]
+        with replaced(str(target), "drawing") as temporary:
+            gmsh.write(temporary)
+            file = Path(temporary)
+            file.write_text("\n".join([f"// {origin}, m", file.read_text(), *lines, ""]))

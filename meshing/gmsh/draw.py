@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from meshing.cells.complex import edge_key
-from meshing.geometry.drawing import Drawing, Filled, around
+from meshing.cells.complex import around, edge_key
+from meshing.geometry.drawing import Drawing, Filled
 from meshing.gmsh.describe import MATERIAL, WHOLE
 
 # Growth of cells with the distance from a rosette: K and T of cracks 400 to 1600 times smaller than a plate
@@ -99,9 +99,8 @@ class _Pen:
         return self.curves[first, last]
 
     def surface(self, loops: list[list[int]]) -> int:
-        return self.geo.addPlaneSurface(
-            [self.geo.addCurveLoop([self.curve(*edge) for edge in around(loop)]) for loop in loops]
-        )
+        curves = ([self.curve(*edge) for edge in around(loop)] for loop in loops)
+        return self.geo.addPlaneSurface([self.geo.addCurveLoop(own) for own in curves])
 
     def limit_growth(self) -> None:
         """Bound the growth of cells around rosettes: gmsh spreads the lengths of the loops' edges alone, and
@@ -115,12 +114,9 @@ class _Pen:
                 distance, bound = field.add("Distance"), field.add("Threshold")
                 field.setNumbers(distance, "PointsList", [self.points[rosette.vertex]])
                 field.setNumber(bound, "InField", distance)
-                for name, value in {
-                    "SizeMin": edge,
-                    "DistMin": radius,
-                    "SizeMax": largest,
-                    "DistMax": radius + max(largest - edge, 0.0) / _GROWTH,
-                }.items():
+                numbers = {"SizeMin": edge, "DistMin": radius, "SizeMax": largest}
+                numbers["DistMax"] = radius + max(largest - edge, 0.0) / _GROWTH
+                for name, value in numbers.items():
                     field.setNumber(bound, name, _written(value))
                 bounds.append(bound)
         if bounds:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import NamedTuple
 
 from meshing.whole_file import read_whole
 
@@ -18,7 +19,56 @@ FOREIGN = {
     ".unv": "meshing.gmsh.foreign.universal",
     ".med": "meshing.gmsh.foreign.salome",
 }
-_HDF5 = b"\x89HDF\r\n\x1a\n"
+
+
+class _Format(NamedTuple):
+    """What a format's content begins with, and how it ends; in words for messages."""
+
+    begin: str
+    what: str
+    end: str = ""
+    word: str = ""
+    sections: tuple[str, ...] = ()
+
+
+_STEP = _Format(
+    r"\s*ISO-10303-21", "a STEP file (it begins with ISO-10303-21)", r"END-ISO-10303-21;", "END-ISO-10303-21;"
+)
+_BREP = _Format(
+    r"(?!.*\0).{0,400}CASCADE Topology V[0-9]",
+    "an OpenCASCADE BREP file (it begins with CASCADE Topology)",
+    r"\n[+-]?[0-9]+ [0-9]+",
+    "the shape's number",
+    ("\nLocations ", "\nCurve2ds ", "\nCurves ", "\nSurfaces ", "\nTShapes "),
+)
+_IGES = _Format(
+    r"(?:[^\S\n]*\n)*[^\n]{72}[SF]",
+    "an IGES file (column 73 of its first line is S)",
+    r"\n[^\n]{72}T[^\n]*",
+    "a line with T in column 73",
+)
+_UNV = _Format(
+    r"(?!.*\0)\s* {4}-1\s*\r?\n *[0-9]+",
+    "a universal file (it begins with a line -1 and a data set's number)",
+    r"\n {4}-1",
+    "a line -1",
+)
+_BDF = _Format(r"(?!.*\0)(?:.*\n)?GRID[ *,]", "a Nastran bulk data file (it has cards GRID)")
+_HDF5 = r"\x89HDF\r\n\x1a\n"
+_VTU = _Format(r"\s*(?=<).{0,2000}<VTKFile", "a VTK XML file", "</VTKFile>", "</VTKFile>")
+_FORMATS = {
+    **dict.fromkeys(SCRIPTS, None),
+    **dict.fromkeys(STEP, _STEP),
+    ".brep": _BREP,
+    **dict.fromkeys(IGES, _IGES),
+    ".inp": _Format(r"(?!.*\0)\s*\*", "an Abaqus input file"),
+    ".vtu": _VTU,
+    ".vtk": _Format(r"# vtk DataFile", "a legacy VTK file (it begins with # vtk DataFile)"),
+    ".unv": _UNV,
+    ".med": _Format(_HDF5, "a MED file (it is in HDF5)"),
+    **dict.fromkeys(NASTRAN, _BDF),
+}
+KNOWN = (".msh", *_FORMATS)
 
 
 def checked_content(path: Path) -> bytes:
@@ -32,7 +82,7 @@ def checked_content(path: Path) -> bytes:
         There is no such file, the ending is not known, or the content is something else or cut.
     """
     suffix, content = path.suffix.lower(), read_whole(path)
-    if content.startswith(_HDF5) and suffix != ".med":
+    if suffix != ".med" and re.match(_HDF5.encode(), content):
         raise ValueError(
             f"{path}: it is an HDF5 file, not a gmsh model; meshes that were saved here are read by "
             "BoundaryMesh.load(path)."
@@ -44,76 +94,28 @@ def checked_content(path: Path) -> bytes:
         )
     if not content.strip():
         raise ValueError(f"{path}: it is empty.")
-    _CHECKS[suffix](path, content)
-    return content
-
-
-def _check_script(path: Path, content: bytes) -> None:
-    if content.startswith((b"$", b"ISO-10303-21")):
+    if suffix == ".msh":
+        _check_msh(path, content)
+    elif suffix in SCRIPTS and content.startswith((b"$", b"ISO-10303-21")):
         raise ValueError(
             f"{path}: its content is a mesh or a CAD file, not a gmsh script; give it the ending of its "
             "format."
         )
+    elif form := _FORMATS[suffix]:
+        _expect(path, re.match(form.begin.encode(), content, re.DOTALL), form.what)
+        if form is _VTU and (b"<!DOCTYPE" in content or b"<!ENTITY" in content):
+            raise ValueError(f"{path}: it declares entities, which VTK files do not; save it again.")
+        ends = re.search(form.end.encode() + rb"\Z", content.rstrip())
+        _complete(path, ends and all(word.encode() in content for word in form.sections), form.word)
+    return content
 
 
-def _check_step(path: Path, content: bytes) -> None:
-    begins = content.lstrip().startswith(b"ISO-10303-21")
-    _expect(path, begins, "a STEP file (it begins with ISO-10303-21)")
-    _complete(path, content.rstrip().endswith(b"END-ISO-10303-21;"), "END-ISO-10303-21;")
-
-
-def _check_brep(path: Path, content: bytes) -> None:
-    begins = re.search(rb"CASCADE Topology V[0-9]", content[:400]) is not None and b"\0" not in content
-    _expect(path, begins, "an OpenCASCADE BREP file (it begins with CASCADE Topology)")
-    sections = (b"\nLocations ", b"\nCurve2ds ", b"\nCurves ", b"\nSurfaces ", b"\nTShapes ")
-    ends = re.search(rb"\n[+-]?[0-9]+ [0-9]+ *\s*$", content)
-    _complete(path, all(word in content for word in sections) and ends is not None, "the shape's number")
-
-
-def _check_iges(path: Path, content: bytes) -> None:
-    lines = [line for line in content.splitlines() if line.strip()]
-    _expect(path, lines[0][72:73] in (b"S", b"F"), "an IGES file (column 73 of its first line is S)")
-    _complete(path, lines[-1][72:73] == b"T", "a line with T in column 73")
-
-
-def _check_inp(path: Path, content: bytes) -> None:
-    _expect(path, content.lstrip().startswith(b"*") and b"\0" not in content, "an Abaqus input file")
-
-
-def _check_vtu(path: Path, content: bytes) -> None:
-    head = content[:2000].lstrip()
-    _expect(path, head.startswith(b"<") and b"<VTKFile" in head, "a VTK XML file")
-    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-        raise ValueError(f"{path}: it declares entities, which VTK files do not; save it again.")
-    _complete(path, content.rstrip().endswith(b"</VTKFile>"), "</VTKFile>")
-
-
-def _check_vtk(path: Path, content: bytes) -> None:
-    begins = content.startswith(b"# vtk DataFile")
-    _expect(path, begins, "a legacy VTK file (it begins with # vtk DataFile)")
-
-
-def _check_unv(path: Path, content: bytes) -> None:
-    begins = re.match(rb"\s* {4}-1\s*\r?\n *[0-9]+", content) is not None and b"\0" not in content
-    _expect(path, begins, "a universal file (it begins with a line -1 and a data set's number)")
-    _complete(path, re.search(rb"(?m)^ {4}-1\s*\Z", content) is not None, "a line -1")
-
-
-def _check_bdf(path: Path, content: bytes) -> None:
-    has = re.search(rb"(?m)^GRID[ *,]", content) is not None and b"\0" not in content
-    _expect(path, has, "a Nastran bulk data file (it has cards GRID)")
-
-
-def _check_med(path: Path, content: bytes) -> None:
-    _expect(path, content.startswith(_HDF5), "a MED file (it is in HDF5)")
-
-
-def _expect(path: Path, holds: bool, what: str) -> None:
+def _expect(path: Path, holds: object, what: str) -> None:
     if not holds:
         raise ValueError(f"{path}: its content is not {what}, as its ending says.")
 
 
-def _complete(path: Path, holds: bool, end: str) -> None:
+def _complete(path: Path, holds: object, end: str) -> None:
     if not holds:
         raise ValueError(f"{path}: it is truncated or damaged, it does not end with {end}; export it again.")
 
@@ -141,19 +143,3 @@ def _check_msh(path: Path, content: bytes) -> None:
                 f"{path}: it has no section {section.decode()} and so no mesh; mesh the model before saving "
                 "it."
             )
-
-
-_CHECKS = {
-    ".msh": _check_msh,
-    **dict.fromkeys(SCRIPTS, _check_script),
-    **dict.fromkeys(STEP, _check_step),
-    ".brep": _check_brep,
-    **dict.fromkeys(IGES, _check_iges),
-    ".inp": _check_inp,
-    ".vtu": _check_vtu,
-    ".vtk": _check_vtk,
-    ".unv": _check_unv,
-    ".med": _check_med,
-    **dict.fromkeys(NASTRAN, _check_bdf),
-}
-KNOWN = tuple(_CHECKS)

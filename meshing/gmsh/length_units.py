@@ -7,24 +7,14 @@ from dataclasses import dataclass
 
 from meshing.gmsh.files import IGES, STEP
 
-_SI = {
-    "EXA": 1e18, "PETA": 1e15, "TERA": 1e12, "GIGA": 1e9, "MEGA": 1e6, "KILO": 1e3, "HECTO": 1e2, "DECA": 1e1,
-    "DECI": 1e-1, "CENTI": 1e-2, "MILLI": 1e-3, "MICRO": 1e-6, "NANO": 1e-9, "PICO": 1e-12, "FEMTO": 1e-15,
-    "ATTO": 1e-18,
-}  # fmt: skip
+_SI = dict(
+    EXA=1e18, PETA=1e15, TERA=1e12, GIGA=1e9, MEGA=1e6, KILO=1e3, HECTO=1e2, DECA=1e1, DECI=1e-1, CENTI=1e-2,
+    MILLI=1e-3, MICRO=1e-6, NANO=1e-9, PICO=1e-12, FEMTO=1e-15, ATTO=1e-18,
+)  # fmt: skip
 # IGES 5.3, section 2.2.4.3.14
 _IGES = {
-    1: 0.0254,
-    2: 1e-3,
-    4: 0.3048,
-    5: 1609.344,
-    6: 1.0,
-    7: 1e3,
-    8: 2.54e-5,
-    9: 1e-6,
-    10: 1e-2,
-    11: 2.54e-8,
-}
+    1: 0.0254, 2: 1e-3, 4: 0.3048, 5: 1609.344, 6: 1.0, 7: 1e3, 8: 2.54e-5, 9: 1e-6, 10: 1e-2, 11: 2.54e-8,
+}  # fmt: skip
 _FLAG = 13  # place of the unit's flag among the global parameters
 
 
@@ -81,11 +71,8 @@ def step_unit(content: bytes) -> float | None:
     text = content.decode("latin-1")
     statements = dict(re.findall(r"#(\d+)\s*=\s*([^;]*);", text))
     lengths = {number for number, statement in statements.items() if "LENGTH_UNIT" in statement}
-    used = {
-        number
-        for inside in re.findall(r"GLOBAL_UNIT_ASSIGNED_CONTEXT\s*\(\s*\(([^)]*)\)", text)
-        for number in re.findall(r"#(\d+)", inside)
-    }
+    contexts = re.findall(r"GLOBAL_UNIT_ASSIGNED_CONTEXT\s*\(\s*\(([^)]*)\)", text)
+    used = {number for inside in contexts for number in re.findall(r"#(\d+)", inside)}
     found = {_step_length(statements, number, 3) for number in used & lengths}
     return found.pop() if len(found) == 1 else None
 

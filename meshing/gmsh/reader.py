@@ -11,20 +11,17 @@ from pathlib import Path
 
 import numpy as np
 
-from meshing.boundary_mesh import BoundaryMesh
-from meshing.cells.crack_meshing import CrackMeshing
-from meshing.cells.crack_splitting import add_cracks
+from meshing.boundary_mesh import BoundaryMesh, Recipe
+from meshing.cells.crack_splitting import CrackMeshing, add_cracks
 from meshing.cells.s_elements import build_mesh
 from meshing.gmsh.building import cells_of
 from meshing.gmsh.confined import Rights, ask, landlock_version
 from meshing.gmsh.files import FOREIGN, SCRIPTS, checked_content
 from meshing.gmsh.length_units import Units
 from meshing.gmsh.model import FileModel
-from meshing.gmsh.report import check_units, pass_on, refuse_empty_groups
-from meshing.gmsh.unjoined import check_joined
+from meshing.gmsh.report import check_joined, check_units, pass_on, refuse_empty_groups
 from meshing.input_checks import checked_order, flag, length, positive
 from meshing.input_checks import path as checked_path
-from meshing.recipe import Recipe
 
 _SHARE_OF_MEMORY = 0.75
 
@@ -144,9 +141,8 @@ def read_gmsh(
     CrackMeshing.checked(0.0, given)
     most = int(positive("read_gmsh", "max_unknowns", max_unknowns))
     seconds = positive("read_gmsh", "time_limit", time_limit, "s")
-    memory = int(
-        _memory() if memory_limit is None else positive("read_gmsh", "memory_limit", memory_limit, "bytes")
-    )
+    memory = _memory() if memory_limit is None else memory_limit
+    memory = int(positive("read_gmsh", "memory_limit", memory, "bytes"))
     origin = str(path)
     suffix, content = path.suffix.lower(), checked_content(path)
     units = Units.of(suffix, content, scale, origin)

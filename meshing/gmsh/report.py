@@ -1,4 +1,6 @@
-"""What reading a user's model tells: warnings, names that look like cracks, the extent."""
+"""What reading a user's model tells: warnings, names that look like cracks, the extent, surfaces that were
+drawn over each other, or beside each other without being joined.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +8,14 @@ import difflib
 import re
 
 import numpy as np
+import shapely
 
-from meshing.extent import check_extent
+from meshing.cells.complex import CellComplex, edge_key
+from meshing.gmsh.describe import KIND
 from meshing.gmsh.length_units import Units
 from meshing.gmsh.model import FileModel
-from meshing.warnings import UnitWarning, warn
+from meshing.warnings import UnitWarning, check_extent, warn
 
-_KIND = ("point", "curve", "surface")
 _IDLE = ("not found in the Brep",)  # of boundaries in a .msh file, which are not used
 
 
@@ -20,13 +23,13 @@ def refuse_empty_groups(model: FileModel, origin: str) -> None:
     """ValueError for a physical group that names curves, points or surfaces that do not exist."""
     for dimension, entity, name in model.skipped:
         raise ValueError(
-            f"{origin}: physical {_KIND[dimension]} {name!r} names {_KIND[dimension]} {entity}, which does "
+            f"{origin}: physical {KIND[dimension]} {name!r} names {KIND[dimension]} {entity}, which does "
             "not exist; a Boolean operation gives new numbers, look them up after it, or take them by place "
             "(Curve In BoundingBox{...})."
         )
     for dimension, name in model.empty:
         raise ValueError(
-            f"{origin}: physical {_KIND[dimension]} {name!r} holds no {_KIND[dimension]} of the model; give "
+            f"{origin}: physical {KIND[dimension]} {name!r} holds no {KIND[dimension]} of the model; give "
             "it one, or remove it."
         )
 
@@ -69,15 +72,13 @@ def check_units(units: Units, merged_step: str | None, origin: str, where: np.nd
     width, height = np.ptp(where, axis=0)
     taken = "its coordinates are taken for metres" if units.file is None else "the file's unit says so"
     drawn = "scale=1e-3 if it was drawn in millimetres"
-    check_extent(
-        origin,
-        width,
-        height,
-        if_large=None if scale is not None else f"{taken}: pass {drawn}, scale=1.0 if it is that large",
-        if_small=f"{taken}: pass the length of its unit in m as scale if that is another one"
-        if scale is None
-        else f"scale={scale:g} is the length of the file's unit in m: leave it out if the unit is the metre",
-    )
+    if scale is None:
+        if_large: str | None = f"{taken}: pass {drawn}, scale=1.0 if it is that large"
+        if_small = f"{taken}: pass the length of its unit in m as scale if that is another one"
+    else:
+        if_large, unit = None, f"scale={scale:g} is the length of the file's unit in m"
+        if_small = f"{unit}: leave it out if the unit is the metre"
+    check_extent(origin, width, height, if_large=if_large, if_small=if_small)
 
 
 def right_spelling(name: str) -> str | None:
@@ -99,3 +100,69 @@ def right_spelling(name: str) -> str | None:
     if whole:
         return f"crack:{whole[1]}" if whole[1] else "crack:1"
     return None
+
+
+_PLACES = np.array([0.25, 0.5, 0.75])  # of an edge, where it is looked for another one
+_FINE = np.linspace(0.0, 1.0, 65)
+_SAME = 1e-7  # distance of edges that coincide, relative to the model's extent
+_SAG = 5e-5  # of the chords between _FINE from a curved edge, relative to its length
+_WITHIN = 1e-3  # depth inside a cell that is no round-off, relative to the cell's extent
+
+
+def check_joined(cells: CellComplex, origin: str) -> None:
+    """Refuse surfaces that overlap; warn of outlines that lie on one another and are not joined.
+
+    Parameters
+    ----------
+    cells : CellComplex
+        Before its cracks are made: what lies on one of these is meant.
+    origin : str
+        For messages.
+
+    Raises
+    ------
+    ValueError
+        A piece of outline lies inside a cell.
+    """
+    faces = {edge_key(edge) for edges in cells.groups.values() for edge in edges}
+    outline = [edge for edge, count in cells.edge_uses().items() if count == 1 and edge not in faces]
+    if not outline:
+        return
+    lines = shapely.linestrings(
+        np.concatenate([cells.along(edge, _FINE) for edge in outline]),
+        indices=np.repeat(np.arange(len(outline)), len(_FINE)),
+    )
+    places = shapely.points(np.concatenate([cells.along(edge, _PLACES) for edge in outline]))
+    _refuse_overlaps(cells, places, origin)
+    extent = float(np.ptp(np.array(cells.vertices), axis=0).max())
+    count = len(_PLACES)
+    curved = np.array([edge in cells.curves for edge in outline])
+    near = np.repeat(np.maximum(_SAME * extent, _SAG * curved * shapely.length(lines)), count)
+    place, other = shapely.STRtree(lines).query(places, predicate="dwithin", distance=near)
+    beside = np.zeros(len(places), dtype=bool)
+    beside[place[place // count != other]] = True
+    doubled = beside.reshape(-1, count).all(axis=1)
+    if doubled.any():
+        x, y = shapely.get_coordinates(places[np.flatnonzero(doubled)[0] * count + 1])[0]
+        warn(
+            origin,
+            f"outlines lie on one another near ({x:.6g}, {y:.6g}) m and are not joined: nothing holds "
+            "them together or keeps them from overlapping; join them (BooleanFragments, Coherence), or name "
+            "the two sides crack:NAME:right and crack:NAME:left if they are in contact.",
+        )
+
+
+def _refuse_overlaps(cells: CellComplex, places: np.ndarray, origin: str) -> None:
+    corners = [np.array([cells.vertices[vertex] for vertex in cell.vertices]) for cell in cells.cells]
+    boxes = shapely.box(*np.array([[*c.min(axis=0), *c.max(axis=0)] for c in corners]).T)
+    tree = shapely.STRtree(boxes)
+    for number, place in zip(*tree.query(places)[::-1]):
+        loop = [cells.along(edge, _FINE[:-1]) for edge in cells.cells[number].edges()]
+        polygon = shapely.Polygon(np.concatenate(loop))
+        point = places[place]
+        depth = _WITHIN * float(np.ptp(corners[number], axis=0).max())
+        if polygon.contains(point) and polygon.exterior.distance(point) > depth:
+            raise ValueError(
+                f"{origin}: surfaces overlap near ({point.x:.6g}, {point.y:.6g}) m, where area would "
+                "count twice; cut one from the other (BooleanDifference) or join them (Coherence)."
+            )

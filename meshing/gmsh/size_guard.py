@@ -32,14 +32,13 @@ class Guard:
         if side is None or not area > 0:
             return
         cells = _TRIANGLES * area / side**2
-        if cells * self._a_triangle > self._most:
-            fits = math.sqrt(_TRIANGLES * area * self._a_triangle / self._most)
-            given = "size" if size is not None else "Mesh.MeshSizeMax"
-            self._refuse(
-                f"{given} = {side:g} would make about {cells:.2g} cells",
-                cells * self._a_triangle,
-                f"from {given} = {fits:.2g} on (in the file's unit) it fits",
-            )
+        fits = math.sqrt(_TRIANGLES * area * self._a_triangle / self._most)
+        given = "size" if size is not None else "Mesh.MeshSizeMax"
+        self._check(
+            f"{given} = {side:g} would make about {cells:.2g} cells",
+            cells * self._a_triangle,
+            f"from {given} = {fits:.2g} on (in the file's unit) it fits",
+        )
 
     def check_curve(self, curve: int, length: float, sizes: Sequence[float], largest: float) -> None:
         """The edges on a curve with the given sizes at its ends."""
@@ -48,28 +47,22 @@ class Guard:
             return
         low, high = min(ends), min(max(ends), length)
         edges = length / low if high <= low * 1.001 else length * math.log(high / low) / (high - low)
-        if edges * self._a_triangle > self._most:
-            self._refuse(
-                f"the sizes at the ends of curve {curve} ({low:g}) would make about {edges:.2g} edges there",
-                edges * self._a_triangle,
-                "give larger ones",
-            )
+        what = f"the sizes at the ends of curve {curve} ({low:g}) would make about {edges:.2g} edges there"
+        self._check(what, edges * self._a_triangle, "give larger ones")
 
     def check_lines(self, edges: int) -> None:
         """The edges on all curves, each of which has a cell."""
-        if edges * self._a_triangle > self._most:
-            self._refuse(f"its curves have {edges} edges", edges * self._a_triangle, "give larger sizes")
+        self._check(f"its curves have {edges} edges", edges * self._a_triangle, "give larger sizes")
 
     def check_cells(self, model: FileModel) -> None:
         """The mesh as it is."""
         cells = [(len(block.nodes), block.corners) for block in model.blocks if block.dimension == 2]
         unknowns = sum(count * (corners * self._order - 2) for count, corners in cells)
-        if unknowns > self._most:
-            what = f"it has {sum(count for count, _ in cells)} cells"
-            self._refuse(what, unknowns, "mesh it more coarsely")
+        self._check(f"it has {sum(count for count, _ in cells)} cells", unknowns, "mesh it more coarsely")
 
-    def _refuse(self, what: str, unknowns: float, mend: str) -> None:
-        raise Refusal(
-            f"{what}, about {unknowns:.2g} unknowns at order {self._order}, more than max_unknowns = "
-            f"{self._most}; {mend}, or take a lower order or a larger max_unknowns."
-        )
+    def _check(self, what: str, unknowns: float, mend: str) -> None:
+        if unknowns > self._most:
+            raise Refusal(
+                f"{what}, about {unknowns:.2g} unknowns at order {self._order}, more than max_unknowns = "
+                f"{self._most}; {mend}, or take a lower order or a larger max_unknowns."
+            )

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
 
-from meshing.input_checks import length, number, shown
-from meshing.shapes.features import CrackLine, Hole, VNotch, items_of, refuse_close
+from meshing.input_checks import check_fields, length
+from meshing.shapes.features import CrackLine, Hole, VNotch, described, lists_of, point_of, refuse_close
 
 _CLEARANCE = 1e-3  # smallest distance between features, relative to the beam's height
 _THINNEST_WALL = 0.02  # beside a hole, relative to its diameter
@@ -35,11 +36,8 @@ class BeamShape:
     cracks: Sequence[CrackLine] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "length", length("Beam", "length", self.length))
-        object.__setattr__(self, "height", length("Beam", "height", self.height))
-        object.__setattr__(self, "notches", items_of("Beam", "notches", self.notches, VNotch))
-        object.__setattr__(self, "holes", items_of("Beam", "holes", self.holes, Hole))
-        object.__setattr__(self, "cracks", items_of("Beam", "cracks", self.cracks, CrackLine))
+        lists = lists_of(notches=VNotch, holes=Hole, cracks=CrackLine)
+        check_fields(self, "Beam", {"length": length, "height": length, **lists})
         for i, notch in enumerate(self.notches, 1):
             self._check_notch(f"notch {i}", notch)
         for i, hole in enumerate(self.holes, 1):
@@ -47,13 +45,8 @@ class BeamShape:
         self._check_distances()
 
     def __repr__(self) -> str:
-        parts = [f"length={self.length:g} m", f"height={self.height:g} m"]
-        parts += [
-            f"{name}={list(items)!r}"
-            for name, items in (("notches", self.notches), ("holes", self.holes), ("cracks", self.cracks))
-            if items
-        ]
-        return f"Beam({', '.join(parts)})"
+        size = f"length={self.length:g} m, height={self.height:g} m"
+        return f"Beam({size}{described(notches=self.notches, holes=self.holes, cracks=self.cracks)})"
 
     @property
     def area(self) -> float:
@@ -65,16 +58,9 @@ class BeamShape:
         """Tip, mouth corner at the free-end side, mouth corner at the clamp side of a notch: (3, 2) array,
         m.
         """
-        corners = np.array(
-            [
-                [notch.x, self.height - notch.depth],
-                [notch.x + notch.right_offset, self.height],
-                [notch.x + notch.left_offset, self.height],
-            ]
-        )
-        if notch.edge == "bottom":
-            corners[:, 1] = self.height - corners[:, 1]
-        return corners
+        x = notch.x + np.array([0.0, notch.right_offset, notch.left_offset])
+        y = np.array([self.height - notch.depth, self.height, self.height])
+        return np.stack([x, self.height - y if notch.edge == "bottom" else y], axis=1)
 
     def _check_notch(self, item: str, notch: VNotch) -> None:
         smallest = 0.01 * self.height
@@ -86,8 +72,7 @@ class BeamShape:
         if not smallest <= notch.depth <= self.height - smallest:
             raise ValueError(
                 f"{item}: depth {notch.depth:g} m is within 1 % of 0 or of the beam's height {self.height:g} "
-                "m; "
-                "leave the notch out or cut the beam there."
+                "m; leave the notch out or cut the beam there."
             )
         if not 0 < notch.x < self.length:
             raise ValueError(
@@ -99,8 +84,8 @@ class BeamShape:
             if not clearance <= corner <= self.length - clearance:
                 raise ValueError(
                     f"{item}: its mouth reaches x = {corner:g} m, which is outside the top edge 0 to "
-                    f"{self.length:g} m or too near its end; "
-                    "move the notch, make it shallower or lessen its tilt or opening."
+                    f"{self.length:g} m or too near its end; move the notch, make it shallower or lessen its "
+                    "tilt or opening."
                 )
 
     def _check_hole(self, item: str, hole: Hole) -> None:
@@ -109,9 +94,8 @@ class BeamShape:
             if not clearance <= value <= extent - clearance:
                 raise ValueError(
                     f"{item}: centre {name} = {value:g} m with diameter {hole.diameter:g} m leaves or "
-                    "touches the domain or leaves too thin a wall, "
-                    f"{name} between {clearance:g} and {extent - clearance:g} m was expected; move the hole "
-                    "or make it smaller."
+                    f"touches the domain or leaves too thin a wall, {name} between {clearance:g} and "
+                    f"{extent - clearance:g} m was expected; move the hole or make it smaller."
                 )
 
     def _wall(self, hole: Hole) -> float:
@@ -125,9 +109,8 @@ class BeamShape:
         return (*names, *(crack.name or f"crack{i}" for i, crack in enumerate(self.cracks, first)))
 
     def _check_distances(self) -> None:
-        names = self.crack_names()
-        for name in names:
-            if names.count(name) > 1:
+        for name, count in Counter(self.crack_names()).items():
+            if count > 1:
                 raise ValueError(f"Beam: two cracks have the name {name!r}; choose another.")
         areas = [_notch_polygon(self.triangle(notch)) for notch in self.notches]
         least = _CLEARANCE * self.height
@@ -135,28 +118,19 @@ class BeamShape:
 
     def check_point(self, name: str, point: object) -> tuple[float, float]:
         """A user's point as two floats, or the error that says why it cannot be a node."""
-        if not isinstance(name, str) or not name:
-            raise TypeError(f"points: the name {name!r} is not a non-empty string.")
-        if isinstance(point, str) or not isinstance(point, Iterable) or len(pair := list(point)) != 2:
-            raise TypeError(f"point {name!r} is {shown(point)}, a pair (x, y) was expected.")
-        x, y = number(f"point {name!r}", "x", pair[0]), number(f"point {name!r}", "y", pair[1])
+        x, y = point_of(f"point {name!r}", point)
+        where = f"point {name!r} at ({x:g}, {y:g}) m is"
         if not (0 <= x <= self.length and 0 <= y <= self.height):
             raise ValueError(
-                f"point {name!r} at ({x:g}, {y:g}) m is outside the beam, [0, {self.length:g}] x [0, "
-                f"{self.height:g}] m; move it inside."
+                f"{where} outside the beam, [0, {self.length:g}] x [0, {self.height:g}] m; move it inside."
             )
-        least = _CLEARANCE * self.height
-        for i, hole in enumerate(self.holes, 1):
-            if math.hypot(x - hole.x, y - hole.y) < hole.radius + least:
-                raise ValueError(
-                    f"point {name!r} at ({x:g}, {y:g}) m is in or on hole {i}; move it into the material."
-                )
+        gaps = {f"hole {i}": math.dist((x, y), (h.x, h.y)) - h.radius for i, h in enumerate(self.holes, 1)}
         for i, notch in enumerate(self.notches, 1):
-            if _notch_polygon(self.triangle(notch)).distance(shapely.Point(x, y)) < least:
-                raise ValueError(
-                    f"point {name!r} at ({x:g}, {y:g}) m is in or on notch {i}; move it into the material (B "
-                    "and C are its mouth corners)."
-                )
+            area = _notch_polygon(self.triangle(notch))
+            gaps[f"notch {i} (B and C are its mouth corners)"] = area.distance(shapely.Point(x, y))
+        for item, gap in gaps.items():
+            if gap < _CLEARANCE * self.height:
+                raise ValueError(f"{where} in or on {item}; move it into the material.")
         return x, y
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
 
 import shapely
 
-from meshing.input_checks import choice, length, number, shown
+from meshing.input_checks import check_fields, choice, length, number, shown
 
 _STEEPEST = 85.0  # degrees between a face and the vertical
 WIDEST_OPENING = 30.0  # degrees, of a crack
@@ -39,21 +41,18 @@ class VNotch:
     edge: str = field(default="top", kw_only=True)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "x", number("VNotch", "x", self.x))
-        object.__setattr__(self, "depth", length("VNotch", "depth", self.depth))
-        object.__setattr__(self, "opening", number("VNotch", "opening", self.opening))
-        object.__setattr__(self, "tilt", number("VNotch", "tilt", self.tilt))
+        check_fields(self, "VNotch", {"x": number, "depth": length, "opening": number, "tilt": number})
         choice("VNotch", "edge", self.edge, ("top", "bottom"))
         if self.opening < 0:
             raise ValueError(
                 f"VNotch: opening is {self.opening:g} degrees, it must be 0 (closed crack) or positive."
             )
-        if abs(self.tilt) + self.opening / 2 > _STEEPEST:
+        steepest = abs(self.tilt) + self.opening / 2
+        if steepest > _STEEPEST:
             raise ValueError(
                 f"VNotch: with opening {self.opening:g} and tilt {self.tilt:g} degrees a face leans "
-                f"{abs(self.tilt) + self.opening / 2:g} degrees "
-                f"from the vertical; |tilt| + opening / 2 must be at most {_STEEPEST:g} for the faces to "
-                "reach the edge."
+                f"{steepest:g} degrees from the vertical; |tilt| + opening / 2 must be at most {_STEEPEST:g} "
+                "for the faces to reach the edge."
             )
 
     def __repr__(self) -> str:
@@ -101,9 +100,7 @@ class Hole:
     diameter: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "x", number("Hole", "x", self.x))
-        object.__setattr__(self, "y", number("Hole", "y", self.y))
-        object.__setattr__(self, "diameter", length("Hole", "diameter", self.diameter))
+        check_fields(self, "Hole", {"x": number, "y": number, "diameter": length})
 
     def __repr__(self) -> str:
         return f"Hole(x={self.x:g} m, y={self.y:g} m, diameter={self.diameter:g} m)"
@@ -146,8 +143,7 @@ class CrackLine:
                 f"{item}: name is {shown(self.name)}, a non-empty string without ':' and control "
                 "characters was expected."
             )
-        object.__setattr__(self, "points", corners_of(item, "points", self.points, 2))
-        object.__setattr__(self, "opening", number(item, "opening", self.opening))
+        check_fields(self, item, {"points": partial(corners_of, least=2), "opening": number})
         if not 0 <= self.opening <= WIDEST_OPENING:
             raise ValueError(
                 f"{item}: opening is {self.opening:g} degrees, 0 (closed crack) to {WIDEST_OPENING:g} was "
@@ -170,16 +166,18 @@ def _counted(items: object) -> bool:
     return getattr(items, "ndim", 1) > 0
 
 
-def corners_of(item: str, name: str, points: object, least: int) -> tuple[tuple[float, float], ...]:
+def point_of(item: str, point: object) -> tuple[float, float]:
+    """A point (x, y) as two floats, or the error that names what is wrong."""
+    if isinstance(point, str) or not isinstance(point, Iterable) or len(pair := list(point)) != 2:
+        raise TypeError(f"{item} is {shown(point)}, a pair (x, y) was expected.")
+    return number(item, "x", pair[0]), number(item, "y", pair[1])
+
+
+def corners_of(item: str, name: str, points: Any, least: int) -> tuple[tuple[float, float], ...]:
     """Points (x, y) as floats, or the error that names what is wrong."""
     if isinstance(points, str) or not hasattr(points, "__iter__") or not _counted(points):
         raise TypeError(f"{item}: {name} is {shown(points)}, a list of points (x, y) was expected.")
-    result = []
-    for place, point in enumerate(points, 1):
-        if isinstance(point, str) or not hasattr(point, "__iter__") or len(pair := list(point)) != 2:
-            raise TypeError(f"{item}: point {place} of {name} is {shown(point)}, a pair (x, y) was expected.")
-        x, y = (number(item, f"{axis} of point {place}", value) for axis, value in zip("xy", pair))
-        result.append((x, y))
+    result = [point_of(f"{item}: point {place} of {name}", point) for place, point in enumerate(points, 1)]
     if len(result) < least:
         raise ValueError(f"{item}: {name} has {len(result)} points, at least {least} were expected.")
     return tuple(result)
@@ -194,6 +192,16 @@ def items_of(owner: str, name: str, items: object, kind: type) -> tuple:
         if not isinstance(item, kind):
             raise TypeError(f"{owner}: {name} contains {shown(item)}, only {kind.__name__} was expected.")
     return result
+
+
+def lists_of(**kinds: type) -> dict[str, Callable[[str, str, Any], tuple]]:
+    """Checks of fields that hold several of a kind."""
+    return {name: partial(items_of, kind=kind) for name, kind in kinds.items()}
+
+
+def described(**items: Sequence[object]) -> str:
+    """Lists of features, those that are not empty, as they stand behind others in a representation."""
+    return "".join(f", {name}={list(own)!r}" for name, own in items.items() if own)
 
 
 def refuse_close(

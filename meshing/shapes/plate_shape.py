@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import shapely
 
-from meshing.input_checks import shown
-from meshing.shapes.features import CrackLine, Hole, corners_of, items_of, refuse_close
+from meshing.input_checks import check_fields, shown
+from meshing.shapes.features import CrackLine, Hole, corners_of, described, lists_of, refuse_close
 
 _CLEARANCE = 1e-3  # smallest distance between holes and edges, relative to the body's diagonal
 _FARTHEST = 3e6  # coordinates, relative to the body's diagonal
@@ -27,24 +29,16 @@ class PlateShape:
     edge_names: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "outline", corners_of("Plate", "outline", self.outline, 3))
-        object.__setattr__(self, "holes", items_of("Plate", "holes", self.holes, Hole))
-        object.__setattr__(self, "cracks", items_of("Plate", "cracks", self.cracks, CrackLine))
+        lists = lists_of(holes=Hole, cracks=CrackLine)
+        check_fields(self, "Plate", {"outline": partial(corners_of, least=3), **lists})
         self._check_outline()
         self._check_names()
         self._check_holes()
 
     def __repr__(self) -> str:
         low, high = np.min(self.outline, axis=0), np.max(self.outline, axis=0)
-        parts = [
-            f"{len(self.outline)} sides in [{low[0]:g}, {high[0]:g}] x [{low[1]:g}, {high[1]:g}] m",
-            *(
-                f"{name}={list(items)!r}"
-                for name, items in (("holes", self.holes), ("cracks", self.cracks))
-                if items
-            ),
-        ]
-        return f"Plate({', '.join(parts)})"
+        sides = f"{len(self.outline)} sides in [{low[0]:g}, {high[0]:g}] x [{low[1]:g}, {high[1]:g}] m"
+        return f"Plate({sides}{described(holes=self.holes, cracks=self.cracks)})"
 
     @property
     def area(self) -> float:
@@ -107,8 +101,8 @@ class PlateShape:
         faces = [f"{crack}_{side}" for crack in self.crack_names() for side in ("left", "right")]
         holes = [f"hole{i}" for i in range(1, len(self.holes) + 1)]
         taken = [*self.crack_names(), *dict.fromkeys(self.side_names), *holes, *faces]
-        for name in taken:
-            if taken.count(name) > 1:
+        for name, count in Counter(taken).items():
+            if count > 1:
                 raise ValueError(f"Plate: the name {name!r} is given twice; choose another.")
 
     def _check_holes(self) -> None:

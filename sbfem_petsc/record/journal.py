@@ -23,10 +23,11 @@ from typing import Any
 
 import numpy as np
 
-from meshing.folder_index import hold, open_regular
+from meshing.folder_index import open_regular
 from meshing.whole_file import reason
 
 from ..errors import SolveError
+from ..output_folder import hold
 from ..writing import destination, replaced
 
 MAGIC = b"sbfem journal 4\n"

@@ -7,8 +7,8 @@ import time
 from typing import Any
 
 import sbfem_petsc as sb
-from meshing.folder_index import HeldFolder, make_folder
 
+from ..output_folder import HeldFolder, make_folder
 from .case.case import Case
 from .storage import read_json, write_json
 

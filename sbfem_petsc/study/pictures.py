@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from meshing.folder_index import make_output_folder
-
+from ..output_folder import make_output_folder
 from ..ranks.parallel import on_root
 from .case.case import Case
 from .kinds.kind import Drawn

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 import sbfem_petsc as sb
-from meshing.folder_index import home_of, open_regular, regular_file
+from meshing.folder_index import home_of, open_regular
 
+from ..output_folder import regular_file
 from ..record.units import force_unit, length_unit, stress_unit, time_unit
 from ..writing import replaced, spare_folder
 from .case.analyses import kind_called

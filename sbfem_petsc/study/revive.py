@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 import sbfem_petsc as sb
-from meshing.folder_index import make_output_folder, regular_file
 
+from ..output_folder import make_output_folder, regular_file
 from ..progress import Watch
 from ..ranks.parallel import on_root
 from ..record.layout import bare, text

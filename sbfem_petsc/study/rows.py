@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from meshing.folder_index import claim, hold, open_regular
+from meshing.folder_index import claim, open_regular
 from meshing.whole_file import reason
 
+from ..output_folder import hold
 from ..record.journal import HEAD, MAGIC, packed, unpacked
 
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import sbfem_petsc as sb
-from meshing.folder_index import make_folder
 
 from ..errors import OutOfMemory, SolveError
+from ..output_folder import make_folder
 from ..progress import Watch
 from ..ranks.capacity import PlannedFile, require_disk
 from ..ranks.parallel import agreed, collective, ranks_of

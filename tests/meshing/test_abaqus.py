@@ -338,7 +338,11 @@ def test_random_decks(tmp_path, seed):
             "made by CYLINDER; give its elements",
         ),
         (("*NSET, NSET=P", "*SURFACE, NAME=s\n1, S5\n*NSET, NSET=P"), {}, "side 'S5' of element 1"),
-        (("*NSET, NSET=P", "*SURFACE, NAME=s\n9, S1\n*NSET, NSET=P"), {}, "has 9, which does not exist"),
+        (
+            ("*NSET, NSET=P", "*SURFACE, NAME=s\n9, S1\n*NSET, NSET=P"),
+            {},
+            "has element 9, which does not exist",
+        ),
         (("*NSET, NSET=P", "*SURFACE, NAME=s\nx, S1\n*NSET, NSET=P"), {}, "names the set 'x'"),
         (("*NSET, NSET=P", "*SURFACE, NAME=s\n*NSET, NSET=P"), {}, "holds no side of the outline"),
         (

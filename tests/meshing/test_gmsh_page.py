@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from meshing import read_gmsh
-from meshing.extent import LARGEST
 from meshing.gmsh.files import KNOWN
+from meshing.warnings import LARGEST
 
 PAGE = Path(__file__).parents[2] / "docs" / "gmsh_models.md"
 

@@ -256,7 +256,7 @@ EDGE = CrackLine([(0.05, 0.1), (0.05, 0.06)])
         (lambda: Plate(SQUARE[::-1]), "runs clockwise"),
         (lambda: Plate([(0, 0), (1, 1), (1, 0), (0, 1)]), "crosses or touches itself"),
         (lambda: Plate([*SQUARE, (0, 0)]), "corners 5 and 1 of the outline coincide"),
-        (lambda: Plate([(0, 0), (1, math.nan), (1, 1)]), "y of point 2 = nan must"),
+        (lambda: Plate([(0, 0), (1, math.nan), (1, 1)]), "point 2 of outline: y = nan must"),
         (lambda: Plate(SQUARE, holes=[Hole(0.2, 0.05, 0.01)]), "hole 1"),
         (lambda: Plate(SQUARE, holes=[Hole(0.05, 0.05, 0.1)]), "leaves or touches the outline"),
         (
@@ -267,8 +267,11 @@ EDGE = CrackLine([(0.05, 0.1), (0.05, 0.06)])
         (lambda: Plate(SQUARE, cracks=[CrackLine([(0.05, 0.1), (0.05, 0.06)], name="edge1")]), "given twice"),
         (lambda: Plate(SQUARE, cracks=[EDGE, CrackLine(EDGE.points, name="crack1")]), "given twice"),
         (lambda: CrackLine([(0, 0)]), "has 1 points, at least 2"),
-        (lambda: Plate([(0, 0), (1e200, 0), (1e200, 1e200)]), "x of point 2 = 1e+200 must be finite"),
-        (lambda: Plate([(0, 0), (10**400, 0), (1, 1)]), "x of point 2 = 1000"),
+        (
+            lambda: Plate([(0, 0), (1e200, 0), (1e200, 1e200)]),
+            "point 2 of outline: x = 1e+200 must be finite",
+        ),
+        (lambda: Plate([(0, 0), (10**400, 0), (1, 1)]), "point 2 of outline: x = 1000"),
         (lambda: Plate([(1e9 + x, 1e9 + y) for x, y in SQUARE]), "coordinates have too few digits"),
         (lambda: CrackLine([(0, 0), (1, 1)], name="a\0b"), "control characters"),
         (lambda: CrackLine([(0, 0), (0, 0), (1, 1)]), "stands twice in a row"),

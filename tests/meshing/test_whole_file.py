@@ -8,8 +8,8 @@ import sys
 
 import pytest
 
-from meshing.folder_index import UNFINISHED
 from meshing.whole_file import replaced
+from sbfem_petsc.output_folder import UNFINISHED
 
 
 def fill(path, text, what="table"):

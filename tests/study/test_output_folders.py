@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from meshing import Beam
-from meshing.folder_index import INDEX, HeldFolder, listed
+from meshing.folder_index import INDEX, listed
+from sbfem_petsc.output_folder import HeldFolder
 from sbfem_petsc.record.journal import Journal
 from sbfem_petsc.study import rows
 from sbfem_petsc.study.storage import new_results, read_tree, results_in, write_tree

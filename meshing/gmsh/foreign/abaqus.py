@@ -62,6 +62,9 @@ class _Set:
     outer: bool
     labels: dict[int, None] = field(default_factory=dict)
 
+    def add(self, labels: Iterable[int]) -> None:
+        self.labels.update(dict.fromkeys(labels))
+
 
 def load() -> None:
     """Nothing: no library is needed."""
@@ -79,39 +82,34 @@ def extract(*, file: str, **options: Any) -> tuple[dict[str, Any], dict[str, np.
         deck = _Deck(list(_of_one_part(_cards(stream.read()))))
     groups = deck.materials() | deck.curves()
     used = {name.upper() for _, name in groups}
-    node_sets = {
-        found.name: list(found.labels)
-        for key, found in (deck.node_sets | deck.node_surfaces()).items()
-        if key not in used and not found.hidden
-    }
+    sets = deck.sets["NSET"] | deck.node_surfaces()
+    seen = (found for key, found in sets.items() if key not in used and not found.hidden)
+    node_sets = {found.name: list(found.labels) for found in seen}
     return described(deck.nodes, groups, node_sets, **options)
 
 
-def _cards(text: str) -> Iterator[_Card]:
-    card, going_on = None, False
+def _cards(text: str) -> list[_Card]:
+    cards: list[_Card] = []
+    going_on = False
     for line, content in enumerate(text.splitlines(), 1):
         content = content.strip()
         if not content or content.startswith("**"):
             continue
-        if content.startswith("*") or going_on:
-            if not going_on:
-                if card is not None:
-                    yield card
-                keyword, _, content = content[1:].partition(",")
-                card = _Card(line, " ".join(keyword.upper().split()), {})
-            assert card is not None
+        if content.startswith("*") and not going_on:
+            keyword, _, content = content[1:].partition(",")
+            cards.append(_Card(line, " ".join(keyword.upper().split()), {}))
+            going_on = True
+        if going_on:
             going_on = content.endswith(",")
             for part in filter(None, (part.strip() for part in content.split(","))):
                 name, _, value = part.partition("=")
-                card.given[name.strip().upper()] = value.strip().strip("\"'")
-        elif card is not None:
-            fields = [part.strip() for part in content.split(",")]
-            card.rows.append((line, fields))
-    if card is not None:
-        yield card
+                cards[-1].given[name.strip().upper()] = value.strip().strip("\"'")
+        elif cards:
+            cards[-1].rows.append((line, [part.strip() for part in content.split(",")]))
+    return cards
 
 
-def _of_one_part(cards: Iterator[_Card]) -> Iterator[_Card]:
+def _of_one_part(cards: list[_Card]) -> Iterator[_Card]:
     """The cards of the part, and those of the assembly that speak of it."""
     seen: dict[str, int] = {}
     assembly = instance = False
@@ -146,8 +144,9 @@ class _Deck:
     nodes : dict of int to list of float
     elements : dict of int to (int, list of int)
         Dimension, and node labels with the ends or corners first.
-    element_sets, node_sets : dict of str to _Set
-        By their names in capital letters, in the order in which they are first met.
+    sets : dict of str to dict of str to _Set
+        Sets of elements ("ELSET") and nodes ("NSET") by their names in capital letters, in the order in which
+        they are first met.
     shells : set of int
         Elements whose sides are edges, not faces.
     """
@@ -155,25 +154,15 @@ class _Deck:
     def __init__(self, cards: list[_Card]) -> None:
         self.nodes: dict[int, list[float]] = {}
         self.elements: dict[int, tuple[int, list[int]]] = {}
-        self.element_sets: dict[str, _Set] = {}
-        self.node_sets: dict[str, _Set] = {}
+        self.sets: dict[str, dict[str, _Set]] = {"ELSET": {}, "NSET": {}}
         self.shells: set[int] = set()
         self._cards = cards
-        for card in cards:
-            if card.keyword == "NODE":
-                self._add_nodes(card)
-        for card in cards:
-            if card.keyword == "ELEMENT":
-                self._add_elements(card)
-        for card in cards:
-            if card.keyword == "ELSET":
-                self._add_set(card, "ELSET", self.element_sets, self.elements)
-            elif card.keyword == "NSET" and "ELSET" in card.given:
-                labels = self._known(card, card.given["ELSET"], self.element_sets)
-                nodes = (node for label in labels for node in self.elements[label][1])
-                self._set(card, "NSET", self.node_sets).labels.update(dict.fromkeys(nodes))
-            elif card.keyword == "NSET":
-                self._add_set(card, "NSET", self.node_sets, self.nodes)
+        for card in self._of("NODE"):
+            self._add_nodes(card)
+        for card in self._of("ELEMENT"):
+            self._add_elements(card)
+        for card in self._of("ELSET", "NSET"):
+            self._add_set(card)
 
     def materials(self) -> dict[tuple[int, str], list[list[int]]]:
         """Cells by their materials."""
@@ -181,7 +170,7 @@ class _Deck:
         spelled = {name.upper(): name for card in self._of("MATERIAL") if (name := card.given.get("NAME"))}
         owner: dict[int, str] = {}
         for card in self._of(*_SECTIONS):
-            labels = self._known(card, card.given.get("ELSET", ""), self.element_sets)
+            labels = self._known(card, "ELSET", card.given.get("ELSET", ""))
             name = card.given.get("MATERIAL", "")
             name = spelled.get(name.upper(), name)
             for label in labels if name else ():
@@ -230,11 +219,10 @@ class _Deck:
             found = surfaces.setdefault(name.upper(), _Set(name, card.outer, card.outer))
             for line, row in card.rows:
                 own = row[0].strip("\"'")
-                if card.outer and "." not in own and own.upper() not in self.node_sets:
+                if card.outer and "." not in own and own.upper() not in self.sets["NSET"]:
                     continue
                 found.hidden = False
-                labels = self._labels(card, line, own, self.node_sets, self.nodes)
-                found.labels.update(dict.fromkeys(labels))
+                found.add(self._labels(card, line, own, "NSET"))
         return surfaces
 
     def _surfaces(self, kind: str) -> Iterator[tuple[_Card, str]]:
@@ -255,7 +243,7 @@ class _Deck:
         """Node labels, ends first, of each side of a surface."""
         for line, row in card.rows:
             own, side = row[0].strip("\"'"), "".join(row[1:2]).upper()
-            for label in self._labels(card, line, own, self.element_sets, self.elements):
+            for label in self._labels(card, line, own, "ELSET"):
                 dimension, nodes = self.elements[label]
                 number = (_SIDE_OF_SHELL if label in self.shells else _SIDE).fullmatch(side)
                 if dimension == 1 and side in ("", "SPOS", "SNEG"):
@@ -271,23 +259,17 @@ class _Deck:
     @functools.cached_property
     def _uses(self) -> Counter[frozenset[int]]:
         """Elements at each side, by its ends."""
-        return Counter(
-            frozenset(side[:2])
-            for dimension, nodes in self.elements.values()
-            if dimension == 2
-            for side in _around(nodes)
-        )
+        cells = (nodes for dimension, nodes in self.elements.values() if dimension == 2)
+        return Counter(frozenset(side[:2]) for nodes in cells for side in _around(nodes))
 
-    def _labels(
-        self, card: _Card, line: int, own: str, sets: dict[str, _Set], known: dict[int, Any]
-    ) -> Iterable[int]:
-        """Labels of a set, or of the single element or node, that a surface names; it may be PART.NAME."""
+    def _labels(self, card: _Card, line: int, own: str, kind: str) -> Iterable[int]:
+        """Labels of a set, or of the single element or node, that a card names; it may be PART.NAME."""
         last = own.rpartition(".")[2]
         if not last.isdecimal():
-            return self._known(card, own, sets)
+            return self._known(card, kind, own)
         (label,) = self._integers(card, line, [last])
-        if label not in known:
-            card.refuse(f"has {label}, which does not exist", line)
+        if label not in (self.elements if kind == "ELSET" else self.nodes):
+            card.refuse(f"has {'element' if kind == 'ELSET' else 'node'} {label}, which does not exist", line)
         return (label,)
 
     def _of(self, *keywords: str) -> list[_Card]:
@@ -296,14 +278,11 @@ class _Deck:
     def _names(self, elements: dict[int, list[int]]) -> dict[int, list[str]]:
         """Sets of each element that is in one; without gmsh's own where there is another."""
         names: dict[int, list[str]] = {}
-        for found in self.element_sets.values():
+        for found in self.sets["ELSET"].values():
             for label in () if found.hidden else found.labels:
                 if label in elements:
                     names.setdefault(label, []).append(found.name)
-        return {
-            label: [name for name in own if not _OF_GMSH.fullmatch(name)] or own
-            for label, own in names.items()
-        }
+        return {label: [n for n in own if not _OF_GMSH.fullmatch(n)] or own for label, own in names.items()}
 
     def _add_nodes(self, card: _Card) -> None:
         labels = []
@@ -317,7 +296,7 @@ class _Deck:
             self.nodes[label] = where + [0.0] * (3 - len(where))
             labels.append(label)
         if "NSET" in card.given:
-            self._set(card, "NSET", self.node_sets).labels.update(dict.fromkeys(labels))
+            self._set(card, "NSET").add(labels)
 
     def _add_elements(self, card: _Card) -> None:
         dimension, counts = _kind(card)
@@ -344,44 +323,40 @@ class _Deck:
         if row:
             card.refuse(f"ends within element {row[0]}")
         if "ELSET" in card.given:
-            self._set(card, "ELSET", self.element_sets).labels.update(dict.fromkeys(labels))
+            self._set(card, "ELSET").add(labels)
 
-    def _add_set(self, card: _Card, kind: str, sets: dict[str, _Set], known: dict[int, Any]) -> None:
-        found = self._set(card, kind, sets)
+    def _add_set(self, card: _Card) -> None:
+        kind = card.keyword
+        if kind == "NSET" and "ELSET" in card.given:
+            labels = self._known(card, "ELSET", card.given["ELSET"])
+            self._set(card, kind).add(node for label in labels for node in self.elements[label][1])
+            return
+        found = self._set(card, kind)
         for line, row in card.rows:
             parts = [part for part in row if part]
-            if "GENERATE" in card.given:
-                numbers = self._integers(card, line, parts)
-                if len(numbers) not in (2, 3) or numbers[2:] == [0]:
-                    card.refuse(
-                        f"does not hold a first and a last number and a step: {', '.join(parts)}", line
-                    )
-                labels = range(numbers[0], numbers[1] + 1, *numbers[2:])
-                found.labels.update(dict.fromkeys(label for label in labels if label in known))
+            if "GENERATE" not in card.given:
+                for part in parts:
+                    found.add(self._labels(card, line, part.strip("\"'"), kind))
                 continue
-            for part in parts:
-                if not part.isdecimal():
-                    found.labels.update(self._known(card, part.strip("\"'"), sets))
-                    continue
-                (label,) = self._integers(card, line, [part])
-                if label not in known:
-                    what = "element" if kind == "ELSET" else "node"
-                    card.refuse(f"has {what} {label}, which does not exist", line)
-                found.labels[label] = None
+            numbers = self._integers(card, line, parts)
+            if len(numbers) not in (2, 3) or numbers[2:] == [0]:
+                card.refuse(f"does not hold a first and a last number and a step: {', '.join(parts)}", line)
+            known = self.elements if kind == "ELSET" else self.nodes
+            labels_made = range(numbers[0], numbers[1] + 1, *numbers[2:])
+            found.add(label for label in labels_made if label in known)
 
-    @staticmethod
-    def _set(card: _Card, kind: str, sets: dict[str, _Set]) -> _Set:
+    def _set(self, card: _Card, kind: str) -> _Set:
         name = card.given.get(kind, "")
         if not name:
             card.refuse(f"has no name; give it one, {kind}=...")
-        found = sets.setdefault(name.upper(), _Set(name, "INTERNAL" in card.given, card.outer))
+        found = self.sets[kind].setdefault(name.upper(), _Set(name, "INTERNAL" in card.given, card.outer))
         if found.outer != card.outer:
             card.refuse(f"makes the set {name!r}, which the part has too; give one of them another name")
         return found
 
-    @staticmethod
-    def _known(card: _Card, name: str, sets: dict[str, _Set]) -> dict[int, None]:
+    def _known(self, card: _Card, kind: str, name: str) -> dict[int, None]:
         """Labels of a set that a card names, or of the part's set that the assembly calls PART.NAME."""
+        sets = self.sets[kind]
         found = sets.get(name.upper()) or sets.get(name.upper().rpartition(".")[2])
         if found is None:
             card.refuse(f"names the set {name!r}, which does not exist before it")
