@@ -14,7 +14,7 @@ from ..reduction.reduced_model import ReducedModel
 from ..signals.waves import Harmonic
 from ..system.model import Model
 from .excitation import LINES, Excitation
-from .loading import communicator, loading, serving
+from .loading import Loading, communicator, loading, serving
 from .period_map import Period
 from .step_plan import CONTACT_STEP, warn_if_coarse
 
@@ -84,9 +84,7 @@ def prepare(
     with collective(communicator(system)):
         loads = loading(owner, system, load, lambda value: Harmonic(value, frequency))
         excitation = Excitation.of(loads.signals, frequency, settings.periods, settings.longest)
-        for k in loads.edges:
-            jumps = excitation.jumps is not None and bool(excitation.jumps.sizes[:, k].any())
-            loads.require_continuous(owner, k, jumps)
+        _refuse_jumps(owner, loads, excitation)
     require_compiler(owner, communicator(system))
     unknown = any(signal.highest_frequency is None for signal in loads.signals)
     highest = max(frequency if unknown else 0.0, loads.highest_frequency)
@@ -114,6 +112,13 @@ def prepare(
         warn_if_coarse(owner, steps, frequency, fastest, period="forcing period")
     require_period(owner, reduced, steps * excitation.periods, len(excitation.orders), settings.contact)
     return Period(reduced, excitation, steps * excitation.periods, settings.contact)
+
+
+def _refuse_jumps(owner: str, loads: Loading, excitation: Excitation) -> None:
+    """Raise ValueError for a prescribed displacement that jumps."""
+    if excitation.jumps is not None:
+        for k in loads.edges:
+            loads.require_continuous(owner, k, bool(excitation.jumps.sizes[:, k].any()))
 
 
 def period_memory(reduced: ReducedModel, steps: int, orders: int, contact: bool = True) -> float:
