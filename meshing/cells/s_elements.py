@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from meshing.boundary_mesh import BoundaryMesh, Crack, Recipe, Tip
@@ -53,20 +55,7 @@ def build_mesh(
     ordered = [cells.cells[i] for i in sequence]
     directed = [edge for cell in ordered for edge in cell.edges()]
     edge_number = {key: number for number, key in enumerate(dict.fromkeys(map(edge_key, directed)))}
-    parameter = 0.5 * (gll_nodes(order) + 1.0)
-    coordinates: list[tuple[float, float]] = []
-    node_of_vertex: dict[int, int] = {}
-    edges: list[list[int]] = []
-    for key in edge_number:
-        for vertex in key:
-            if vertex not in node_of_vertex:
-                node_of_vertex[vertex] = len(coordinates)
-                coordinates.append(cells.vertices[vertex])
-        inner = range(len(coordinates), len(coordinates) + order - 1)
-        coordinates.extend(map(tuple, _edge_points(cells, key, parameter)[1:-1]))
-        edges.append([node_of_vertex[key[0]], *inner, node_of_vertex[key[1]]])
-
-    nodes, edge_nodes = np.array(coordinates), np.array(edges)
+    nodes, edge_nodes, node_of_vertex = _numbered(cells, edge_number, order)
     flat = np.array([edge_number[edge_key(edge)] for edge in directed])
     backwards = np.array([first > last for first, last in directed])
     start = np.cumsum([0, *(len(cell.edges()) for cell in ordered)])
@@ -108,6 +97,25 @@ def build_mesh(
         clamped=clamped,
         recipe=recipe,
     )
+
+
+def _numbered(
+    cells: CellComplex, edges: Iterable[Edge], order: int
+) -> tuple[np.ndarray, np.ndarray, dict[int, int]]:
+    """Coordinates of all nodes, m, nodes of each edge, and the node of each vertex."""
+    parameter = 0.5 * (gll_nodes(order) + 1.0)
+    coordinates: list[tuple[float, float]] = []
+    node_of_vertex: dict[int, int] = {}
+    edge_nodes: list[list[int]] = []
+    for key in edges:
+        for vertex in key:
+            if vertex not in node_of_vertex:
+                node_of_vertex[vertex] = len(coordinates)
+                coordinates.append(cells.vertices[vertex])
+        inner = range(len(coordinates), len(coordinates) + order - 1)
+        coordinates.extend(map(tuple, _edge_points(cells, key, parameter)[1:-1]))
+        edge_nodes.append([node_of_vertex[key[0]], *inner, node_of_vertex[key[1]]])
+    return np.array(coordinates), np.array(edge_nodes), node_of_vertex
 
 
 def _tips(faces: CrackFaces, index: int, element_of_cell: np.ndarray) -> list[Tip]:
