@@ -27,7 +27,12 @@ def body_of(size: float, fine: float) -> sb.FiniteElementModel:
     """By gmsh and CalculiX, on rank 0, read on all."""
     folder = MPI.COMM_WORLD.bcast(tempfile.mkdtemp() if MPI.COMM_WORLD.rank == 0 else None)
     deck = pathlib.Path(folder) / "cantilever.inp"
-    sb.on_root(MPI.COMM_WORLD, lambda: (write_deck(deck, *mesh(size, fine)), calculix(deck)))
+
+    def stored() -> None:
+        write_deck(deck, *mesh(size, fine))
+        calculix(deck)
+
+    sb.on_root(MPI.COMM_WORLD, stored)
     return sb.read_calculix(deck)
 
 
