@@ -4,6 +4,8 @@ installation; they are kept where `contact.compiled.compiled` says.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from meshing.beam import Beam
@@ -12,6 +14,7 @@ from meshing.shapes.features import VNotch
 from ..analysis.basins import basins
 from ..analysis.transient import transient
 from ..contact.ahead import compile_kernels
+from ..contact.law import Coulomb
 from ..continuation.periodic_schur import product_eigenvalues
 from ..loads import PointForce
 from ..material import Material
@@ -28,6 +31,9 @@ def compile_all() -> None:
     mass = reduce_matrices(
         one, one, one, stop, loads=one, sensors={"x": 0}, damping=0.2 * one, compliance=stop
     )
+    rubs: dict[str, Any] = {"contact_laws": Coulomb(0.1), "tangent_rows": one, "tangent_compliance": stop}
+    slider = reduce_matrices(one, one, one, stop, loads=one, sensors={"x": 0}, compliance=stop, **rubs)
+    transient(slider, [Harmonic(0.1, 0.2)], 1.0, 0.1, progress=None)
     basins(mass, [Harmonic(0.1, 0.2)], 0.2, (one, one), steps=64)
     product_eigenvalues(np.ones((2, 2, 2)) + np.eye(2))
     beam = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.0)]).mesh(order=1)

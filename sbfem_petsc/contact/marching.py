@@ -11,12 +11,12 @@ normal ones, and of the step before their slips count too.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from .compiled import compiled_loops, inner_loops, inner_sums
+from .compiled import Address, compiled_apart, compiled_loops, inner_loops, inner_sums
 from .friction import STICKS
 from .law import FREE, RowLaws, Table
 from .pivoting import Factor, add_rows, contact_forces, empty_factor, products
@@ -239,7 +239,8 @@ def march(step: StepConstants, loads: StepLoads, state: StepState, history: Step
     """Advance a reduced model over several steps; the state and the history are written in place."""
     external = loads.external if loads.external.any() else loads.external[:0]
     loads = StepLoads(*map(np.ascontiguousarray, (external, *loads[1:])))
-    return Marched(*_march(step, loads, state, history, empty_room(step)))
+    room = empty_room(step)
+    return Marched(*_march(step, loads, state, history, room, contact_kernel(step, state, room)))
 
 
 @inner_loops
@@ -266,42 +267,44 @@ def _begin(step: StepConstants, loads: StepLoads, state: StepState, room: Room) 
         end.gap[i] = state.slip[i - count]
 
 
+@compiled_apart
+def smooth_forces(
+    flexibility: np.ndarray,
+    gap: tuple[np.ndarray, np.ndarray],
+    held: tuple[Table, Rubbing, np.ndarray],
+    sets: Sets,
+    force: np.ndarray,
+) -> int:
+    """`contact_forces` with the arguments of `rubbing_forces`, of which a step calls one."""
+    (laws, _, state), (free, _) = held, gap
+    factor = Factor(sets.inverse, sets.members, sets.solved, sets.free, sets.every)
+    return contact_forces(flexibility, free, laws, state, factor, force)
+
+
+def contact_kernel(step: StepConstants, state: StepState, room: Room) -> Address:
+    """What solves the contact problems of steps."""
+    gaps, held = (room.after.gap, room.before.gap), (step.laws, step.rubbing, state.rows)
+    kernel = rubbing_forces if step.rubbing.rows.size else smooth_forces
+    return Address(kernel, step.flexibility[0], gaps, held, room.sets, state.force)
+
+
 @inner_loops
-def _contact(step: StepConstants, level: int, before: _End, after: _End, room: Room) -> int:
-    """Forces and gaps at the end of a step from the gaps without forces; returns the exchanges."""
-    pairs, count = after.gap.size, step.rubbing.beside.size
-    if count == pairs:
-        given = room.factor
-        factor = Factor(room.inverses[level], room.members[level], given.solved, given.free, given.every)
-        exchange = contact_forces(
-            step.flexibility[level], after.gap, step.laws, after.rows, factor, after.force
-        )
-        for i in range(pairs):
-            rest = after.rows[i]
-            after.gap[i] = factor.free[i] if rest == FREE else step.laws.place[rest, i]
-        return exchange
-    of = room.sets
-    sets = Sets(
+def _sets(room: Room, level: int) -> Sets:
+    """Those of a level."""
+    own, of = room.factor, room.sets
+    return Sets(
         room.inverses[level],
         room.known[level],
         room.members[level],
         room.places[level],
         of.right,
-        of.solved,
-        of.free,
+        own.solved,
+        own.free,
         of.following,
         of.swept,
         of.seen,
-        of.every,
+        own.every,
     )
-    held = (step.laws, step.rubbing, after.rows)
-    exchange = rubbing_forces(step.flexibility[level], (after.gap, before.gap), held, sets, after.force)
-    for i in range(count):
-        rest = after.rows[i]
-        after.gap[i] = sets.free[i] if rest == FREE else step.laws.place[rest, i]
-    for i in range(count, pairs):
-        after.gap[i] = before.gap[i] if after.rows[i] == STICKS else sets.free[i]
-    return exchange
 
 
 @inner_loops
@@ -312,9 +315,9 @@ def _take(
     before: _End,
     after: _End,
     room: Room,
-) -> int:
-    """A step of a level, from one share of a given step to another; returns the exchanges, -1 if the contact
-    problem was not solved.
+) -> bool:
+    """A step of a level without the contact at its end, from one share of a given step to another; whether
+    there is any.
     """
     level, done, begin, end = place
     coefficients, left, right = step.coefficients[level], step.left, step.right
@@ -357,16 +360,26 @@ def _take(
     if not pulled:
         for i in range(pairs):
             after.force[i] = 0.0
-        return 0
-    exchange = _contact(step, level, before, after, room)
-    if exchange < 0:
-        return exchange
+    return pulled
+
+
+@inner_loops
+def _push(step: StepConstants, level: int, before: _End, after: _End, room: Room) -> None:
+    """Let contact at the end of a step act in it, and put gaps of held rows in their place."""
+    coefficients, left, right = step.coefficients[level], step.left, step.right
+    q, v, pull, free = after.q, after.v, after.pull, room.factor.free
+    rank, pairs = left.shape
+    m, every, count = q.size, room.factor.every, step.rubbing.beside.size
+    for i in range(count):
+        rest = after.rows[i]
+        after.gap[i] = free[i] if rest == FREE else step.laws.place[rest, i]
+    for i in range(count, pairs):
+        after.gap[i] = before.gap[i] if after.rows[i] == STICKS else free[i]
     products(left, after.force, rank, (pairs, pairs), room.thin)
     add_rows(right, every, room.thin, rank, (m, m), pull)
     for j in range(m):
         q[j] += coefficients[4, j] * pull[j]
         v[j] += coefficients[9, j] * pull[j]
-    return exchange
 
 
 @inner_sums
@@ -403,7 +416,12 @@ def _energy(stiffness: np.ndarray, end: _End) -> float:
 
 @compiled_loops
 def _march(
-    step: StepConstants, loads: StepLoads, state: StepState, history: StepHistory, room: Room
+    step: StepConstants,
+    loads: StepLoads,
+    state: StepState,
+    history: StepHistory,
+    room: Room,
+    forces_of: Callable[..., int],
 ) -> tuple[int, int, int, int]:
     states, velocities, forces, works, parts, losses, rows, slips = history
     halving, levels, rubbing = step.halving, loads.levels, step.rubbing
@@ -420,11 +438,13 @@ def _march(
         level, place, whole = first, 0, 1 << (last - first)
         while place < whole:
             size = 1 << (last - level)
-            exchange = _take(
-                step, loads, (level, done, place / whole, (place + size) / whole), before, after, room
-            )
-            if exchange < 0:
-                return done, exchanges, unresolved, taken
+            exchange = 0
+            if _take(step, loads, (level, done, place / whole, (place + size) / whole), before, after, room):
+                gaps, held = (after.gap, before.gap), (step.laws, rubbing, after.rows)
+                exchange = forces_of(step.flexibility[level], gaps, held, _sets(room, level), after.force)
+                if exchange < 0:
+                    return done, exchanges, unresolved, taken
+                _push(step, level, before, after, room)
             exchanges += exchange
             lost = _lost(rubbing, before, after)
             if exchange > 0:  # where no row changes sides there is no work

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from .marching import (
     StepLoads,
     StepState,
     _march,
+    contact_kernel,
     empty_room,
 )
 from .pivoting import add_rows, caught, contact_forces, products
@@ -103,7 +105,8 @@ def settle(
     )
     moving = StepState(*state, np.zeros(pairs), np.zeros(pairs, dtype=np.int8))
     loads = StepLoads(np.zeros((0, m)), np.ascontiguousarray(free_gap), np.zeros(steps, dtype=np.int8))
-    return _settle(step, loads, moving, known, patience, room)
+    forces_of = contact_kernel(step, moving, room.steps)
+    return _settle(step, loads, moving, (known, patience), room, forces_of)
 
 
 @compiled_loops
@@ -111,11 +114,11 @@ def _settle(
     step: StepConstants,
     loads: StepLoads,
     state: StepState,
-    known: Known,
-    patience: Patience,
+    until: tuple[Known, Patience],
     room: _Repetition,
+    forces_of: Callable[..., int],
 ) -> tuple[int, int, int]:
-    q, v, force, rows, _ = state
+    (q, v, force, rows, _), (known, patience) = state, until
     recent, gap, thin, factor = room.recent, room.steps.before.gap, room.steps.thin, room.steps.factor
     steps, pairs, m = loads.free_gap.shape[0] - 1, gap.size, q.size
     rank, kept = thin.size, recent.shape[0]
@@ -152,7 +155,7 @@ def _settle(
             factor.members[pairs] = -1
             if contact_forces(step.residual, gap, step.laws, rows, factor, force) < 0:
                 return -3, done, 0
-        reached, _, _, _ = _march(step, loads, state, room.history, room.steps)
+        reached, _, _, _ = _march(step, loads, state, room.history, room.steps, forces_of)
         if reached < steps:
             return -3, done, 0
     return -2, patience.limit, 0

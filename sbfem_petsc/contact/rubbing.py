@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .compiled import compiled_loops, inner_loops, inner_sums
+from .compiled import compiled_apart, inner_loops, inner_sums
 from .friction import AGAINST, ALONG, STICKS, Friction
 from .law import FREE, PRESSED, PULLED, ROUND_OFF, Table
 from .pivoting import add_rows, caught, products
@@ -476,7 +476,7 @@ def _sweep(
                 free[j] += more * flexibility[t, j]
 
 
-@compiled_loops
+@compiled_apart
 def rubbing_forces(
     flexibility: np.ndarray,
     gap: tuple[np.ndarray, np.ndarray],
