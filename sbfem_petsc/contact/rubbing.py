@@ -226,20 +226,29 @@ def _leaving(rubbing: Rubbing, state: np.ndarray, row: int, sets: Sets) -> int:
 
 
 @inner_loops
+def _differs(state: np.ndarray, sets: Sets) -> bool:
+    """Whether a set is another than that of the step before, of which nothing is kept where half of it is."""
+    members, n, changed = sets.members, state.size, 0
+    for i in range(n):
+        changed += sets.known[i] != state[i]
+    if members[n] >= 0 and changed == 0:
+        return False
+    if 2 * changed >= members[n]:
+        members[n] = 0
+        for i in range(n):
+            sets.known[i], sets.place[i] = FREE, -1
+    return True
+
+
+@inner_loops
 def _follow(flexibility: np.ndarray, rubbing: Rubbing, state: np.ndarray, sets: Sets) -> bool:
     """Bring the inverse from the set of the step before to that of some states; whether it is regular. Rows
     that the others do not determine yet wait until more have joined.
     """
     known, place, members = sets.known, sets.place, sets.members
-    n, count, changed = state.size, rubbing.beside.size, 0
-    for i in range(n):
-        changed += known[i] != state[i]
-    if members[n] >= 0 and changed == 0:
+    n, count = state.size, rubbing.beside.size
+    if not _differs(state, sets):
         return True
-    if 2 * changed >= members[n]:
-        members[n] = 0
-        for i in range(n):
-            known[i], place[i] = FREE, -1
     for k in range(n):
         row = _leaving(rubbing, state, k + count if k + count < n else k + count - n, sets)
         if row >= 0 and not _drop(flexibility, row, sets):
