@@ -132,7 +132,7 @@ def plot_contact(
     Parameters
     ----------
     cases : Static or dict of str to Static
-        By the name of the load, of one model.
+        By the name of the load, of one model; none that was read from a file.
     crack : int
         Number of the crack, from 0.
     ax
@@ -143,6 +143,12 @@ def plot_contact(
     [pressure, gap] on rank 0, None elsewhere; `save_picture` writes them
     """
     of_loads = {name or "load": case for name, case in named(cases).items()}
+    for name, case in of_loads.items():
+        if case.model is None:
+            raise ValueError(
+                f"plot_contact: the static solution {name!r} was read from a file, which keeps no model "
+                "and so no areas of the faces; solve it again"
+            )
     model = next(iter(of_loads.values())).model
     with collective(model.comm):
         if crack >= len(model.cracks):

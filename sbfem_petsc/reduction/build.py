@@ -171,7 +171,7 @@ def _reduced_body(
         damping=damped[0],
         rayleigh=damped[1],
         contact_laws=pairs.laws,
-        tangent_rows=pairs.slips,
+        tangent_rows=pairs.slips if any(law.rubs for law in pairs.laws) else None,
         comm=comm,
     )
 

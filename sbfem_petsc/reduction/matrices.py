@@ -14,7 +14,7 @@ from meshing.warnings import BandWarning
 from ..bodies.rows import Row
 from ..checks import integer, real_array, shown
 from ..contact.friction import Friction
-from ..contact.law import ContactLaw, RowLaws, row_laws
+from ..contact.law import ContactLaw, Coulomb, RowLaws, row_laws
 from ..damping import (
     DampingTable,
     ModalDamping,
@@ -85,7 +85,8 @@ def reduce_matrices(
     contact_laws : ContactLaw or sequence of ContactLaw, optional
         One for all contact rows, or one for each, without a layer of their own. Default: `Unilateral`.
     tangent_rows : (pairs, n) array or sparse matrix, optional
-        Slip = tangent_rows u + tangent_compliance friction; needed of rows that rub (`Coulomb`).
+        Slip = tangent_rows u + tangent_compliance friction; needed of rows that rub (`Coulomb`), refused
+        where none is of this law.
     tangent_compliance : (pairs,) array, optional
         Of what gives way along the faces before they slip, m/N of each row.
     comm : mpi4py communicator, optional
@@ -222,6 +223,11 @@ def _sliding(
             raise ValueError(f"reduce_matrices: tangent_{name} has shape {array.shape}, {shape} was expected")
     if (slack < 0.0).any():
         raise ValueError(f"reduce_matrices: tangent_compliance {slack.min():g} m/N is negative")
+    if rows is not None and not any(isinstance(law, Coulomb) for law in laws):
+        raise ValueError(
+            "reduce_matrices: tangent_rows say how faces slip, and none of contact_laws rubs; give "
+            "contact_laws = sb.Coulomb(...), or leave tangent_rows out"
+        )
     rubs = np.array([law.rubs for law in laws], dtype=bool)
     if (idle := np.flatnonzero(rubs & (slips.getnnz(axis=1) == 0))).size:
         raise ValueError(

@@ -69,6 +69,12 @@ def results_in(path: str, *wanted: str) -> Iterator[h5py.File]:
         See `record.files.opened`; if it is of another kind.
     """
     with opened(path, WHAT) as file:
+        if "holds" in file.attrs and holds(file) == "analysis" and "analysis" not in wanted:
+            run = os.path.dirname(os.path.dirname(os.path.abspath(path)))
+            raise ValueError(
+                f"{path!r} is one analysis of a run, which is read as a whole, by sb.read({run!r}) or "
+                "the name of that folder"
+            )
         if "holds" not in file.attrs or holds(file) not in wanted:
             raise ValueError(f"{path!r} is an HDF5 file of another kind, not of a {' or '.join(wanted)}")
         yield file

@@ -392,6 +392,7 @@ def test_what_takes_no_friction_says_so():
     for given, told in [
         (dict(tangent_rows=None), "rubs; give tangent_rows"),
         (dict(tangent_rows=np.eye(2)), "tangent_rows has shape"),
+        (dict(contact_laws=sb.Tied()), "tangent_rows say how faces slip, and none of contact_laws rubs"),
         (dict(tangent_compliance=np.ones(2)), "tangent_compliance has shape"),
         (dict(tangent_compliance=[-1.0]), "tangent_compliance -1 m/N is negative"),
         (dict(tangent_compliance=[0.0]), "contact row 0: a rigid slip.*tangent_compliance"),

@@ -57,6 +57,8 @@ def test_sequences_of_random_problems(count):
 # ---------------------------------------------------------------------- few rows
 def slider(**given):
     """A mass on a spring and an elastic slider, beside one that presses it with a force that stays."""
+    law = given.pop("contact_laws", sb.Coulomb(FRICTION))
+    along = {"tangent_rows": np.array([[1.0, 0.0]]), "tangent_compliance": [1.0 / SLIDER]}
     return sb.reduce_matrices(
         np.eye(2),
         np.diag([SPRING, 10.0]),
@@ -65,9 +67,9 @@ def slider(**given):
         loads=np.eye(2),
         sensors={"x": 0},
         compliance=[1e-3],
-        tangent_rows=np.array([[1.0, 0.0]]),
-        tangent_compliance=[1.0 / SLIDER],
-        **{"contact_laws": sb.Coulomb(FRICTION), **given},
+        contact_laws=law,
+        **({} if law is None else along),
+        **given,
     )
 
 

@@ -129,6 +129,9 @@ def test_bad_requests(solved, tmp_path):
         plot_crack(model, {"u": cases["opening"].field}, colour="heat")
     with pytest.raises(ValueError, match="crack = 3 does not exist"):
         plot_contact(cases, crack=3)
+    with pytest.raises(ValueError, match="'kept' was read from a file, which keeps no model"):
+        sb.save(str(tmp_path / "static.h5"), cases["opening"])
+        plot_contact({"kept": sb.read(str(tmp_path / "static.h5"))})
     with pytest.raises(TypeError, match="is not a BoundaryMesh"):
         plot_discretisation(None)
     with pytest.raises(ValueError, match="picture .* cannot be written: No such file"):

@@ -253,7 +253,7 @@ def test_results_of_a_case_in_python(folder):
     assert swept.values["frequencies/frequencies"][:, 0].tolist() == table[:, 2].tolist()
     with pytest.raises(ValueError, match="holds neither results.h5 nor sweep.h5"):
         sb.read(str(folder))
-    with pytest.raises(ValueError, match="another kind, not of a run or sweep"):
+    with pytest.raises(ValueError, match=rf"one analysis of a run, .* by sb.read\('{folder / 'out'}'\)"):
         sb.read(str(folder / "out/analyses/push.h5"))
 
 
