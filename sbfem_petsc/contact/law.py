@@ -11,8 +11,7 @@ one is held on the side that it has passed. An elastic layer is no state: it is 
 (`complementarity.active_set`) and compiled (`pivoting.contact_forces`), read nothing else; what others ask is
 answered from the same arrays: `RowLaws.acting` (the rows that keep their gaps, for derivatives), `room` and
 `apart` (how far a free row is from being held, for grazing motions and located switches), `rest` (gaps of a
-model), `fixed` (rows of one state alone); `dissipative` is for the guard of the energy
-(`motion.energy.guard`).
+model), `fixed` (rows of one state alone).
 
 Coulomb friction is a second, tangential row for each one that rubs (`friction`): its states depend on the
 force of the normal row and on the slip before. Table and `RowLaws` are those of the normal rows alone.
@@ -28,7 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..checks import Bounds, real, shown
-from ..record.record import Record, derived, described, quantity
+from ..record.record import Record, derived, described
 
 # Rounding of a gap, relative to the sum of its terms' moduli.
 ROUND_OFF = 1e-14
@@ -78,11 +77,6 @@ class ContactLaw:
     def states(self) -> tuple[State, State, State]:
         """Free, pressed, pulled."""
         raise NotImplementedError
-
-    @property
-    def dissipative(self) -> bool:
-        """Whether the force may take energy out of the structure."""
-        return False
 
     @property
     def rubs(self) -> bool:
@@ -203,11 +197,6 @@ class Coulomb(Unilateral):
         self.__post_init__()
 
     @property
-    def dissipative(self) -> bool:
-        """The work of friction is lost."""
-        return self.rubs
-
-    @property
     def rubs(self) -> bool:
         """Unless both coefficients are zero."""
         return self.static_friction > 0.0
@@ -232,9 +221,6 @@ class RowLaws(Record):
     """The laws of some contact rows as arrays, `table`. States of the rows are (c,) int8 arrays."""
 
     table: Table
-    dissipative: bool = quantity(
-        text="whether any of them may take energy out of the structure", default=False
-    )
 
     @derived("m", "gaps that free, pressed and pulled rows keep", "law normal_row", back=True, finite=False)
     def place(self) -> np.ndarray:
@@ -258,15 +244,14 @@ class RowLaws(Record):
         table = Table(*(found[name] for name in Table._fields))
         if len(table.place) != 3 or any(np.isnan(values).any() for values in table):
             raise ValueError("the contact laws have values that are no numbers")
-        return cls(table, found["dissipative"])
+        return cls(table)
 
     @classmethod
     def of(cls, laws: Iterable[ContactLaw]) -> RowLaws:
         """From the law of each row."""
         laws = tuple(laws)
         values = np.array([law.states for law in laws], dtype=float).reshape(len(laws), 3, 3)
-        table = Table(*(np.ascontiguousarray(values[:, :, k].T) for k in range(3)))
-        return cls(table, any(law.dissipative for law in laws))
+        return cls(Table(*(np.ascontiguousarray(values[:, :, k].T) for k in range(3))))
 
     @classmethod
     def unilateral(cls, count: int) -> RowLaws:
@@ -277,8 +262,7 @@ class RowLaws(Record):
         return self.table.place.shape[1]
 
     def _of_table(self, chosen: Callable[[np.ndarray], np.ndarray]) -> RowLaws:
-        table = Table(*(np.ascontiguousarray(chosen(values)) for values in self.table))
-        return RowLaws(table, self.dissipative and table.place.size > 0)
+        return RowLaws(Table(*(np.ascontiguousarray(chosen(values)) for values in self.table)))
 
     def first(self, count: int) -> RowLaws:
         """Those of the first rows."""
@@ -290,7 +274,7 @@ class RowLaws(Record):
 
     def same(self, other: RowLaws) -> bool:
         """Whether these are the same laws."""
-        return self.dissipative == other.dissipative and all(map(np.array_equal, self.table, other.table))
+        return all(map(np.array_equal, self.table, other.table))
 
     @property
     def fixed(self) -> np.ndarray:

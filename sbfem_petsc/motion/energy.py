@@ -237,16 +237,15 @@ class MovedLedger(Ledger):
 
 
 def guard(chunk: np.ndarray, ledger: Ledger, time: np.ndarray) -> None:
-    """Stop where contact has fed energy, or taken it though its laws do not: what it does in steps that
+    """Stop where contact has fed or taken energy beside what is lost to friction: what it does in steps that
     switch is the integration's error.
     """
-    total, external = chunk[0] + chunk[1], np.abs(chunk[2])
-    contact = chunk[4] if ledger.r.contact_laws.dissipative else np.abs(chunk[4])
+    total, external, contact = chunk[0] + chunk[1], np.abs(chunk[2]), np.abs(chunk[4])
     ledger.supplied = max(ledger.supplied, float(external.max()))
     if not np.isfinite(total).all() or contact[-1] > WORK_LIMIT * ledger.supplied:
         raise on_all_ranks(
             SolveError(
-                f"transient: by t = {time[-1]:.6g} s the contact forces have done work of {contact[-1]:.3g} "
+                f"transient: by t = {time[-1]:.6g} s the contact forces have done work of {chunk[4, -1]:.3g} "
                 f"J beside {ledger.supplied:.3g} J supplied: "
                 "the history is wrong; use a smaller step, or fewer modes if hardly any flexibility is left "
                 "to the contact"
