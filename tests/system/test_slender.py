@@ -155,3 +155,16 @@ def test_many_pairs_that_close(monkeypatch):
             found.append(sb.static(model, sb.PointForce("A", fy=1.0)).contact_force)
     assert (found[0] > 0.0).sum() > 40
     np.testing.assert_allclose(found[1], found[0], rtol=0.0, atol=1e-10 * found[0].max())
+
+
+@pytest.mark.filterwarnings("error", *SIZES)
+def test_a_column_of_zeros_beside_others():
+    """No force, no displacement: a roller bears nothing along its own way, and reactions of a history were
+    nan where another column was corrected twice.
+    """
+    model = cantilever(4000)
+    force = model.load_columns([sb.PointForce("A", fy=1.0)]).forces
+    both = model.solver.columns(np.asfortranarray(np.hstack([force, 0.0 * force])), "test")
+    assert not both[:, 1].any()
+    alone = model.solver.columns(force, "test")[:, 0]
+    assert np.linalg.norm(both[:, 0] - alone) <= 1e-12 * np.linalg.norm(alone)

@@ -186,11 +186,13 @@ class Refinement:
         solution = solution.copy()
         residual = right - self.operator(solution)
         direction, before = np.zeros_like(right), np.inf
-        energy: float | np.ndarray = 1.0
-        for step in range(_MOST):
+        energy = np.zeros(right.shape[1:])
+        for _ in range(_MOST):
             change = solve(residual)
             former, energy = energy, self._dot(residual, change)
-            direction = change + (energy / former if step else 0.0) * direction
+            # no share of columns that are solved, of a right-hand side of zeros say
+            share = np.divide(energy, former, out=np.zeros_like(energy), where=former > 0.0)
+            direction = change + share * direction
             sizes = self._dot(direction, direction) / np.maximum(
                 self._dot(solution, solution), np.finfo(float).tiny
             )
