@@ -19,7 +19,15 @@ from ..errors import SolveError, on_all_ranks
 from ..motion.contact_work import MOST, contact_work, times_more, warn_of_contact_work
 from ..motion.loading import communicator
 from ..motion.period_map import FixedPoint, Period
-from ..motion.preparation import LONGEST, PeriodSettings, check_reduction, finer, prepare, require_unreduced
+from ..motion.preparation import (
+    LONGEST,
+    PeriodSettings,
+    check_reduction,
+    finer,
+    prepare,
+    require_unreduced,
+    tells_stability,
+)
 from ..motion.unreduced.period import prepare_unreduced
 from ..progress import Progress, progress_bar
 from ..ranks.parallel import collective
@@ -86,7 +94,7 @@ def periodic(
         See `shooting.shoot`.
     stability : bool, optional
         Compute the Floquet multipliers. Default: of a reduced model; those of an unreduced one are not
-        computed.
+        computed, nor those under a `static_friction` of its own.
     longest : int
         Most forcing periods in a common period of tones.
     tolerance : float, optional
@@ -144,7 +152,7 @@ def periodic(
         assert isinstance(model, Model)
         return _unreduced(model, load, frequency, settings, progress)
     search = search if contact else NEWTON_ALONE
-    task = _Task(model, load, frequency, stability is not False, search, progress)
+    task = _Task(model, load, frequency, stability, search, progress)
     return _shot(task, settings, guess) if tolerance is None else _refined(task, settings, guess, tolerance)
 
 
@@ -155,7 +163,7 @@ class _Task:
     model: Model | ReducedModel
     load: Any
     frequency: float
-    stability: bool
+    stability: bool | None
     search: Search | None
     progress: Progress
 
@@ -163,6 +171,7 @@ class _Task:
 def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
     """The orbit at given steps."""
     period = prepare("periodic", task.model, task.load, task.frequency, settings=settings, guess=guess)
+    stability = tells_stability("periodic", period, task.stability)
     most = MOST if settings.steps is None else 1
     if settings.segments > 1:
         return _in_segments(task, settings.segments, period, guess, most * period.steps)
@@ -176,7 +185,7 @@ def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
     while (times := _times_more(fixed, most)) > 1:
         period = finer("periodic", period, times)
         fixed, path = find(period.at(task.frequency), fixed.state, multiples=False)
-    if not task.stability:
+    if not stability:
         return make_orbit(fixed, np.zeros(0, dtype=complex), math.nan, path)
     return make_orbit(fixed, *orbit_stability(fixed), path)
 
@@ -204,7 +213,7 @@ def _in_segments(task: _Task, segments: int, period: Period, guess: Orbit | None
     if (times := _times_more(fixed, most)) > 1:
         found = make_orbit(fixed, np.zeros(0, dtype=complex), 0.0, "multiple shooting")
         return _in_segments(task, segments, finer("periodic", period, times), found, most)
-    if not task.stability:
+    if task.stability is False:
         return make_orbit(fixed, np.zeros(0, dtype=complex), 0.0, "multiple shooting")
     return make_orbit(fixed, *segmented_stability(parts), "multiple shooting")
 

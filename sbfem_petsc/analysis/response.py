@@ -24,7 +24,14 @@ from ..continuation.shooting import shoot
 from ..motion.contact_work import MOST, StepsTooLong
 from ..motion.loading import amplitudes_only, communicator
 from ..motion.period_map import Period
-from ..motion.preparation import PeriodSettings, check_reduction, finer, prepare, require_unreduced
+from ..motion.preparation import (
+    PeriodSettings,
+    check_reduction,
+    finer,
+    prepare,
+    require_unreduced,
+    tells_stability,
+)
 from ..motion.unreduced.period import UnreducedPeriod, prepare_unreduced
 from ..petsc import MPI
 from ..progress import Progress, progress_bar
@@ -119,7 +126,7 @@ def frequency_response(
         return linear_branch(prepare(over.owner, model, load, highest, settings=settings), start, stop)
     asked = BranchSettings(points, largest_step or math.inf, stability is not False)
     run = _Run(model, load, settings, guess, asked, file, resume, progress)
-    return run.unreduced(over, stability) if reduction is None else run.reduced(over, reduction)
+    return run.unreduced(over, stability) if reduction is None else run.reduced(over, reduction, stability)
 
 
 @analysis(LoadResponseOptions, rubs=True)
@@ -164,7 +171,7 @@ def load_response(
     settings = PeriodSettings(periods, steps, modes)
     asked = BranchSettings(points, largest_step or math.inf, stability is not False)
     run = _Run(model, load, settings, guess, asked, file, resume, progress)
-    return run.unreduced(over, stability) if reduction is None else run.reduced(over, reduction)
+    return run.unreduced(over, stability) if reduction is None else run.reduced(over, reduction, stability)
 
 
 @dataclass(frozen=True)
@@ -191,7 +198,7 @@ class _Run:
             return contextlib.nullcontext()
         return BranchFile(self.comm, self.file, resume=self.resume)
 
-    def reduced(self, over: ParameterRange, reduction: object) -> Branch:
+    def reduced(self, over: ParameterRange, reduction: object, stability: bool | None) -> Branch:
         """Of a reduced model."""
         what, guess, most = over.owner, self.guess, MOST if self.settings.steps is None else 1
         begins = over.frequency or over.start
@@ -205,6 +212,7 @@ class _Run:
             asked = replace(asked, leave=guess.path == DOUBLED)
         with self._recorder() as record:
             period = prepare(what, self.model, self.load, begins, settings=settings, guess=guess)
+            asked = replace(asked, stability=tells_stability(what, period, stability))
             asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
             if record is not None:  # in the steps of the file where none are asked for
                 reduced, steps = record.begin(

@@ -35,6 +35,9 @@ from .excitation import LINES, Excitation
 from .rest import at_rest
 from .steps import step_coefficients
 
+# How often a period is integrated again, for the states that rows begin in.
+_AGAIN = 4
+
 
 @dataclass(frozen=True, eq=False)
 class PeriodMotion:
@@ -110,6 +113,11 @@ class Period:
     def unknowns(self) -> int:
         """Of a state."""
         return 2 * self.modes + len(self.slip_units)
+
+    @property
+    def jumps(self) -> bool:
+        """Whether friction falls where a slip begins."""
+        return self.friction is not None and bool((self.friction.static > self.friction.kinetic).any())
 
     @property
     def comm(self) -> MPI.Comm:
@@ -306,7 +314,18 @@ class DrivenPeriod:
         return result
 
     def run(self, state: np.ndarray) -> PeriodMotion:
-        """Integrate one period from a state x."""
+        """Integrate one period from a state x. Rows that slip under less than what would hold them slip on
+        through t = 0 if they do so at its end: to tell, the period is integrated again.
+        """
+        motion = self._run(state, np.zeros(self.period.pairs, dtype=np.int8))
+        for _ in range(_AGAIN if self.period.jumps else 0):
+            before, motion = motion, self._run(state, motion.rows[-2])
+            if np.array_equal(before.rows, motion.rows):
+                break
+        return motion
+
+    def _run(self, state: np.ndarray, former: np.ndarray) -> PeriodMotion:
+        """The same where the rows were in `former` states at the instant before."""
         p, m, steps = self.period, self.period.modes, self.period.steps
         difference = state[: 2 * m] - self.linear_state[: 2 * m]
         q, v, slip = difference[:m] / p.weights, difference[m:].copy(), p.slip_units * state[2 * m :]
@@ -315,7 +334,7 @@ class DrivenPeriod:
         kept = (steps + 1, p.pairs) if len(slip) else (0, 0)
         rows, slips = np.empty(kept, dtype=np.int8), np.empty((kept[0], len(slip)))
         lost = np.empty(len(slips[1:]))
-        begin = StepState(q, v, forces[0].copy(), np.zeros(p.pairs, dtype=np.int8), slip.copy())
+        begin = StepState(q, v, forces[0].copy(), former.copy(), slip.copy())
         reached, settled = 0, self._touch(begin)
         states[0], velocities[0], forces[0] = q, v, begin.force
         rows[:1], slips[:1] = begin.rows[: rows.shape[1]], begin.slip

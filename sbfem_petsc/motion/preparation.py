@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ..checks import shown
+from ..errors import on_all_ranks
 from ..ranks.capacity import require_compiler, require_memory
 from ..ranks.parallel import collective
 from ..reduction.reduced_model import ReducedModel
@@ -188,6 +189,21 @@ def require_unreduced(owner: str, model: object, given: Mapping[str, Any]) -> No
                 "own damping and gaps, and has no multipliers (what the steps do not resolve keeps its size "
                 "and would be the largest): leave it out"
             )
+
+
+def tells_stability(owner: str, period: Period, asked: bool | None) -> bool:
+    """Whether multipliers are computed; raise ValueError where they are asked for in vain: where friction
+    falls as a slip begins, an instant that moves with the state, they are not those of steps that keep it.
+    """
+    if asked and period.jumps:
+        raise on_all_ranks(
+            ValueError(
+                f"{owner}: stability = True, and friction falls where a slip begins, as static_friction is "
+                "more than friction; steps do not tell such multipliers: leave it out, and follow a history "
+                "by transient"
+            )
+        )
+    return asked is not False and not period.jumps
 
 
 def check_guess(owner: str, guess: Orbit, reduced: ReducedModel) -> None:

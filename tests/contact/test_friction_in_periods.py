@@ -172,6 +172,26 @@ def test_multipliers_against_differences_of_the_map(mass):
     assert other.displacement("x") == pytest.approx(found.displacement("x"), abs=1e-9)
 
 
+@pytest.mark.parametrize("phase", [0.7, 1.5, 3.0])
+def test_friction_that_falls_where_a_slip_begins(phase):
+    """Wherever the period begins, within a slip as well, the motion is what a history settles on: a slip goes
+    on through t = 0. Steps do not tell the multipliers (a history forgets by .31 a period, their largest is
+    .26), which are refused.
+    """
+    reduced = slider(modes=1, damping=0.02, contact_laws=sb.Coulomb(FRICTION, 1.5 * FRICTION))
+    drive = [sb.Harmonic(1.0, FREQUENCY, phase), sb.Constant(-2.0)]
+    found = sb.periodic(reduced, drive, FREQUENCY, steps=512)
+    step = 1.0 / (512 * FREQUENCY)
+    history = sb.transient(reduced, drive, 20 * 512 * step, step, initial="equilibrium", decimation=1)
+    x, expected = found.displacement("x")[:, 1], history.displacement("x")[-513:-1, 1]
+    assert x == pytest.approx(expected, abs=1e-2 * np.abs(expected).max())  # slips begin up to a step late
+    lost = history.energy.friction
+    assert found.friction_loss == pytest.approx(lost[-1] - lost[-513], rel=1e-2)
+    assert found.stable is None and not len(found.multipliers)
+    with pytest.raises(ValueError, match="stability = True, and friction falls"):
+        sb.periodic(reduced, drive, FREQUENCY, stability=True)
+
+
 def test_motions_that_stick(mass, tmp_path):
     """A mass on both springs, in closed form. Where it rests between them depends on where the search began,
     and that is told; its multipliers are those of the two springs.
