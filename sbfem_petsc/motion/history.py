@@ -29,7 +29,7 @@ TOLD = 4
 class Motion(Record):
     """Instants of a motion."""
 
-    labels: ClassVar = {"place": "points", "support": "supports"}
+    labels: ClassVar = {"place": "points", "support": "supports", "tip": "tips"}
     coordinates: ClassVar = ("time",)
 
     time: np.ndarray = quantity("s", "instants", "time")
@@ -43,6 +43,11 @@ class Motion(Record):
     def points(self) -> tuple[str, ...]:
         """Named points."""
         return self.states.points
+
+    @property
+    def tips(self) -> tuple[str, ...]:
+        """Names of the crack tips with a tip element."""
+        return self.states.tips
 
     @property
     def supports(self) -> tuple[str, ...]:
@@ -74,6 +79,18 @@ class Motion(Record):
                 SolveError("reaction: motions of an unreduced model and of matrices do not tell it")
             )
         return at_point(dict(zip(self.supports, np.moveaxis(table, 1, 0))), support, "support")
+
+    @derived(
+        "Pa m^(1 - exponent)",
+        "K_I and K_II of each crack tip",
+        "time tip component",
+        called="stress_intensity",
+        unit_of=lambda motion: motion.states.tip_facts.common,
+    )
+    def stress_intensities(self) -> np.ndarray | None:
+        """(n, tips, 2): as `stress_intensity` of one tip; None without tips."""
+        found = [self.states.stress_intensity(tip) for tip in self.tips]
+        return np.stack(found, axis=1) if found else None
 
     @derived("N", "contact forces, compression positive", "time pair", detail=True, stored=False)
     def contact_force(self) -> np.ndarray:
@@ -169,9 +186,9 @@ class Motion(Record):
         `notes` says).
         """
         if tip is None:
-            if not self.states.tips:
+            if not self.tips:
                 raise UnknownName("stress_intensity: the model has no crack tip with a tip element")
-            tip = self.states.tips[0]
+            tip = self.tips[0]
         return self.states.stress_intensity(tip)
 
     def _borne(self) -> list[str]:

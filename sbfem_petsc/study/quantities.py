@@ -85,6 +85,16 @@ def of_points(
     return {point: Quantity(value(point), unit, text, detail) for point in points}
 
 
+def intensities(motion: Any) -> Tree:
+    """K of each crack tip over time in its own unit, as entry of a tree."""
+    facts = motion.states.tip_facts
+    found = {
+        name: Quantity(motion.stress_intensity(name), facts.unit(name), "K_I, K_II", detail=True)
+        for name in motion.tips
+    }
+    return {"stress_intensity": found} if found else {}
+
+
 def quantities(result: Any, **described: tuple[str, str]) -> Tree:
     """Attributes of a result with their units and descriptions."""
     return {name: Quantity(getattr(result, name), *about) for name, about in described.items()}

@@ -44,6 +44,7 @@ _WORDS = {
     "displacement": "displacement x, y of",
     "stress_intensity": "stress intensity factors I, II of",
     "stress": "stress xx, yy, xy at",
+    "reactions": "force x, y of support",
     "amplitude": "amplitude of",
 }
 _STYLE = """

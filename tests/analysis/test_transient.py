@@ -347,6 +347,10 @@ def test_stress_intensity_history():
     history = sb.transient(model, sb.PointForce("A", fy=slow), 2.0, step=5e-4)
     expected = sb.static(model, sb.PointForce("A", fy=-100.0)).stress_intensity["crack1"]
     np.testing.assert_allclose(history.stress_intensity()[-1], expected, rtol=2e-3)
+    columns = {name: k[-1] for name, k in history.tables()["time"].items() if "intensity_crack1" in name}
+    unit = history.states.tip_facts.common
+    assert list(columns) == [f"stress_intensity_crack1_{k} [{unit}]" for k in ("I", "II")]
+    np.testing.assert_allclose([*columns.values()], expected, rtol=2e-3)
 
 
 def test_several_loads_and_signals():

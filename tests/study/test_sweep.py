@@ -19,6 +19,7 @@ from sbfem_petsc.study import rows
 from sbfem_petsc.study.case import parameters
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.parameters import words_of
+from sbfem_petsc.study.kinds.kind import Wanted
 from sbfem_petsc.study.rows import Row
 from sbfem_petsc.study.shares import Costs
 from sbfem_petsc.study.structure import Structure
@@ -145,6 +146,20 @@ def test_numbers_of_the_python_interface(found):
         cracked.destroy()
 
 
+def test_reactions_of_rows():
+    """In equilibrium they are the load's; of a motion, the most that each support bears."""
+    case = case_from_text(CASE)
+    structure = Structure(case, MPI.COMM_SELF)
+    wanted = Wanted(case, ["A"], None, False, lambda: None)
+    kinds, results = case.tables.analyses, {name: structure.solve(case, name) for name in ("push", "burst")}
+    rows = {name: kinds[name].row(result, wanted) for name, result in results.items()}
+    force, unit = rows["push"]["reactions/left"]
+    assert unit == "N" and force == pytest.approx([0.0, -200.0], abs=2e-6)
+    peaks, unit = rows["burst"]["peak_reactions/left"]
+    assert unit == "N" and np.array_equal(peaks, np.abs(results["burst"].reaction("left")).max(axis=0))
+    structure.destroy()
+
+
 def test_convergence_and_energy(found):
     """Rows say how well they converged; what the load supplies over a period is what damping takes."""
     assert (found.values["steady/converged"] == 1.0).all()
@@ -152,6 +167,7 @@ def test_convergence_and_energy(found):
     # the steps' own error: of second order, 256 steps a period
     assert np.abs(found.values["steady/energy_error"]).max() < 1e-3
     assert (found.values["steady/peak_contact_resultant"][[2, 5]] > 0.0).all()
+    assert found.values["steady/peak_reactions/left"].shape == (6, 2)
 
 
 @pytest.mark.slow

@@ -299,6 +299,14 @@ class Loaded(Kind):
         return objects.load(case, self.load, self.factor)
 
 
+def peak_reactions(result: Any) -> Values:
+    """What each support bears at most over time, for a row of a sweep; none of unreduced models."""
+    table = result.reactions
+    if table is None:
+        return {}
+    return {f"peak_reactions/{name}": (peak, "N") for name, peak in zip(result.supports, abs(table).max(0))}
+
+
 def peak_of(u: np.ndarray) -> float:
     """Half the peak-to-peak of u_y."""
     return 0.5 * float(np.ptp(u[:, 1]))

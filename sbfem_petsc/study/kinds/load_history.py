@@ -15,7 +15,7 @@ from ..case.parameters import grid
 from ..case.sweep import Times
 from ..costs import Cost, Size
 from ..quantities import Quantity, Tree
-from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted
+from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted, peak_reactions
 
 
 class LoadHistory(LoadHistoryOptions, Loaded):
@@ -38,6 +38,7 @@ class LoadHistory(LoadHistoryOptions, Loaded):
         values: Values = {
             "peak_contact_resultant": (float(result.contact_resultant.max(initial=0.0)), "N"),
             "closed_states": (float(np.sum(result.contact_resultant > 0.0)), "1"),
+            **peak_reactions(result),
         }
         for point in wanted.points:
             u = result.displacement(point)

@@ -19,8 +19,8 @@ from ..case import objects
 from ..case.objects import located
 from ..case.tables import Path
 from ..costs import MULTIPLIERS, STEPS, Cost, Size
-from ..quantities import Quantity, Tree, of_points
-from .kind import PERIODIC, RUBBING, Drawn, Kind, Loaded, Run, Values, Wanted, peak_of
+from ..quantities import Quantity, Tree, intensities, of_points
+from .kind import PERIODIC, RUBBING, Drawn, Kind, Loaded, Run, Values, Wanted, peak_of, peak_reactions
 
 # Harmonics of a motion kept beside its whole waveform, of each point in a row of a sweep, and in a report.
 HARMONICS, ROW_HARMONICS, SHOWN = 41, 21, 11
@@ -50,6 +50,7 @@ class Steady(Kind):
 
         tree: Tree = {
             **super().tree(result, points),
+            **intensities(result),
             "harmonics": harmonics("y"),
             "harmonics_x": harmonics("x"),
             "stable": Quantity(result.stable, "1", "stability, None if it was not asked for or is not known"),
@@ -82,6 +83,7 @@ class Steady(Kind):
         if wanted.histories:
             values["time"] = (result.time, "s")
         values["peak_contact_resultant"] = (float(result.contact_resultant.max(initial=0.0)), "N")
+        values |= peak_reactions(result)
         if result.contact_force.shape[1]:
             values["contact_duty"] = (contact_duty(result.time, result.contact_force).any, "1")
         values["converged"] = (float(result.converged), "1")

@@ -73,6 +73,7 @@ class Static(StaticOptions, Loaded):
         for name, pair in result.stress_intensity.items():
             values[f"stress_intensity/{name}"] = (np.asarray(pair), result.model.tips.unit(name))
         values |= {f"stress/{place}": (stress, "Pa") for place, stress in self._stresses(result).items()}
+        values |= {f"reactions/{name}": (force, "N") for name, force in result.reactions.items()}
         return values | estimated_error(self, result)
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:

@@ -14,8 +14,8 @@ from ...analysis.options import TransientOptions
 from ...indicators.detection import contact_duty
 from ...options import item
 from ..costs import Cost, Size
-from ..quantities import Quantity, Tree, of_points
-from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted
+from ..quantities import Quantity, Tree, intensities, of_points
+from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted, peak_reactions
 
 _ENERGIES = {
     "kinetic": "kinetic energy",
@@ -61,8 +61,9 @@ class Transient(TransientOptions, Loaded):
         )
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
-        tree: Tree = {
+        return {
             **super().tree(result, points),
+            **intensities(result),
             "velocity": of_points(points, result.velocity, "m/s", "velocity", detail=True),
             "acceleration": of_points(points, result.acceleration, "m/s^2", "acceleration", detail=True),
             "energy": {
@@ -71,18 +72,12 @@ class Transient(TransientOptions, Loaded):
                 if getattr(result.energy, name) is not None
             },
         }
-        facts = result.states.tip_facts
-        if facts.names:
-            tree["stress_intensity"] = {
-                name: Quantity(result.stress_intensity(name), facts.unit(name), "K_I, K_II", detail=True)
-                for name in facts.names
-            }
-        return tree
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values: Values = {
             "energy_error": (_energy_error(result), "1"),
             "peak_contact_resultant": (float(result.contact_resultant.max(initial=0.0)), "N"),
+            **peak_reactions(result),
         }
         if result.contact_force.shape[1]:
             values["contact_duty"] = (contact_duty(result.time, result.contact_force).any, "1")
