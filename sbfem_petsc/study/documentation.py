@@ -56,7 +56,7 @@ tables in brackets, `key = value`, comments after `#`. `sbfem new beam case.toml
 (`plate`, `gmsh`, `modulation`, `nonlinear` and `sweep` are others), `sbfem check case.toml` validates it,
 `sbfem run case.toml --output DIR` runs it. Lengths are in m, all units are SI, angles are in degrees. Keys
 without a default have to be given. This page is generated from the program's own tables;
-`case_file.schema.json` beside it lets an editor check and complete a case file.
+[`case_file.schema.json`](case_file.schema.json) lets an editor check and complete a case file.
 """
 _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     (
@@ -146,11 +146,12 @@ import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.plot import plot_field, plot_harmonics, save_picture
 
-mesh = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.02)]).mesh(order=2)
+mesh = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.02)]).mesh()
 model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700.0), damping=0.01)
 push = sb.static(model, sb.PointForce("A", fy=100.0))
 orbit = sb.periodic(model, sb.PointForce("A", fy=300.0), 1000.0, modes=12, steps=64)
-print(push, orbit, push.reactions["left"], orbit.amplitude("A"))
+print(push.reactions["left"][1], push.contact_resultant)  # N
+print(orbit.stable, orbit.amplitude("A"))  # m
 
 sb.save("both.h5", {"push": push, "orbit": orbit})
 both = sb.read("both.h5")
@@ -160,6 +161,12 @@ print(both["orbit"].to_csv("orbit.csv"))  # the tables that it has made
 save_picture(plot_harmonics(both["orbit"], "A"), "harmonics.png")
 save_picture(plot_field(model, {"push": push}), "stress.png")
 sb.write_vtu("stress.vtu", model, {"push": push, "orbit at 0.2 ms": orbit.field(2e-4)})
+```
+
+```text
+-99.99999999777934 105.11232720796397
+True 2.6772487068344354e-05
+['orbit.csv', 'orbit_values.csv', 'orbit_iterate.csv', 'orbit_multiplier.csv', 'orbit_note.csv', ...]
 ```
 
 Each name is an attribute in Python and, where another one stands behind it, that one in files and tables.

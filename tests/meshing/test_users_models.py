@@ -56,6 +56,13 @@ RIGHT = {
         1.0,
         {"c": (1, 0.4)},
     ),
+    "a crack with a blank and a capital in its name": (
+        cracked(*EDGE, groups=within("crack:My crack", 0.5, 0.6, 0.5, 1)),
+        {},
+        1.0,
+        {"My crack": (1, 0.4)},
+    ),
+    "a curve inside without a group": (cracked(*EDGE), {}, 1.0, {}),
     "a crack inside": (
         cracked((0.3, 0.5, 0.7, 0.5), groups=within("crack:c", 0.3, 0.5, 0.7, 0.5)),
         {},
