@@ -26,6 +26,8 @@ PAGES = {
     "swept.png": "swept.md",
     "lines.png": "quasi_periodic.md",
     "own_tones.png": "quasi_periodic.md",
+    "rubbing_sidebands.png": "friction.md",
+    "rubbing_map.png": "friction.md",
 }
 BEAM, REPORT = ("examples/beam_notch.py",), "examples/reproduce_paper.py"
 SWEEP = ("-m", "sbfem_petsc", "sweep", "examples/modulation_map.toml")
