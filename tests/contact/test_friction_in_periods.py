@@ -17,7 +17,7 @@ from sbfem_petsc.motion.excitation import Excitation
 from sbfem_petsc.motion.period_map import Period
 from tests.contact.test_friction_in_motion import FRICTION, PRESSURE, SLIDER, SPRING, jenkins, slider
 from tests.contact.test_friction_on_masses import beam
-from tests.parallel import ROOT
+from tests.parallel import ROOT, answer, on_ranks
 
 RATE = 1.7
 FREQUENCY = RATE / (2.0 * math.pi)
@@ -359,3 +359,34 @@ def test_tilted_crack(friction):
     assert u[3] / u[1] == pytest.approx(third, abs=0.6e-5)
     assert found.friction_loss == pytest.approx(lost, rel=4e-3)
     assert found.stable and found.path == "Newton" and found.iterations <= 9
+
+
+RANKS = """
+import json
+import numpy as np
+import sbfem_petsc as sb
+from meshing import Beam, VNotch
+from mpi4py import MPI
+beam = Beam(0.4, 0.005, [VNotch(0.08, 0.0025, 0.0, tilt=45.0)])
+laws = {"crack1": sb.Coulomb(0.3)}
+with sb.Model(beam.mesh(order=2), sb.Material(70e9, 0.33, 2700), damping=0.01, contact_laws=laws) as model:
+    load = sb.PointForce("A", fy=300.0)
+    orbit = sb.periodic(model, load, 3000.0, modes=20)
+    curve = sb.frequency_response(model, load, 2950.0, 3050.0, modes=20, points=3)
+names = ("slip", "friction_force", "contact_force", "friction_loss")
+found = {name: np.asarray(getattr(orbit, name)).tolist() for name in names}
+found["multipliers"] = np.sort(np.abs(orbit.multipliers)).tolist()
+found["curve"] = curve.frequency.tolist()
+if MPI.COMM_WORLD.rank == 0:
+    print(json.dumps(found))
+"""
+
+
+@pytest.mark.long
+def test_two_ranks():
+    """The numbers of one rank to 1e-9."""
+    one, two = (answer(on_ranks(ranks, RANKS)) for ranks in (1, 2))
+    assert np.abs(one["slip"]).max() > 0.0 and one["friction_loss"] > 0.0 and len(one["curve"]) == 3
+    for name, values in one.items():
+        expected = np.array(values)
+        assert np.array(two[name]) == pytest.approx(expected, abs=1e-9 * np.abs(expected).max()), name
