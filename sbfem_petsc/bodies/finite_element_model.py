@@ -16,10 +16,10 @@ from ..checks import Bounds, choice, flag, instance, integer, names_of, real, re
 from ..contact.law import ContactLaw, Unilateral, check_without_layer
 from ..errors import UnknownName, caller_level, listed
 from .cells import checked_cells, surface
-from .rows import Contact, Row
+from .rows import AXES, Contact, Row, told
 from .units import UNITS, tree_of, warn_of_units
 
-OWNER, AXES = "FiniteElementModel", "xyz"
+OWNER = "FiniteElementModel"
 # Relative asymmetry that rounding of written files explains; distance of partners, and of a place from its
 # node, in spacings of nodes.
 SYMMETRY, APART = 1e-6, 1e-3
@@ -169,9 +169,7 @@ class FiniteElementModel:
         rows = self._rows(labels, vector)
         if not rows.nnz:
             raise ValueError(f"at: {shown(place)} is held along {shown(direction)}; choose one that moves")
-        axis = next((name for name, unit in zip(AXES, np.eye(3)) if (vector == unit).all()), "")
-        along = axis or f"({', '.join(f'{part:.6g}' for part in vector)})"
-        return Row(sparse.csr_matrix(rows.mean(axis=0)), along)
+        return Row(sparse.csr_matrix(rows.mean(axis=0)), told(vector))
 
     def contact(
         self,

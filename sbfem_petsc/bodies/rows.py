@@ -11,6 +11,20 @@ from scipy import sparse
 from ..checks import shown
 from ..contact.law import ContactLaw
 
+AXES = "xyz"
+
+
+def told(vector: np.ndarray) -> str:
+    """A unit vector as the direction of a row."""
+    axis = next((name for name, unit in zip(AXES, np.eye(3)) if (vector == unit).all()), "")
+    return axis or f"({', '.join(f'{part + 0.0:.6g}' for part in vector)})"
+
+
+def _opposite(direction: str) -> str:
+    if direction in AXES:
+        return direction and told(-np.eye(3)[AXES.index(direction)])
+    return told(-np.array([float(part) for part in direction[1:-1].split(",")]))
+
 
 @dataclass(frozen=True, eq=False)
 class Row:
@@ -20,21 +34,25 @@ class Row:
     ----------
     weights : (1, n) sparse matrix
     direction : str
-        "z", or the components of a unit vector; "" of a sum of several.
+        "z", or the components of a unit vector; "" of a sum along several.
     """
 
     weights: sparse.csr_matrix
     direction: str = ""
 
     def __add__(self, other: Row) -> Row:
-        weights = sparse.csr_matrix(self.weights + _same("row", self, other).weights)
-        return Row(weights, self.direction if self.direction == other.direction else "")
+        return self._with(_same("row", self, other), 1.0)
 
     def __sub__(self, other: Row) -> Row:
-        return self + -1.0 * _same("row", self, other)
+        return self._with(_same("row", self, other), -1.0)
+
+    def _with(self, other: Row, factor: float) -> Row:
+        weights = sparse.csr_matrix(self.weights + factor * other.weights)
+        return Row(weights, self.direction if self.direction == other.direction else "")
 
     def __mul__(self, factor: float) -> Row:
-        return Row(sparse.csr_matrix(float(factor) * self.weights), self.direction)
+        turned = _opposite(self.direction) if factor < 0.0 else self.direction
+        return Row(sparse.csr_matrix(float(factor) * self.weights), turned)
 
     __rmul__ = __mul__
 

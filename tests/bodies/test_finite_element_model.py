@@ -266,3 +266,14 @@ def test_wrong_models(parts, change, sentence):
 def test_wrong_calls(body, call, sentence):
     with pytest.raises((ValueError, TypeError, KeyError), match=sentence):
         call(body)
+
+
+def test_a_negative_row_looks_the_other_way(body):
+    """What it gives is the displacement along the opposite vector, and its direction says so."""
+    place = int(body.unknowns[-1, 0])
+    for direction, opposite in (("z", (0, 0, -1)), ((1.0, 2.0, -2.0), (-1.0, -2.0, 2.0))):
+        row, turned = body.at(place, direction), body.at(place, opposite)
+        assert np.abs((-1.0 * row - turned).weights.toarray()).max() < 1e-15
+        assert (-1.0 * row).direction == turned.direction
+        assert (-2.0 * turned).direction == row.direction == (3.0 * row).direction
+        assert (row - row).direction == row.direction
