@@ -15,7 +15,7 @@ from ..motion.preparation import check_guess
 from ..motion.reduced_history import ReducedIntegrator
 from ..motion.states import ModalStates
 from ..motion.step_plan import CONTACT_STEP
-from ..motion.swept import SweptResponse, cycle_ends, over_cycles, settling_cycles, swept_motion
+from ..motion.swept import SweptResponse, cycle_ends, directions, over_cycles, settling_cycles, swept_motion
 from ..progress import Progress, progress_bar
 from ..ranks.capacity import require_memory
 from ..ranks.parallel import collective
@@ -106,7 +106,7 @@ def swept_response(
     require_memory(
         what,
         comm,
-        8.0 * (count + 1) * (points + 1),
+        8.0 * (count + 1) * (points * directions(reduced) + 1),
         f"{count:,d} steps at {points} points",
         lambda share: f"sweep in {duration * share:.3g} s, or in parts",
     )
@@ -122,13 +122,15 @@ def swept_response(
         displacements, contact = swept_motion(integrator, report)
     ends = cycle_ends(start, stop, duration)
     low, high = over_cycles(ends, plan.step, displacements)
+    amplitudes = 0.5 * (high - low)
     return SweptResponse(
         1.0 / np.diff(ends),
         duration,
-        0.5 * (high - low),
+        amplitudes[:, :, -1],
         over_cycles(ends, plan.step, contact)[1][:, 0],
         settling_cycles(reduced, (start, stop)),
         reduced,
+        None if reduced.of_rows else amplitudes[:, :, 0],
     )
 
 

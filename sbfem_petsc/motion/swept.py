@@ -9,8 +9,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..checks import positive
-from ..errors import at_point
+from ..checks import choice, positive
+from ..errors import SolveError, at_point
 from ..record.record import Record, described, quantity
 from ..reduction.reduced_model import ReducedModel
 from .integration import Rows
@@ -59,12 +59,22 @@ class SweptResponse(Record):
     contact_peak: np.ndarray = quantity("N", "largest contact resultant in a cycle", "cycle", least=0.0)
     settling: int = quantity("1", "cycles in which a disturbance falls to 1/e", least=0)
     reduced: ReducedModel = quantity(text="the reduced model", part="ReducedModel", detail=True, repr=False)
+    x_amplitudes: np.ndarray | None = quantity(
+        "m",
+        "half the peak-to-peak of u_x in a cycle; none of rows, which have one direction each",
+        "cycle place",
+        called="amplitude_x",
+        kinds="f",
+        default=None,
+        least=0.0,
+    )
 
     def check(self) -> None:
         """Raise ValueError unless it has cycles, and the points of its model."""
-        if not len(self.frequency) or self.point_amplitudes.shape[1] != len(self.points):
-            shape = self.point_amplitudes.shape
-            raise ValueError(f"{len(self.frequency)} cycles and amplitudes of shape {shape} do not fit")
+        both = [a for a in (self.point_amplitudes, self.x_amplitudes) if a is not None]
+        if not len(self.frequency) or any(a.shape[1] != len(self.points) for a in both):
+            shapes = [a.shape for a in both]
+            raise ValueError(f"{len(self.frequency)} cycles and amplitudes of shapes {shapes} do not fit")
 
     @property
     def points(self) -> tuple[str, ...]:
@@ -95,15 +105,22 @@ class SweptResponse(Record):
         """
         return 0 < 4 * self.settling < len(self.frequency) and self.rate <= FASTEST
 
-    def amplitude(self, point: str) -> np.ndarray:
-        """(n,): half the peak-to-peak of the y displacement of a point in each cycle, m."""
-        return self.point_amplitudes[:, at_point({name: k for k, name in enumerate(self.points)}, point)]
+    def amplitude(self, point: str, direction: str = "y") -> np.ndarray:
+        """(n,): half the peak-to-peak of a point's displacement, or of that along x, in each cycle, m."""
+        along = choice("amplitude", "direction", direction, ("x", "y"))
+        table = self.point_amplitudes if along == "y" else self.x_amplitudes
+        if table is None:
+            raise SolveError(
+                "amplitude: direction = 'x' is not known of rows, which have one direction each, and of "
+                "sweeps in files of older versions; leave it out, or sweep again"
+            )
+        return table[:, at_point({name: k for k, name in enumerate(self.points)}, point)]
 
     def _furthest(self, least: float = 0.0) -> float:
         """Largest amplitude of a named point, m."""
         return float(self.point_amplitudes.max(initial=0.0))
 
-    def jumps(self, point: str, least: float = 0.2) -> tuple[Jump, ...]:
+    def jumps(self, point: str, least: float = 0.2, direction: str = "y") -> tuple[Jump, ...]:
         """Where the amplitude of a point changes within four settling times by more than a share beyond what
         a linear resonance does at most at the same rate, while contact acts.
 
@@ -121,13 +138,15 @@ class SweptResponse(Record):
         least : float
             Relative change: the larger over the smaller amplitude, divided by that of a linear resonance,
             less 1.
+        direction : {"y", "x"}
+            Of the amplitude.
 
         Raises
         ------
         ValueError
             Without damping, and for a sweep that is too short or too fast, see `tells_jumps`.
         """
-        amplitude = self.amplitude(point)
+        amplitude = self.amplitude(point, direction)
         least = positive("jumps", "least", least)
         self._require_slow()
         ends, span = self._ends, self._settling_time
@@ -192,17 +211,24 @@ class SweptResponse(Record):
         )
 
 
+def directions(reduced: ReducedModel) -> int:
+    """How many displacements a named point has."""
+    return 1 if reduced.of_rows else 2
+
+
 def swept_motion(
     integrator: ReducedIntegrator, report: Callable[[float], None] | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(n + 1, points), m, and (n + 1, 1), N: u_y of all named points and the contact resultant."""
+    """(n + 1, points, directions), m, and (n + 1, 1), N: displacements of all named points, of rows the
+    one that they have, and the contact resultant.
+    """
     reduced, count = integrator.reduced, integrator.steps.count
-    displacements = np.empty((count + 1, len(reduced.points.names)))
+    displacements = np.empty((count + 1, len(reduced.points.names), directions(reduced)))
     contact = np.empty((count + 1, 1))
 
     def keep(at: int, rows: Rows) -> None:
         part = reduced.points(rows["modal_displacement"], rows["amplitudes"], rows["contact_force"])
-        displacements[at : at + len(part)] = part[:, :, -1]
+        displacements[at : at + len(part)] = part[:, :, -displacements.shape[2] :]
         contact[at : at + len(part), 0] = rows["contact_force"].sum(axis=1)
 
     keep(0, integrator.first())
@@ -224,8 +250,8 @@ def cycle_ends(start: float, stop: float, duration: float) -> np.ndarray:
 
 
 def over_cycles(ends: np.ndarray, step: float, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least and largest values (cycles, k) in each cycle of (n, k) values at equal steps from 0, the instants
-    at both of its ends included.
+    """Least and largest values (cycles, ...) in each cycle of (n, ...) values at equal steps from 0, the
+    instants at both of its ends included.
     """
     first = np.minimum(np.ceil(ends / step - 1e-9).astype(int), len(values) - 1)
     low, high = (

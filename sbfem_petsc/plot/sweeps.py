@@ -22,6 +22,7 @@ def plot_swept(
     branch: Branch | None,
     swept: SweptResponse | Sequence[SweptResponse],
     point: str = "A",
+    direction: str = "y",
     *,
     least: float = 0.2,
     title: str = "",
@@ -36,7 +37,9 @@ def plot_swept(
         Over the frequency; None: the swept motions alone. On rank 0 at least, as `swept`.
     swept : SweptResponse or sequence of SweptResponse
     point : str
-        Whose amplitude, half the peak-to-peak of u_y, is drawn.
+        Whose amplitude, half the peak-to-peak, is drawn.
+    direction : {"y", "x"}
+        As for `plot_branches`.
     least : float
         See `SweptResponse.jumps`.
     title, ax, comm
@@ -49,7 +52,7 @@ def plot_swept(
     Raises
     ------
     TypeError, ValueError, KeyError
-        For other objects, a branch over the load, or an unknown point.
+        For other objects, a branch over the load, or an unknown point; SolveError for x of rows.
     """
     if branch is not None:
         instance("plot_swept", "branch", branch, Branch, "a Branch, or None")
@@ -63,11 +66,11 @@ def plot_swept(
     shown: list[Branch | SweptResponse] = [*([] if branch is None else [branch]), *sweeps]
     if not shown:
         raise ValueError("plot_swept: swept is empty and there is no branch; give one SweptResponse at least")
-    factor, unit = length_unit(max(float(item.amplitude(point).max()) for item in shown))
+    factor, unit = length_unit(max(float(item.amplitude(point, direction).max()) for item in shown))
     along, name = frequency_unit(max(float(item.frequency.max()) for item in shown))
     (axes,) = Sheet.of(ax).panels((1, 1), 3.6)
     if branch is not None:
-        height = Height(point)
+        height = Height(point, direction)
         marks = marks_of(branch, height, along, factor)
         parts = split(branch.value * along, height.along(branch) * factor, branch.stable, marks)
         name_verdicts(axes, draw_parts(axes, smooth(parts), BLACK, 1.3))
@@ -75,19 +78,19 @@ def plot_swept(
         for number, item in enumerate(s for s in sweeps if s.upwards == upwards):
             axes.plot(
                 item.frequency * along,
-                item.amplitude(point) * factor,
+                item.amplitude(point, direction) * factor,
                 color=colour,
                 linewidth=0.8,
                 label=label if number == 0 else None,
             )
-            for jump in item.jumps(point, least) if item.tells_jumps else ():
+            for jump in item.jumps(point, least, direction) if item.tells_jumps else ():
                 axes.annotate(
                     "",
                     (jump.frequency * along, jump.after * factor),
                     (jump.frequency * along, jump.before * factor),
                     arrowprops={"arrowstyle": "->", "color": GREEN, "linewidth": 1.2},
                 )
-    of = symbol(shown[0], "y", point)
+    of = symbol(shown[0], direction, point)
     axes.set(xlabel=f"frequency ({name})", ylabel=f"amplitude of ${of}$({point}) ({unit})")
     axes.set_ylim(bottom=0.0)
     axes.legend()

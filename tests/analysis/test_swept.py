@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 
 import sbfem_petsc as sb
+from meshing import Beam
 from sbfem_petsc.motion.linear_passage import linear_changes
 from sbfem_petsc.plot import plot_swept, save_picture
 from tests.analysis.test_basins import FORCE, RATIO, STEPS, TURN, mass
@@ -73,6 +74,24 @@ def test_a_linear_resonance_has_no_jumps():
     assert 0.022 < np.abs(lag - 1.0).max() < 0.024
     assert np.abs(swept.amplitude("A") / (closed * lag) - 1.0).max() < 0.003
     assert swept.jumps("A") == () and not swept.contact_peak.any() and swept.settling == 6
+
+
+def test_both_directions():
+    """Far below resonance the corner of a beam follows the static solution, by (f / f1)^2 and by the samples
+    of a cycle, (pi / 320)^2 / 2, off; rows have one direction.
+    """
+    with sb.Model(Beam(0.1, 0.01).mesh(order=3), sb.Material(70e9, 0.33, 2700), damping=0.01) as model:
+        swept = sb.swept_response(model, sb.PointForce("A", fy=100.0), 2.0, 3.0, duration=2.0, modes=4)
+        still = sb.static(model, sb.PointForce("A", fy=100.0)).displacement("A")
+    assert abs(still[0]) > 0.05 * abs(still[1])
+    for direction, u in zip("xy", still):
+        np.testing.assert_allclose(swept.amplitude("A", direction), abs(u), rtol=2e-4)
+        (line,) = plot_swept(None, swept, "A", direction).lines
+        drawn = line.get_ydata() / swept.amplitude("A", direction)
+        assert np.ptp(drawn) < 1e-12 * drawn[0]
+    row = sb.swept_response(mass(gap=100.0), FORCE, 0.1 / TURN, 0.2 / TURN, duration=20 * TURN)
+    with pytest.raises(sb.SolveError, match="direction = 'x' is not known of rows"):
+        row.amplitude("A", "x")
 
 
 def through_resonance(damping, rate, upwards=True, gap=1e3, stiffness=1.0):

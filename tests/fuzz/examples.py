@@ -733,7 +733,14 @@ CALLS |= {
         }
     ],
     "plot.plot_swept": [
-        lambda: {"branch": branch(), "swept": swept_response(), "point": "A", "least": 0.2, **LABELS}
+        lambda: {
+            "branch": branch(),
+            "swept": swept_response(),
+            "point": "A",
+            "direction": "y",
+            "least": 0.2,
+            **LABELS,
+        }
     ],
     "plot.save_picture": [lambda: {"drawing": None, "path": "picture.png"}],
     "plot.save_pictures": [lambda: {"folder": "."}],

@@ -116,7 +116,7 @@ def test_what_all_pictures_take():
     for name in (name for name in plot.__all__ if name.startswith("plot_")):
         takes = inspect.signature(getattr(plot, name)).parameters
         assert takes["ax"].default is None and takes["ax"].kind is inspect.Parameter.KEYWORD_ONLY
-        if "point" in takes and name != "plot_swept":  # a SweptResponse has amplitudes of u_y alone
+        if "point" in takes:
             assert takes["point"].default == "A" and takes["direction"].default in ("y", None)
     assert "harmonic" in inspect.signature(plot.plot_branches).parameters
 
