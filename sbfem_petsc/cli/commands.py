@@ -110,7 +110,8 @@ def sweep(options: Options, comm: Any) -> int:
     if options.json:
         _answer(comm, found.facts())
     else:
-        _say(options, comm, f"{found!r}\nresults are in {os.path.abspath(output)}")
+        further = "; a last call without --rows writes the table of all" if options.rows else ""
+        _say(options, comm, f"{found!r}\nresults are in {os.path.abspath(output)}{further}")
     if failed and comm.rank == 0:
         tell(f"error: {len(failed)} of {len(found.reasons)} rows failed; the first: {failed[0]}", sys.stderr)
     return FAILED_ROWS if failed else 0

@@ -43,6 +43,11 @@ def read_any(path: str | os.PathLike[str]) -> RunResults | Sweep:
             found = regular_file(name, candidate)
             if found is not None:
                 return read_any(found)
+        if os.path.isdir(os.path.join(name, "rows")):
+            raise ValueError(
+                f"{name!r} holds rows of a sweep, but no table of all yet; call  sbfem sweep CASE --output "
+                f"{name}  without --rows, which computes what is missing and writes it"
+            )
         raise ValueError(
             f"{name!r} holds neither {RESULTS} nor {FILE}; name the folder that  sbfem run  or  "
             "sbfem sweep  wrote"

@@ -442,6 +442,8 @@ def test_some_of_the_rows(tmp_path):
         and done.answer["inputs"]["loads.push.fy"] == [200.0, 300.0]
     )
     assert sorted(rows.read(str(out / "rows"))) == [4, 5] and not (out / "sweep.csv").exists()
+    with pytest.raises(ValueError, match="call  sbfem sweep CASE --output .* without --rows"):
+        sb.read(out)
     part = sb.sweep(path, output=out, rows=(3, 5))
     assert len(part) == 2 and part.failed == 0
     assert len(list(rows.every(str(out / "rows")))) == 3  # one of the two was there
