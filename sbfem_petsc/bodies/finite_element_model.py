@@ -139,16 +139,6 @@ class FiniteElementModel:
         found[rows, self.unknowns[moves, 1]] = values[moves]
         return found
 
-    def field_of(self, owner: str, name: str, given: Any) -> np.ndarray:
-        """(nodes, 3): m, of an array, a field or a static result, named in errors of a function."""
-        found = real_array(owner, f"fields[{name!r}]", np.asarray(getattr(given, "field", given)), 2, "m")
-        if found.shape != self.places.shape:
-            raise ValueError(
-                f"{owner}: field {name!r} has shape {found.shape}; displacements of all nodes have "
-                f"{self.places.shape}"
-            )
-        return found
-
     def at(self, place: Any, direction: Any) -> Row:
         """The displacement at a place: of a node's label, the mean of a set, the node at (x, y, z) in m.
 
@@ -371,6 +361,17 @@ class FiniteElementModel:
         values, row, column = np.array(entries).reshape(-1, 3).T
         shape = (len(labels), len(self.unknowns))
         return sparse.csr_matrix((values, (row.astype(int), column.astype(int))), shape)
+
+
+def nodal_field(body: FiniteElementModel, owner: str, name: str, given: Any) -> np.ndarray:
+    """(nodes, 3): m, of an array, a field or a static result, named in errors of a function."""
+    found = real_array(owner, f"fields[{name!r}]", np.asarray(getattr(given, "field", given)), 2, "m")
+    if found.shape != body.places.shape:
+        raise ValueError(
+            f"{owner}: field {name!r} has shape {found.shape}; displacements of all nodes have "
+            f"{body.places.shape}"
+        )
+    return found
 
 
 def _partners(left: list[int], x: np.ndarray, y: np.ndarray, normal: np.ndarray) -> sparse.csr_matrix:

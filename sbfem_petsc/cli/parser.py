@@ -19,7 +19,8 @@ EXIT_CODES = """exit codes:
   2    input that makes no sense: command line, case file, results file, folder
   3    rows of a sweep failed; sweep.csv says why, the others are kept
   130  interrupted (Ctrl-C); the same command goes on where it was
-  143  ended by a signal; the same command goes on where it was"""
+  143  ended by a signal; the same command goes on where it was
+mpiexec may end with a code of its own, 1 for 143 say"""
 
 
 class _Parser(argparse.ArgumentParser):

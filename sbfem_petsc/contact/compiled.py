@@ -18,7 +18,9 @@ _CONFIGURATION = ".numba_config.yaml"
 _first = "numba" not in sys.modules
 try:
     with unread(_CONFIGURATION, "numba"):
-        from numba import njit, typeof, types
+        from numba import njit
+        from numba import typeof as typeof
+        from numba import types as types
         from numba.core import config
         from numba.core.caching import IndexDataCacheFile
         from numba.extending import get_cython_function_address as get_cython_function_address
@@ -117,21 +119,3 @@ def compiled_apart(function: Kernel) -> Kernel:
     that are called so.
     """
     return compiled(function, _nrt=False, no_cfunc_wrapper=False)
-
-
-class Address(types.WrapperAddressProtocol):
-    """Where the code of a kernel for arguments as those given stands; kernels take it for a function."""
-
-    def __init__(self, kernel: Any, *arguments: object):
-        kinds = tuple(map(typeof, arguments))
-        kernel.compile(kinds)
-        found = kernel.overloads[kinds]
-        self._kind = found.signature
-        self._place = found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name)
-
-    def __wrapper_address__(self) -> int:
-        return int(self._place)
-
-    def signature(self) -> Any:
-        """What numba calls it with."""
-        return self._kind

@@ -12,11 +12,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from .compiled import Address, compiled_apart, compiled_loops, inner_loops, inner_sums
+from .compiled import compiled_apart, compiled_loops, inner_loops, inner_sums, typeof, types
 from .friction import STICKS
 from .law import FREE, RowLaws, Table
 from .pivoting import Factor, add_rows, contact_forces, empty_factor, products
@@ -279,6 +279,24 @@ def smooth_forces(
     (laws, _, state), (free, _) = held, gap
     factor = Factor(sets.inverse, sets.members, sets.solved, sets.free, sets.every)
     return contact_forces(flexibility, free, laws, state, factor, force)
+
+
+class Address(types.WrapperAddressProtocol):
+    """Where the code of a kernel for arguments as those given stands; kernels take it for a function."""
+
+    def __init__(self, kernel: Any, *arguments: object):
+        kinds = tuple(map(typeof, arguments))
+        kernel.compile(kinds)
+        found = kernel.overloads[kinds]
+        self._kind = found.signature
+        self._place = found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name)
+
+    def __wrapper_address__(self) -> int:
+        return int(self._place)
+
+    def signature(self) -> Any:
+        """What numba calls it with."""
+        return self._kind
 
 
 def contact_kernel(step: StepConstants, state: StepState, room: Room) -> Address:

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.tri import Triangulation
 
-from ..bodies.finite_element_model import FiniteElementModel
+from ..bodies.finite_element_model import FiniteElementModel, nodal_field
 from ..ranks.parallel import on_root
 from ..record.units import length_unit, place_unit, stress_unit
 from ..system.model import Model
@@ -114,7 +114,7 @@ def _draw_solid(
     if not body.elements:
         raise ValueError("plot_field: the body has no elements to draw; give elements= with its nodes")
     solid = Solid(body, None)
-    states = {name: body.field_of("plot_field", name, given) for name, given in fields.items()}
+    states = {name: nodal_field(body, "plot_field", name, given) for name, given in fields.items()}
     colours, panels = solid.colours(list(states.values())), sheet.panels((len(states), 1), 2.4 * len(states))
     for axes, (name, state) in zip(panels, states.items()):
         furthest = solid.largest([state])

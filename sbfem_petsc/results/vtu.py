@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..bodies.finite_element_model import FiniteElementModel
+from ..bodies.finite_element_model import FiniteElementModel, nodal_field
 from ..checks import flag, instance, optional_integer, shown
 from ..petsc import MPI
 from ..ranks.parallel import agreed, collective, ranks_of
@@ -162,7 +162,8 @@ def _of_body(body: FiniteElementModel, fields: Mapping[str, Any], per: str) -> d
     """A body's own elements, or its nodes, as the arguments of a meshio mesh."""
     data = {"node": body.labels}
     data |= {
-        _displacement(name, per): body.field_of("write_vtu", name, given) for name, given in fields.items()
+        _displacement(name, per): nodal_field(body, "write_vtu", name, given)
+        for name, given in fields.items()
     }
     cells = body.elements or {"vertex": np.arange(len(body.labels))[:, None]}
     return {"points": body.places, "cells": list(cells.items()), "point_data": data}

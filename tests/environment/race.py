@@ -85,7 +85,11 @@ def main(rounds: int, seed: int) -> None:
     for name in names:  # what others bring, such as gmsh, is loaded once
         importlib.import_module(name)
     pick = random.Random(seed)
-    faces = [name for name in names if {"__all__", "__path__"} <= vars(sys.modules[name]).keys()]
+    faces = [
+        name
+        for name, module in ((name, sys.modules[name]) for name in names)
+        if {"__all__", "__path__"} <= vars(module).keys() and module.__name__ == name  # no second names
+    ]
     pairs = []
     for turn in range(rounds):  # any two, and each second time a module and the face of its package
         first, second = pick.sample(names, 2)

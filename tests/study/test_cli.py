@@ -24,7 +24,7 @@ from sbfem_petsc.study import report
 from sbfem_petsc.study.case.analyses import KINDS
 from sbfem_petsc.study.starter import KINDS as KINDS_OF_CASES
 from sbfem_petsc.study.sweep_file import read_sweep
-from tests.parallel import ROOT, on_ranks
+from tests.parallel import ROOT, interruptible, on_ranks
 from tests.results.test_strangers_files import changed
 from tests.study.small_case import CASE, SWEEP, sbfem, started, written
 
@@ -358,8 +358,12 @@ main(["doctor"])
 
 
 def test_interrupted_while_modules_are_imported():
-    done = subprocess.run([sys.executable, "-c", EARLY], cwd=ROOT, capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
+    command, told = [sys.executable, "-c", EARLY], subprocess.PIPE
+    process = subprocess.Popen(
+        command, cwd=ROOT, stdout=told, stderr=told, text=True, preexec_fn=interruptible
+    )
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out, err) == (130, "", "interrupted\n")
 
 
 @pytest.mark.slow

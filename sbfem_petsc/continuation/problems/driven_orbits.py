@@ -91,6 +91,11 @@ class Orbits(BaseProblem):
 
     def __init__(self, period: Period, parameter: ParameterRange):
         self.period, self.parameter = period, parameter
+        if not period.reduced.damping.any() and parameter.name != "damping":
+            self.advice = (
+                "without damping motions grow without bound at a resonance and high modes never settle: give "
+                "the body some (damping=0.001), or end the range before"
+            )
         self.extent = parameter.range.extent
         self.smallest = 0.0 if parameter.name == "frequency" else LEAST
         ends = (self.driven(value) for value in (parameter.start, parameter.stop))

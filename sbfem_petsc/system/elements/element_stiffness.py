@@ -191,7 +191,7 @@ class Refinement:
             change = solve(residual)
             former, energy = energy, self._dot(residual, change)
             # no share of columns that are solved, of a right-hand side of zeros say
-            share = np.divide(energy, former, out=np.zeros_like(energy), where=former > 0.0)
+            share = np.divide(energy, former, out=np.zeros_like(energy), where=former != 0.0)
             direction = change + share * direction
             sizes = self._dot(direction, direction) / np.maximum(
                 self._dot(solution, solution), np.finfo(float).tiny
