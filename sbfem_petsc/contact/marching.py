@@ -299,11 +299,25 @@ class Address(types.WrapperAddressProtocol):
         return self._kind
 
 
+# numba looks for the kind of arguments for a millisecond, which is as long as a period.
+_addresses: dict[tuple, Address] = {}
+
+
 def contact_kernel(step: StepConstants, state: StepState, room: Room) -> Address:
     """What solves the contact problems of steps."""
     gaps, held = (room.after.gap, room.before.gap), (step.laws, step.rubbing, state.rows)
-    kernel = rubbing_forces if step.rubbing.rows.size else smooth_forces
-    return Address(kernel, step.flexibility[0], gaps, held, room.sets, state.force)
+    given, rubs = (step.flexibility[0], gaps, held, room.sets, state.force), step.rubbing.rows.size > 0
+    layout = (rubs, _layout(given))
+    if layout not in _addresses:
+        _addresses[layout] = Address(rubbing_forces if rubs else smooth_forces, *given)
+    return _addresses[layout]
+
+
+def _layout(given: Any) -> object:
+    """What tells kinds of arguments apart: of arrays dimensions, numbers and places in memory."""
+    if isinstance(given, tuple):
+        return tuple(map(_layout, given))
+    return (given.ndim, given.dtype.char, given.flags.num) if isinstance(given, np.ndarray) else type(given)
 
 
 @inner_loops

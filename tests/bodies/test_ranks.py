@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 import scipy.linalg
 
 import sbfem_petsc as sb
-from tests.parallel import on_ranks
+from tests.parallel import answer, on_ranks
 
 FILES = Path(__file__).parent / "calculix"
 PROGRAM = """
@@ -36,7 +35,9 @@ for change in (-1.0, 1.0 + MPI.COMM_WORLD.rank):
         sb.reduce(sb.FiniteElementModel(*parts) if change > 0 else body, damping=change, **given)
     except (ValueError, sb.SolveError) as error:
         found.setdefault("errors", []).append(str(error))
-print(json.dumps(found), flush=True)
+told = MPI.COMM_WORLD.gather(found)
+if told is not None:
+    print("\\n" + json.dumps({"told": told}), flush=True)
 """
 
 
@@ -51,8 +52,7 @@ def test_two_ranks_beside_dense():
     dense = sb.reduce_matrices(
         m, k, rows, crack.gap, loads=f.T, sensors={"tip": f[0]}, modes=12, damping=0.01
     )
-    lines = on_ranks(2, PROGRAM, str(FILES / "blocks")).stdout.splitlines()
-    told = [json.loads(line[line.index("{") :]) for line in lines if '"ranks"' in line]
+    told = answer(on_ranks(2, PROGRAM, str(FILES / "blocks")))["told"]
     assert len(told) == 2 and told[0] == told[1] and told[0]["ranks"] == 2
     found = told[0]
     own = np.sqrt(scipy.linalg.eigh(k, m, eigvals_only=True)[:12]) / (2 * np.pi)

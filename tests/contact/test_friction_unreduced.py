@@ -43,6 +43,7 @@ def obeys(found, coefficient):
     assert np.abs(found.friction_force[1:])[slips] == pytest.approx(most[slips], abs=1e-9 * pressing.max())
 
 
+@pytest.mark.long
 def test_files_energies_and_the_law(plate, tmp_path, monkeypatch):
     """Energies are in balance to rounding, what friction takes never falls; a run that goes on from its file
     is the uninterrupted one to the last bit, and so is what is read.

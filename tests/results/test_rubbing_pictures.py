@@ -106,6 +106,7 @@ def test_power_in_closed_form():
             friction_power(*wrong)
 
 
+@pytest.mark.long
 def test_losses_over_amplitude():
     """Each motion's own numbers, lowest amplitude first, whatever order they are given in."""
     orbits = [
