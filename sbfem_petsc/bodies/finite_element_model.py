@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
@@ -16,15 +15,13 @@ from ..checks import Bounds, choice, flag, instance, integer, names_of, real, re
 from ..contact.law import ContactLaw, Unilateral, check_without_layer
 from ..errors import UnknownName, caller_level, listed
 from .cells import checked_cells, surface
+from .faces import APART, ROUNDING, between, given_gap, moving_pairs, normal_of, partners
 from .rows import AXES, Contact, Row, told
 from .units import UNITS, tree_of, warn_of_units
 
 OWNER = "FiniteElementModel"
-# Relative asymmetry that rounding of written files explains; distance of partners, and of a place from its
-# node, in spacings of nodes.
-SYMMETRY, APART = 1e-6, 1e-3
-# Weights of a row and of a unit vector that are none: a force of any size would press on such a row.
-ROUNDING = 1e-9
+# Relative asymmetry that rounding of written files explains.
+SYMMETRY = 1e-6
 # Elements with eight-node faces, and how many of their nodes are corners.
 EIGHT = {"quad8": 4, "hexahedron20": 8}
 
@@ -217,6 +214,11 @@ class FiniteElementModel:
         check_without_layer("contact", "law", law)
         flag("contact", "interference", interference)
         real("contact", "offset", offset, "m", within=Bounds(least=0.0))
+        if offset and (right is None or gap is not None):
+            raise ValueError(
+                f"contact: offset = {offset:g} m is taken off the distance of two faces' nodes; give the gap "
+                "that is left, and no offset, at a wall and beside a gap"
+            )
         one = self._face("left", left)
         x = self.places[[self._node[a] for a in one]]
         other = None if right is None else self._face("right", right)
@@ -224,14 +226,14 @@ class FiniteElementModel:
         if normal is None and other is None:
             raise ValueError("contact: a wall needs a normal, from the body to the wall")
         y = x if other is None else self.places[[self._node[a] for a in other]]
-        vector = _normal(x, y) if normal is None else _vector("contact", "normal", normal)
+        vector = normal_of(x, y) if normal is None else _vector("contact", "normal", normal)
         along = self._slip_direction(law, one + (other or []), vector) if law.rubs else np.zeros(3)
         rows, slips, distance = -self._rows(one, vector), -self._rows(one, along), np.zeros(len(one))
         if other is not None:
             share = (
-                _partners(one, x, y, vector)
+                partners(one, x, y, vector)
                 if matching
-                else _between(one, x, y, vector, self.places[self._triangles(other, vector)])
+                else between(one, x, y, vector, self.places[self._triangles(other, vector)])
             )
             met = np.unique(share.indices)
             facing = [other[k] for k in met]
@@ -241,13 +243,13 @@ class FiniteElementModel:
             distance -= offset
             distance[np.abs(distance) < APART * 1e-6 * np.ptp(x, axis=0).max()] = 0.0
         if gap is not None:
-            distance = _given_gap(gap, x)
+            distance = given_gap(gap, x)
         if (distance < 0.0).any() and not interference:
             raise ValueError(
                 f"contact: the faces overlap by {-distance.min():g} m; is the normal from left to right? Say "
                 "interference=True if they are to press on each other at rest"
             )
-        return _moving(one, law, rows, slips, distance)
+        return moving_pairs(one, law, rows, slips, distance)
 
     def _triangles(self, face: list[int], normal: np.ndarray) -> np.ndarray:
         """(k, 3) rows of corners of the elements' outer faces that a set of nodes lies on, and that look
@@ -374,74 +376,6 @@ def nodal_field(body: FiniteElementModel, owner: str, name: str, given: Any) -> 
     return found
 
 
-def _partners(left: list[int], x: np.ndarray, y: np.ndarray, normal: np.ndarray) -> sparse.csr_matrix:
-    """(left, right): 1 for the right node that faces each left one along the normal."""
-    flat = np.eye(3) - np.outer(normal, normal)
-    x, y = x @ flat, y @ flat
-    far, nearest = tree_of(y).query(x)
-    size = np.ptp(x, axis=0).max() if len(x) == 1 else np.median(tree_of(x).query(x, 2)[0][:, 1])
-    away = far > APART * size + 1e-12
-    if away.any():
-        raise ValueError(
-            f"contact: {away.sum()} of {len(left)} left nodes have no partner (node {left[away.argmax()]} is "
-            f"{far[away.argmax()]:g} m off); if the faces' meshes do not match, say matching=False"
-        )
-    if len(set(nearest)) < len(left):
-        raise ValueError("contact: two left nodes share a right one; the faces' meshes must match")
-    return sparse.csr_matrix((np.ones(len(x)), (np.arange(len(x)), nearest)), (len(x), len(y)))
-
-
-def _between(
-    left: list[int], x: np.ndarray, y: np.ndarray, normal: np.ndarray, face: np.ndarray
-) -> sparse.csr_matrix:
-    """(left, right): weights of the right nodes at the point before each left one.
-
-    The triangles between the nodes fill their convex hull; those count that lie on the face, (k, 3, 3)
-    triangles of the elements, if these are known.
-    """
-    from scipy.spatial import Delaunay, QhullError
-
-    along = np.linalg.svd(normal[None])[2][1:].T
-    x, y, face = x @ along, y @ along, face @ along
-    try:
-        triangles = Delaunay(y)
-    except (QhullError, ValueError):
-        raise ValueError(
-            f"contact: the {len(y)} right nodes span no surface across the normal; give those of a face"
-        ) from None
-    inside = triangles.find_simplex(x, tol=APART)
-    if len(face):
-        inside[~_covered(y[triangles.simplices].mean(axis=1), face)[inside]] = -1
-    if (inside < 0).any():
-        raise ValueError(
-            f"contact: {(inside < 0).sum()} of {len(left)} left nodes, node {left[inside.argmin()]} say, lie "
-            "beside the right face; leave them out, or exchange the faces"
-        )
-    corners, forms = triangles.simplices[inside], triangles.transform[inside]
-    weights = np.einsum("nij,nj->ni", forms[:, :2], x - forms[:, 2])
-    weights = np.column_stack([weights, 1.0 - weights.sum(axis=1)])
-    place = np.repeat(np.arange(len(x)), 3), corners.ravel()
-    return sparse.csr_matrix((weights.ravel(), place), (len(x), len(y)))
-
-
-def _covered(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Which (n, 2) points lie in any of (k, 3, 2) triangles."""
-    found = np.zeros(len(points), dtype=bool)
-    for a, b, c in triangles:
-        shares = np.linalg.solve(np.column_stack([a - c, b - c]), (points - c).T)
-        found |= (shares.min(axis=0) > -APART) & (shares.sum(axis=0) < 1.0 + APART)
-    return found
-
-
-def _normal(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Of the plane through the left face, towards the right one."""
-    vector = np.linalg.svd(x - x.mean(axis=0))[2][2]
-    towards = (y.mean(axis=0) - x.mean(axis=0)) @ vector
-    if len(x) < 3 or abs(towards) < 1e-9 * np.ptp(x, axis=0).max():
-        raise ValueError("contact: coincident faces do not tell their side; give the normal, left to right")
-    return vector * np.sign(towards)
-
-
 def _matrix(name: str, value: Any, factor: float) -> sparse.csr_matrix:
     """Finite, symmetric, in SI; one triangle is completed."""
     if not sparse.issparse(value) or value.dtype.kind not in "iuf":
@@ -508,44 +442,3 @@ def _vector(owner: str, name: str, given: Any) -> np.ndarray:
     if len(vector) != 3 or not vector.any():
         raise ValueError(f"{owner}: {name} = {shown(given)} must be three numbers that are not all zero")
     return vector / np.linalg.norm(vector)
-
-
-def _moving(
-    one: list[int], law: ContactLaw, rows: sparse.csr_matrix, slips: sparse.csr_matrix, distance: np.ndarray
-) -> Contact:
-    """The pairs of left nodes whose gaps a displacement moves."""
-    moves, slides = (abs(part).max(axis=1).toarray().ravel() > ROUNDING for part in (rows, slips))
-    if not moves.any():
-        raise ValueError("contact: all nodes of the faces are held; no displacement moves a gap")
-    if (slides & ~moves).any():
-        raise ValueError(
-            f"contact: law = {law!r} rubs, and node {one[(slides & ~moves).argmax()]} is held across the "
-            "faces but slides: no contact force presses on it; free it, or leave it out"
-        )
-    laws = tuple(law if rubs else Unilateral() for rubs in slides) if law.rubs else (law,) * len(one)
-    return Contact(
-        rows[moves],
-        distance[moves],
-        tuple(law for law, gives in zip(laws, moves) if gives),
-        sparse.csr_matrix(slips[moves]),
-    )
-
-
-def _given_gap(gap: Any, x: np.ndarray) -> np.ndarray:
-    """(n,): a user's number, values or function at (n, 3) places."""
-    values = _gap_at(gap, x) if callable(gap) else gap
-    if not isinstance(values, (list, tuple)) and not np.ndim(values):
-        return np.full(len(x), real("contact", "gap", values, "m"))
-    found = real_array("contact", "gap", values, 1)
-    if len(found) != len(x):
-        raise ValueError(f"contact: gap has {len(found)} values, {len(x)} were expected")
-    return found
-
-
-def _gap_at(gap: Callable, places: np.ndarray) -> Any:
-    """What a user's function says of (n, 3) places."""
-    try:
-        inspect.signature(gap).bind(*places.T)
-    except (TypeError, ValueError):
-        raise TypeError(f"contact: gap = {shown(gap)} must be a function of x, y and z") from None
-    return gap(*places.T)

@@ -436,12 +436,9 @@ class DrivenPeriod:
         key = (located, motion)
         if gap_rates.shape[2] == 0 and self._kept is not None and self._kept[0] == key:
             return self._kept[1]
-        if p.friction is None:
-            closed = p.laws.acting(motion.forces)
         if p.friction is not None:
-            contacts = rubbing_contacts(
-                p.rubbing_sets(self.constants), self.constants, motion.rows, gap_rates
-            )
+            sets = p.rubbing_sets(self.constants)
+            contacts = rubbing_contacts(sets, self.constants, motion.rows, gap_rates)
         elif located:
 
             def gaps(instants: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -449,10 +446,12 @@ class DrivenPeriod:
                 residual = np.einsum("kc,kc->k", motion.forces[instants], p.residual_flexibility[rows])
                 return self.free_gap[instants, rows] + elastic + residual
 
+            closed = p.laws.acting(motion.forces)
             contacts = located_contacts(
                 p.sets, p.right, self.coefficients, closed=closed, gaps=gaps, forces=motion.forces
             )
         else:
+            closed = p.laws.acting(motion.forces)
             contacts = exact_contacts(p.sets, p.right, self.coefficients, closed=closed, gap_rates=gap_rates)
         result = Derivative(p.length(self.step).propagation, contacts, p.steps)
         if gap_rates.shape[2] == 0 and keep:

@@ -14,6 +14,7 @@ from ..petsc import (
     MPI,
     PETSc,
     SLEPc,
+    check_ksp,
     configure,
     count_pivots,
     dense_columns,
@@ -187,7 +188,8 @@ def _lowest(
     eps: SLEPc.EPS, ksp: PETSc.KSP, k: PETSc.Mat, m: PETSc.Mat, count: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Lowest eigenvalues, mass-normalised vectors and M times these, this rank's rows, by SLEPc (prefix
-    ``modal_``), which resets the factor with its own end.
+    ``modal_``), which resets the factor with its own end. It begins out of K^-1 M, where vectors have no part
+    in what has no mass.
     """
     comm, n = k.comm.tompi4py(), k.getSize()[0]
     start, light = k.createVecs()
@@ -206,8 +208,10 @@ def _lowest(
         m.getDiagonal(light)
         # a further solve a vector, for the parts of rounding in what has no mass
         eps.setPurify(light.min()[1] <= 0.0)
-        light.setRandom()
+        start.setRandom()
+        m.mult(start, light)
         ksp.solve(light, start)
+        check_ksp(ksp, "modal")
         eps.setInitialSpace(start)
         configure(eps)
         with solving("modal"):

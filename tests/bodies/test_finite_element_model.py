@@ -256,6 +256,8 @@ def test_wrong_models(parts, change, sentence):
         (lambda b: b.contact("LEFT"), "a wall needs a normal"),
         (lambda b: b.contact("LEFT", normal="x", gap=[1e-6]), "gap has 1 values"),
         (lambda b: b.contact("LEFT", normal="x", gap=-1e-6), "overlap"),
+        (lambda b: b.contact("LEFT", normal="x", offset=1e-6), "at a wall"),
+        (lambda b: b.contact("LEFT", "RIGHT", normal="x", gap=2e-6, offset=1e-6), "beside a gap"),
         (lambda b: sb.reduce(b, loads={"F": b.at("LEFT", "x")}), "points = None must be a dict"),
         (
             lambda b: sb.reduce(b, loads={"F": sb.SupportMotion()}, points={"p": b.at("LEFT", "x")}),
