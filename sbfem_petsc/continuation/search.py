@@ -65,10 +65,16 @@ NEWTON_ALONE = Search(settling=(), ramp=0.0, dampings=(), neighbours=())
 RETURNED, TRULY = 1e-4, 1e-2
 # Newton's method is tried again behind a long history if that has come nearer to its end by this factor.
 NEARER = 0.3
+# Periods of such a history at most.
+SHORT = 240
 # Points at most of a branch that leads to the wanted motion.
 POINTS = 400
 # The same from a neighbouring frequency.
 NEAR_BY = 40
+# Periods of a history at most, in multiples of the last of `Search.settling`, where friction alone damps it.
+RUBBED = 10
+# Newton iterations with a derivative of their own after which a branch that leads to the motion is given up.
+EFFORT = 1500
 
 
 def find_steady_state(
@@ -151,6 +157,51 @@ class _Share:
         return _Share(self.report, self.begin + self.width * number / count, self.width / count)
 
 
+class _History:
+    """A history of whole periods that looks for what it settles on.
+
+    Attributes
+    ----------
+    past : deque
+        The last states, one for each period.
+    done : int
+        Periods.
+    change : float
+        Relative, over the last one; `changes` those over the last one, two, ..
+    repeat : int
+        Periods after which it repeats itself where that is more than one, else 0.
+    tried_at : float
+        The change at which Newton's method was tried last.
+    failed : str
+        Why it cannot be gone on with.
+    over : bool
+        Whether nothing new is to be expected of it.
+    """
+
+    def __init__(self, driven: DrivenPeriod, state: np.ndarray, longest: int):
+        self.driven, self.size = driven, driven.oscillation
+        self.past: deque[np.ndarray] = deque([state], longest + 1)
+        self.done, self.repeat, self.tried_at, self.failed, self.over = 0, 0, math.inf, "", False
+        self.change, self.changes = math.nan, [math.nan]
+
+    def reach(self, target: int, tell: Callable[[int], None]) -> bool:
+        """Go on to so many periods; whether that is possible."""
+        try:
+            while self.done < target and not self.over:
+                self.past.append(self.past[-1] + self.driven.run(self.past[-1]).residual)
+                self.done += 1
+                tell(self.done)
+        except SolveError as error:  # a contact problem that was not solved
+            self.failed, self.over = str(error), True
+        if self.over:
+            return False
+        past = self.past
+        norm = max(self.driven.period.size(past[-1]), self.size, 1e-300)
+        self.changes = [float(np.linalg.norm(past[-1] - past[-1 - n])) / norm for n in range(1, len(past))]
+        self.change, self.repeat = self.changes[0], _recurrence(self.changes)
+        return True
+
+
 class _Attempts:
     """The ways to a steady state, and what is to be notes of each that failed."""
 
@@ -161,6 +212,7 @@ class _Attempts:
         self.jacobian, self.multiples, self.search = jacobian, multiples, search
         self.notes: list[str] = []
         self.share = _Share()
+        self._own = _History(driven, guess, search.longest)
 
     def _newton(
         self, period: Period, state: np.ndarray, frequency: float, factor: float = 1.0
@@ -175,77 +227,75 @@ class _Attempts:
     def settle_first(self) -> FixedPoint | None:
         """Where a history settles soon."""
         most = int(0.1 * self.search.work / (self.period.steps * self.period.modes))
-        shot, _, _, repeat = self._history(self.period, self.frequency, self.guess, most)
-        return shot
+        return self._followed(self._own, most)
 
     def settle(self) -> FixedPoint | None:
-        """Where a history settles in the end."""
-        shot, done, change, repeat = self._history(self.period, self.frequency, self.guess)
-        if shot is None and done:
+        """Where that history settles in the end."""
+        own = self._own
+        shot = self._followed(own)
+        if shot is None and own.failed:
+            self.notes.append(f"a history: {own.failed}")
+        elif shot is None and own.done:
             self.notes.append(
-                f"a history of {done} periods, after which x(T) - x(0) is at {change:.1e} of x(0)"
+                f"a history of {own.done} periods, after which x(T) - x(0) is at {own.change:.1e} of x(0)"
                 + (
-                    f" and which repeats itself after {repeat} periods: give periods={repeat}"
-                    if repeat
+                    f" and which repeats itself after {own.repeat} periods: give periods={own.repeat}"
+                    if own.repeat
                     else ""
                 )
             )
         return shot
 
-    def _history(
-        self, period: Period, frequency: float, state: np.ndarray, most: float = math.inf
-    ) -> tuple[FixedPoint | None, int, float, int]:
-        """Fixed point behind a history, or None; periods done, relative change over the last one, and number
-        of periods after which the history repeats itself where that is more than one (else 0).
-        """
-        driven = period.at(frequency)
-        most = min(most, self._patience(period, driven.duration))
-        size = driven.oscillation
-        past: deque[np.ndarray] = deque([state], self.search.longest + 1)
-        done, change, repeat, tried_at = 0, math.nan, 0, math.inf
-        for target in self._rounds(most):
-            try:
-                while done < target:
-                    past.append(past[-1] + driven.run(past[-1]).residual)
-                    done += 1
-                    self.share.tell(done / most)
-            except SolveError as error:  # a contact problem that was not solved
-                self.notes.append(str(error))
-                return None, done, change, repeat
-            norm = max(period.size(past[-1]), size, 1e-300)
-            changes = [float(np.linalg.norm(past[-1] - past[-1 - n])) / norm for n in range(1, len(past))]
-            change = changes[0]
+    def _followed(self, history: _History, most: float = math.inf) -> FixedPoint | None:
+        """Fixed point behind a history, which is gone on with to so many periods, or None."""
+        period, frequency = history.driven.period, history.driven.frequency
+        most = min(most, self._patience(period, history.driven.duration))
+        for target in self._rounds(history.done, most):
+            if not history.reach(target, lambda done: self.share.tell(done / most)):
+                return None
             # a failed attempt takes as long as some hundreds of periods
-            if done <= self.search.settling[-1] or target >= most or not change > NEARER * tried_at:
-                tried_at, shot = change, self._newton(period, past[-1], frequency)
+            if (
+                history.done <= self.search.settling[-1]
+                or target >= most
+                or not history.change > NEARER * history.tried_at
+            ):
+                history.tried_at = history.change
+                shot = self._newton(period, history.past[-1], frequency)
                 if shot is not None:
-                    return shot, done, change, 0
-            repeat = _recurrence(changes)
-            if repeat:
-                if self.multiples:
-                    shot = self._newton(_repeated(period, repeat), past[-1], frequency)
-                    if shot is not None:
-                        return shot, done, change, repeat
-                elif changes[repeat - 1] < 1e-2 * RETURNED:
-                    break
-        return None, done, change, repeat
+                    return shot
+            repeat = history.repeat
+            if repeat and self.multiples:
+                shot = self._newton(_repeated(period, repeat), history.past[-1], frequency)
+                if shot is not None:
+                    return shot
+            history.over = 0 < repeat and not self.multiples and history.changes[repeat - 1] < 1e-2 * RETURNED
+        return None
 
-    def _rounds(self, most: float) -> Iterator[int]:
+    def _settled(self, period: Period, frequency: float) -> FixedPoint | None:
+        """The fixed point behind a history of another period from its linear motion, or None."""
+        driven = period.at(frequency)
+        return self._followed(_History(driven, driven.linear_state, self.search.longest), SHORT)
+
+    def _rounds(self, done: int, most: float) -> Iterator[int]:
+        """Periods after which Newton's method is tried, of which so many are done."""
         last = 0
         for last in self.search.settling:
             if last >= most:
                 break
-            yield last
+            if last > done:
+                yield last
         while 0 < last < most:
             last = int(min(2 * last, most))
-            yield last
+            if last > done:
+                yield last
 
     def _patience(self, period: Period, duration: float) -> float:
-        """Periods after which a history is given up; none without damping."""
+        """Periods after which a history is given up; few without damping."""
         r = period.reduced
         slowest = float((r.damping * period.weights).min()) * duration
         if slowest <= 0.0:
-            return self.search.settling[-1] if self.search.settling else 0
+            last = self.search.settling[-1] if self.search.settling else 0
+            return last if period.friction is None else RUBBED * last
         most = self.search.work / (period.steps * period.modes)
         return math.ceil(min(most, max(self.search.time_constants / slowest, 100.0)))
 
@@ -272,18 +322,20 @@ class _Attempts:
 
     def lower_damping(self) -> FixedPoint | None:
         """The end of a branch from a motion with larger damping."""
+        if not self.period.reduced.damping.any():
+            return None
         start, factor, share = None, 1.0, self.share
         for k, factor in enumerate(self.search.dampings):
             self.share = share.part(k, len(self.search.dampings) + 1)
             damped = self.period.scaled(damping=factor)
             start = self._newton(damped, damped.at(self.frequency).linear_state, self.frequency)
             if start is None:
-                start = self._history(damped, self.frequency, damped.at(self.frequency).linear_state, 240)[0]
+                start = self._settled(damped, self.frequency)
             if start is not None and start.driven.period is damped:
                 break
             start = None
         if start is None:
-            if self.search.dampings and self.period.reduced.damping.any():
+            if self.search.dampings:
                 self.notes.append(f"more damping, without a motion at up to {factor:g} times the given one")
             return None
         self.share = share.part(len(self.search.dampings), len(self.search.dampings) + 1)
@@ -298,10 +350,9 @@ class _Attempts:
         for k, distance in enumerate(self.search.neighbours):
             self.share = share.part(k, len(self.search.neighbours))
             value = self.frequency * (1.0 + distance)
-            state = self.period.at(value).linear_state
-            shot = self._newton(self.period, state, value)
+            shot = self._newton(self.period, self.period.at(value).linear_state, value)
             if shot is None:
-                shot = self._history(self.period, value, state, 240)[0]
+                shot = self._settled(self.period, value)
             if shot is None or shot.driven.period is not self.period:
                 ends.append(f"{value:.6g} Hz (no motion there)")
                 continue
@@ -321,10 +372,14 @@ class _Attempts:
         """The wanted motion at the end of a branch from one at a value of a parameter, and why that ended."""
         orbits = Orbits(self.period, parameter)
         line = Line([Point.known(orbits, np.append(first.state, value))])
-        begin, extent = parameter.start, parameter.range.extent
+        begin, extent, effort = parameter.start, parameter.range.extent, 0.0
 
         def tell(line: Line) -> None:
+            nonlocal effort
             self.share.tell(abs(line.points[-1].value - begin) / extent)
+            effort += line.points[-1].effort
+            if effort > EFFORT:
+                raise SolveError(f"{EFFORT} Newton iterations, at {line.points[-1].value:.6g}")
 
         try:
             follow(line, parameter.range, Settings(points), tell)

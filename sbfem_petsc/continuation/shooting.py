@@ -65,11 +65,14 @@ def shoot(
         found = _from_fewer_steps(driven, state)
         if found is not None:
             return found
+    updated = Shooting(driven, "updated", iterations)
     try:
-        return solve("updated")
+        return updated.solve(state)
     except PetscFailure:
         raise
     except SolveError:
+        if updated.made >= len(updated.residuals) - 1:  # none was updated: the dense way is the same
+            raise
         return solve("dense")
 
 
@@ -107,14 +110,15 @@ def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray
         return None
     aim = max(NEARBY * driven.oscillation, ROUND_OFF * float(np.linalg.norm(driven.linear_state)))
     residuals: list[float] = []
-    while True:
+    while len(residuals) < ITERATIONS:
         motion = driven.run(state)
         residuals.append(float(np.linalg.norm(motion.residual)))
         if residuals[-1] <= aim:
             return FixedPoint(state, driven, motion, tuple(residuals))
         if len(residuals) > 1 and residuals[-1] > 0.1 * residuals[-2]:
-            return None
+            break
         state = state - inverse.solve(motion.residual)
+    return None
 
 
 class Shooting:
@@ -135,6 +139,8 @@ class Shooting:
         self.near: np.ndarray | None = None
         self.derivative: np.ndarray | None = None
         self.residuals: list[float] = []
+        # derivatives made
+        self.made = 0
         # the inverse of the updated one, and whether it is that of the matrix PETSc solves with
         self.inverse = Updated(Factors(np.eye(1)))
         self.known = False
@@ -231,6 +237,7 @@ class Shooting:
 
     def _derivative(self, motion: PeriodMotion) -> np.ndarray:
         unit = np.eye(len(motion.residual))
+        self.made += 1
         return self.driven.carried(motion, unit) - unit
 
     def _by_differences(self, state: np.ndarray, motion: PeriodMotion, array: np.ndarray) -> None:

@@ -577,6 +577,16 @@ def test_a_ramp_past_a_corner():
     assert again.iterations <= 1
 
 
+def test_a_ramp_of_too_many_iterations(monkeypatch):
+    """It is given up, and the sentence says where."""
+    monkeypatch.setattr(steady, "EFFORT", 3)
+    alone = Search(settling=(), dampings=(), neighbours=())
+    with pytest.raises(
+        sb.SolveError, match="ramp of the load, which ended as well: 3 Newton iterations, at 0"
+    ):
+        sb.periodic(two_masses(), 0.1, 0.1, steps=512, search=alone)
+
+
 @pytest.mark.parametrize("number", [np.int64(300), np.float32(300), 300])
 def test_forces_of_all_kinds_are_amplitudes(case_p, number):
     """The same motion as for a float."""

@@ -10,6 +10,7 @@ from meshing import Beam, VNotch
 from sbfem_petsc import reduce_matrices
 from sbfem_petsc.continuation import search as steady
 from sbfem_petsc.continuation.search import NEWTON_ALONE, Search
+from sbfem_petsc.continuation.shooting import Shooting
 
 FREQUENCY, STEPS = 280.0, 891
 
@@ -129,6 +130,18 @@ def test_resonance_with_hardly_any_damping():
     velocity = orbit.states.v[:, 0]
     given = np.mean(np.sin(2.0 * np.pi * frequency * orbit.time) * velocity)
     assert given == pytest.approx(np.mean(2.0 * 1e-4 * 0.1 * velocity**2), rel=1e-2)
+
+
+def test_exact_derivatives_are_made_once(monkeypatch):
+    """Newton's method that has failed with the exact derivative in each iteration is not tried again with
+    that in each iteration.
+    """
+    kinds, solve = [], Shooting.solve
+    monkeypatch.setattr(Shooting, "solve", lambda self, x: (kinds.append(self), solve(self, x))[1])
+    reduction, frequency = bilinear(1e-4)
+    with pytest.raises(sb.SolveError, match="after 30 iterations"):
+        sb.periodic(reduction, 1.0, frequency, steps=2048, search=NEWTON_ALONE)
+    assert [each.jacobian for each in kinds] == ["updated"] and kinds[0].made == 30
 
 
 @pytest.mark.parametrize("periods", [5, 54])

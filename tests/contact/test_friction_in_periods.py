@@ -13,8 +13,9 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.contact.friction import AGAINST, ALONG, STICKS
+from sbfem_petsc.continuation import search as steady
 from sbfem_petsc.motion.excitation import Excitation
-from sbfem_petsc.motion.period_map import Period
+from sbfem_petsc.motion.period_map import DrivenPeriod, Period
 from tests.contact.test_friction_in_motion import FRICTION, PRESSURE, SLIDER, SPRING, jenkins, slider
 from tests.contact.test_friction_on_masses import beam
 from tests.parallel import ROOT, answer, on_ranks
@@ -220,6 +221,26 @@ def test_motions_that_stick(mass, tmp_path):
         assert less.path == "Newton" and less.slip == pytest.approx(again.slip, abs=1e-15)
     apart = sb.periodic(mass, shaken(1.0), FREQUENCY, contact=False)
     assert sb.periodic(mass, shaken(1.0), FREQUENCY, guess=apart).friction_loss > 0.0
+
+
+def test_a_search_without_damping_ends(mass, monkeypatch):
+    """Where friction alone damps, a history is followed for 300 periods, once, and there is no ramp of the
+    damping. A plate took more than ten minutes, in which it did the same four times.
+    """
+    frequencies, run = [], DrivenPeriod.run
+    monkeypatch.setattr(
+        DrivenPeriod, "run", lambda self, x: (frequencies.append(self.frequency), run(self, x))[1]
+    )
+
+    def fails(*arguments):
+        raise sb.SolveError("Newton fails")
+
+    monkeypatch.setattr(steady, "shoot", fails)
+    search = steady.Search(ramp=0.0, neighbours=(0.01,))
+    with pytest.raises(sb.SolveError) as caught:
+        sb.periodic(mass, shaken(1.0), FREQUENCY, steps=64, search=search)
+    assert "in vain as well: continuation" in str(caught.value) and "a history of 300" in str(caught.value)
+    assert frequencies.count(FREQUENCY) == 300 and len(frequencies) == 540
 
 
 def test_curves(mass):
