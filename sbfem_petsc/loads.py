@@ -187,7 +187,7 @@ class SupportMotion(Load):
 @dataclass(frozen=True)
 class EdgeMotion(Load):
     """Prescribed displacement of a supported edge set or point, in the directions that its support holds
-    fixed; other supports stand still. Constant or in time, but for motions of the unreduced model.
+    fixed; other supports stand still. Constant or in time.
 
     The force that it takes is the support's in `reactions`. A displacement cannot jump: one that sets in has
     a rise, `Step(amplitude, rise=...)`. Where its rate does, as at the corners of linear `Samples`, the force
@@ -269,16 +269,6 @@ def as_loads(load: Load | Loads | Iterable[Load]) -> Loads:
                 "EdgeMotion"
             )
     return Loads(tuple(flat))
-
-
-def refuse_motion(owner: str, units: Iterable[Load]) -> None:
-    """Raise ValueError for an `EdgeMotion` among the loads of an unreduced model that moves."""
-    for unit in units:
-        if isinstance(unit, EdgeMotion):
-            raise ValueError(
-                f"{owner}: motions of the unreduced model do not take the EdgeMotion of {unit.where!r}; take "
-                "the reduced model, reduction = 'modes', or move all supports together by a SupportMotion"
-            )
 
 
 def separate(load, number: Callable[[float], Signal] = as_signal) -> tuple[list[Load], list[Signal]]:

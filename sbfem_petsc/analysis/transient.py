@@ -15,7 +15,6 @@ from meshing.warnings import StepWarning
 
 from ..checks import choice, flag, real_array, shown
 from ..errors import caller_level
-from ..loads import refuse_motion
 from ..motion.files.history_file import HistoryFile
 from ..motion.history import History
 from ..motion.initial import modal_start
@@ -145,8 +144,6 @@ def transient(
             )
         check_initial(initial, unreduced)
         loads = loading("transient", model, load)
-        if unreduced:
-            refuse_motion("transient", loads.units)
         loads = loads.over("transient", duration, isinstance(initial, str) and initial == "rest")
     require_compiler("transient", comm)
     with contextlib.ExitStack() as stack:

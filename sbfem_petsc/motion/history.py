@@ -52,8 +52,7 @@ class Motion(Record):
     @property
     def supports(self) -> tuple[str, ...]:
         """Names of what is supported; none where no reactions are told."""
-        found = None if self.reduced is None else self.reduced.supports
-        return () if found is None else found.names
+        return self.states.supports
 
     @property
     def reduced(self) -> ReducedModel | None:
@@ -68,16 +67,14 @@ class Motion(Record):
 
     @derived("N", "force of each support on the structure", "time support xy")
     def reactions(self) -> np.ndarray | None:
-        """(n, supports, 2): N, in the order of `supports`; None of matrices and of an unreduced model."""
-        return self.states.reactions() if isinstance(self.states, ModalStates) else None
+        """(n, supports, 2): N, in the order of `supports`; None of matrices."""
+        return self.states.reactions()
 
     def reaction(self, support: str) -> np.ndarray:
         """(n, 2): force of a support on the structure, N."""
         table = self.reactions
         if table is None:
-            raise on_all_ranks(
-                SolveError("reaction: motions of an unreduced model and of matrices do not tell it")
-            )
+            raise on_all_ranks(SolveError("reaction: motions of matrices and of older files do not tell it"))
         return at_point(dict(zip(self.supports, np.moveaxis(table, 1, 0))), support, "support")
 
     @derived(

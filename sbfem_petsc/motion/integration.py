@@ -74,12 +74,13 @@ class FormerRun:
 
 
 class UnreducedFacts(NamedTuple):
-    """What the file of an unreduced model's history tells of the model: names of points, the tips, what tells
-    models apart, and what tells this rank's unknowns apart.
+    """What the file of an unreduced model's history tells of the model: names of points, the tips, what is
+    supported, what tells models apart, and what tells this rank's unknowns apart.
     """
 
     points: tuple[str, ...]
     tips: TipFacts
+    supports: tuple[str, ...]
     fingerprint: np.ndarray
     layout: Mapping[str, np.ndarray]
 

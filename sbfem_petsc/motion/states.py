@@ -79,6 +79,13 @@ class States(Protocol):
     def stress_intensity(self, tip: str) -> np.ndarray:
         """(n, 2): K_I and K_II, Pa m^(1/2)."""
 
+    @property
+    def supports(self) -> tuple[str, ...]:
+        """What is supported; nothing where no reactions are told."""
+
+    def reactions(self) -> np.ndarray | None:
+        """(n, supports, 2): forces of the supports, N; None where they are not told."""
+
     def field(self, instant: int) -> Field:
         """Displacements of this rank's nodes, and what contact does inside the tips' S-elements.
         Collective."""
@@ -154,6 +161,11 @@ class ModalStates(Record):
         if self.edge_rates is None:
             return np.zeros((len(self.q), 0))
         return np.split(self.edge_rates, 2, axis=1)[order]
+
+    @property
+    def supports(self) -> tuple[str, ...]:
+        """What is supported; of matrices nothing."""
+        return () if self.reduced.supports is None else self.reduced.supports.names
 
     def reactions(self) -> np.ndarray | None:
         """(n, supports, 2): forces of the supports, N; None of matrices."""
@@ -260,6 +272,9 @@ class SampledStates(Record):
     gaps: int | None = quantity(
         "1", "contact rows that are gaps, behind which slips stand, where faces rub", default=None, least=0
     )
+    borne: dict[str, np.ndarray] = quantity(
+        "N", "force of each support on the structure", "time support xy", by="support", default_factory=dict
+    )
     fields: KeptFields | None = None
 
     def check(self) -> None:
@@ -286,6 +301,17 @@ class SampledStates(Record):
     def tips(self) -> tuple[str, ...]:
         """Names of the crack tips."""
         return tuple(self.intensities)
+
+    @property
+    def supports(self) -> tuple[str, ...]:
+        """What is supported; of older files nothing."""
+        return tuple(self.borne)
+
+    def reactions(self) -> np.ndarray | None:
+        """(n, supports, 2): forces of the supports, N, extrapolated from the means over the last two steps;
+        None of older files.
+        """
+        return np.stack(list(self.borne.values()), axis=1) if self.borne else None
 
     def displacement(self, point: Point) -> np.ndarray:
         """(n, 2), m. Collective for a place (x, y)."""

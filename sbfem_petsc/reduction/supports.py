@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -75,7 +75,50 @@ class Supports(Record):
         """Of a model's modes and some unit loads, which do `columns` and under which the displacement
         unknowns are `solved` (owned, loads). Collective.
         """
-        forces, omega = model.support_forces, 2.0 * np.pi * found.frequencies
+        shares, omega = StaticShares.of(model, units, columns, solved), 2.0 * np.pi * found.frequencies
+        names, moved = shares.names, shares.moved
+        inertia = -model.support_forces.of_modes(found.shapes, omega) / omega**2
+        flat = inertia.reshape(-1, len(omega))
+        mass = shares.mass - np.where(moved >= 0, flat @ flat[moved].T, 0.0)
+        loads, contact, mass = (
+            part.reshape(len(names), 2, part.shape[1]) for part in (shares.loads, shares.contact, mass)
+        )
+        return cls(
+            names, inertia, loads, contact, model.rayleigh[1] * np.where(moved >= 0, loads, 0.0), mass, moved
+        )
+
+
+class StaticShares(NamedTuple):
+    """What supports bear where all follows them at rest.
+
+    Attributes
+    ----------
+    names : tuple of str
+    following : (m, 2, 2 names) array
+        Displacements of this rank's nodes under unit displacements of the supports, 1.
+    moved : (loads,) array
+        See `Supports.moved`.
+    loads : (2 names, loads) array
+        Forces under unit loads.
+    contact : (2 names, c) array
+        Forces under unit contact forces.
+    mass : (2 names, loads) array
+        Of what follows the prescribed displacements among the loads, kg.
+    """
+
+    names: tuple[str, ...]
+    following: np.ndarray
+    moved: np.ndarray
+    loads: np.ndarray
+    contact: np.ndarray
+    mass: np.ndarray
+
+    @classmethod
+    def of(
+        cls, model: Model, units: Sequence[Load], columns: LoadColumns, solved: np.ndarray
+    ) -> StaticShares:
+        """See `Supports.of`. Collective."""
+        forces = model.support_forces
         names, following = forces.names, forces.following(model.solver)
         own, held = (owned_values(part, following) for part in (model, model.held))
         contact = model.gap_operator.rows(own) + model.held.gap_operator.rows(held)
@@ -91,15 +134,7 @@ class Supports(Record):
             loads[:, k] = np.ravel(list(forces(field, np.zeros_like(field)).values()))
             mass[:, k] = np.einsum("nis,ni->s", following, inertia_forces(model, field))
         model.comm.Allreduce(MPI.IN_PLACE, mass)
-        inertia = -forces.of_modes(found.shapes, omega) / omega**2
-        flat = inertia.reshape(-1, len(omega))
-        mass -= np.where(moved >= 0, flat @ flat[moved].T, 0.0)
-        loads, contact, mass = (
-            part.reshape(len(names), 2, part.shape[1]) for part in (loads, -contact.T, mass)
-        )
-        return cls(
-            names, inertia, loads, contact, model.rayleigh[1] * np.where(moved >= 0, loads, 0.0), mass, moved
-        )
+        return cls(names, following, moved, loads, -contact.T, mass)
 
 
 def _moved(names: Sequence[str], unit: Load) -> int:

@@ -164,7 +164,7 @@ def test_read_again(tmp_path):
 
 
 def test_refused():
-    """What is not held, not supported, held by another support; jumps; the unreduced model in time."""
+    """What is not held, not supported, held by another support; jumps."""
     mesh = Plate(OUTLINE).mesh(order=2)
     with sb.Model(mesh, STEEL, clamped=LEFT, supports=[sb.Support(LOWER, x=False)]) as model:
         for load, error, text in (
@@ -185,18 +185,14 @@ def test_refused():
                 sb.static(model, load)
     with sb.Model(mesh, STEEL, clamped=LEFT, rayleigh=(0.0, 1e-7)) as model:
         tone = sb.EdgeMotion(LEFT, uy=sb.Harmonic(PULL, 100.0))
-        shake = sb.EdgeMotion(LEFT, ux=PULL)
         jump = sb.EdgeMotion(LEFT, uy=sb.Step(PULL, time=1e-4))
         leaping = sb.EdgeMotion(LEFT, uy=sb.Custom(lambda t: PULL * (1e2 * t % 1.0 > 0.5), 1e3))
         reduced = sb.reduce(model, tone, modes=4)
         pushed = sb.reduce(model, sb.EdgeLoad(RIGHT, ty=1.0), modes=4)
-        motionless, other = "unreduced model do not take the EdgeMotion of 'edge4'", "made for other loads"
+        other = "made for other loads"
         rise = "jumps, which a displacement cannot; give it a rise"
         for call, text in (
-            (lambda: sb.transient(model, tone, 1e-3, reduction=None), motionless),
-            (lambda: sb.transient(model, tone, 1e-3, scheme="paper"), motionless),
-            (lambda: sb.periodic(model, tone, 100.0, reduction=None), motionless),
-            (lambda: sb.frequency_response(model, shake, 1.0, 2.0, reduction=None), motionless),
+            (lambda: sb.transient(model, jump, 1e-3, reduction=None), f"uy of 'edge4' = Step.*{rise}"),
             (lambda: sb.periodic(pushed, tone, 100.0), other),
             (lambda: sb.transient(reduced, jump, 1e-3), f"uy of 'edge4' = Step.*{rise}"),
             (lambda: sb.periodic(reduced, leaping, 100.0), rise),

@@ -387,16 +387,6 @@ def test_numbers_of_many_digits(key, digits):
     assert f"{digits:,d} digits" in said or f"{name} = " in said
 
 
-def test_a_motion_of_edges_in_a_steady_state():
-    """The reduced model takes it alone."""
-    push = '[loads.push]\nkind = "point_force"\npoint = "A"\nfy = 200.0'
-    text = CASE.replace(push, '[loads.push]\nkind = "edge_motion"\nwhere = "left"\nuy = 1e-5')
-    case_from_text(text)
-    said = refused(text.replace('kind = "periodic"', 'kind = "periodic"\nreduced = false'))
-    assert "analyses.steady.load = 'push' is of kind 'edge_motion', which motions of the unreduced" in said
-    assert "analyses.push" not in said
-
-
 def test_several_at_once():
     """All faults of a file are told, in the order of their tables."""
     text = CASE.replace("length = 0.1", "length = -1.0").replace("young = 70e9", "yung = 70e9")

@@ -120,8 +120,10 @@ class HistoryFile(RunFile):
                 return
             head = {"kept": "history", "record": "History", "kind": self.kind, **settings}
             if unreduced is not None:
-                names = {"points": list(unreduced.points), "tip_names": list(unreduced.tips.names)}
-                head |= {**names, "fingerprint": unreduced.fingerprint}
+                names = {"points": unreduced.points, "tip_names": unreduced.tips.names}
+                names |= {"supports": unreduced.supports}
+                head |= {name: list(found) for name, found in names.items()}
+                head["fingerprint"] = unreduced.fingerprint
             self._layouts = {
                 f"layout/{rank}/{name}": values
                 for rank, own in enumerate(layouts or [])
@@ -145,7 +147,7 @@ class HistoryFile(RunFile):
     def _require_same(self, former: Kept, mine: Mapping[str, Any], signals: Sequence[Signal]) -> None:
         """Refuse a file of another model, other settings or signals, and one that reaches further."""
         theirs, path = former.head, self.path
-        of_model = {"points", "tip_names", "fingerprint"}
+        of_model = {"points", "tip_names", "supports", "fingerprint"}
         self.require_same({name: v for name, v in mine.items() if name not in of_model | {"count"}})
         for name in of_model & mine.keys():
             one, other = theirs.get(name, ""), mine[name]
@@ -281,12 +283,17 @@ def result_of(kept: Kept, in_memory: bool = True) -> History:
         tips = from_image(head["tips"])
         size = found["contact_force"][0]
         gaps = size - head["friction"].shape[1] if "friction" in head else size
-        columns = sampled_columns(len(head["points"]), len(tips.names), size, gaps)
+        supports = tuple(head.get("supports", ()))
+        if not supports:  # of a file of before motions of the unreduced model told reactions
+            rows["reactions"], found["reactions"] = np.zeros((len(rows["time"]), 0, 2)), (0, 2)
+        counts = (len(head["points"]), len(tips.names), size, gaps)
+        columns = sampled_columns(*counts, supports=len(supports))
     if found != {name: column.shape for name, column in columns.items()}:
         raise ValueError(f"its rows are {found}, which is not what the model has")
     if head["kind"] == "reduced":
         return reduced_history(rows, reduced, head["step"], recorded_exchanges(state["state"]), complete)
-    run = SampledRun(tuple(head["points"]), tips, head["pairs"], gaps, head["step"], head["damped_modes"])
+    facts = head["pairs"], gaps, head["step"], head["damped_modes"]
+    run = SampledRun(tuple(head["points"]), tips, *facts, supports)
     return unreduced_history(rows, run, complete)
 
 

@@ -27,8 +27,9 @@ import numpy as np
 
 from ...damping import DampingTable
 from ...errors import SolveError, on_all_ranks
-from ...loads import Load
+from ...loads import EdgeMotion, Load
 from ...petsc import stage
+from ...signals.rate import rate_of
 from ...signals.signal import Signal
 from ...system.fields.resolution import warn_of_tips
 from ...system.fields.tip_facts import TipFacts
@@ -83,7 +84,11 @@ class UnreducedIntegrator:
         model.require_support("the transient analysis")
         warn_of_tips("transient", model)
         self.model, self.steps = model, steps
-        self.drive = Drive(model.comm, signals, steps.step)
+        self.loads = len(signals)
+        # rates of prescribed displacements stand behind the loads
+        moved = [signal for signal, unit in zip(signals, units) if isinstance(unit, EdgeMotion)]
+        rates = [rate_of(signal, steps.step) for signal in moved]
+        self.drive = Drive(model.comm, [*signals, *rates], steps.step)
         self.comm, self.chunk = model.comm, CHUNK
         require_steps("transient", model, modes if model.damping else 0, KEPT_RESPONSES)
         found = lowest_modes(model, modes, auxiliary_tolerance=0.0) if model.damping else None
@@ -131,7 +136,11 @@ class UnreducedIntegrator:
             settings,
             signals,
             UnreducedFacts(
-                tuple(model.points), model.tips.facts, march.fingerprint(), layout_of(self.pencil)
+                tuple(model.points),
+                model.tips.facts,
+                march.ground.names,
+                march.fingerprint(),
+                layout_of(self.pencil),
             ),
         )
 
@@ -139,11 +148,10 @@ class UnreducedIntegrator:
         """The row of t = 0."""
         march = self.march
         amplitudes, sums = self.drive.sums(0, 1)
-        march.amplitudes = amplitudes[0]
-        gap = march.displacements()[: march.pairs] + march.gap0 + march.load_gaps @ march.amplitudes
+        gap = march.displacements()[: march.pairs] + march.free_gaps(march.amplitudes)
         gap = gap + march.own_flexibility @ self.force
         march.contact.slip = gap[len(march.laws) :]
-        march.slope = march.first_slope(sums[0])
+        march.slope = march.first_slope(sums[0, : self.loads], *np.split(amplitudes[1], [self.loads]))
         return self._stacked([self._row(0.0, march.slope, self.force, gap, march.energies())])
 
     @stage("Steps")
@@ -152,9 +160,11 @@ class UnreducedIntegrator:
         march, kept = self.march, []
         time = (done + np.arange(steps + 1)) * march.step
         amplitudes, sums = self.drive.sums(done, steps)
+        amplitudes, rates = np.split(amplitudes, [self.loads], axis=1)
+        march.amplitudes, march.rates = amplitudes[0], rates[0]
         for k in range(steps):
             slope = march.slope
-            force, gap = march.advance(sums[k], amplitudes[k + 1])
+            force, gap = march.advance(sums[k, : self.loads], amplitudes[k + 1], rates[k + 1])
             keep = (done + k + 1) % decimation == 0
             if keep or march.scheme == "paper":
                 energies = march.energies()
@@ -179,16 +189,18 @@ class UnreducedIntegrator:
             )
 
     def _row(
-        self, time: float, acceleration: np.ndarray, force: np.ndarray, gap: np.ndarray, energies: np.ndarray
+        self, time: float, slope: np.ndarray, force: np.ndarray, gap: np.ndarray, energies: np.ndarray
     ) -> tuple:
-        """Values at the present instant."""
+        """Values at the present instant, with accelerations and what supports bear as in `slope`."""
         places, speeds = self.march.at_points()
+        acceleration, borne = (part.reshape(-1, 2) for part in np.split(slope, [places.size]))
         energies = np.concatenate([energies, self.march.work])
         forces_and_gaps = self.march.padded(force, gap)
         intensities = self.march.intensities()
         if self.fields.wanted:
             self.fields.add(self.march.owned(), self.march.amplitudes)
-        return (np.float64(time), places, speeds, acceleration, *forces_and_gaps, energies, intensities)
+        values = (np.float64(time), places, speeds, acceleration, *forces_and_gaps, energies, intensities)
+        return (*values, borne)
 
     def _stacked(self, rows: list[tuple]) -> Rows:
         if not rows:
@@ -204,7 +216,7 @@ class UnreducedIntegrator:
             march.stored,
             *march.work,
             *march.carried,
-            *march.slope.ravel(),
+            *march.slope,
         ]
         contact = march.contact
         return np.concatenate([numbers, contact.state, contact.slip, march.u, march.v]).astype(float)
@@ -224,7 +236,7 @@ class UnreducedIntegrator:
         sizes = (*shared, march.u.size, march.u.size)
         head, work, carried, slope, rows, slip, u, v = np.split(numbers, np.cumsum(sizes)[:-1])
         self.initial, self.supplied, march.stored = map(float, head)
-        march.work[:], march.carried, march.slope = work, carried.copy(), slope.reshape(-1, 2)
+        march.work[:], march.carried, march.slope = work, carried.copy(), slope
         self.fields.wanted = False  # those of the former run are gone
         march.contact.state[:], march.u[:], march.v[:] = rows, u, v
         march.contact.slip = slip.copy()
@@ -242,6 +254,7 @@ class UnreducedIntegrator:
                 len(model.gap_operator.laws),
                 self.march.step,
                 len(self.march.omega),
+                self.march.ground.names,
             ),
             fields=self.fields.complete(len(rows["time"])),
         )
@@ -250,17 +263,18 @@ class UnreducedIntegrator:
         """Set the state at t = 0; the contact forces there."""
         model, march = self.model, self.march
         force = np.zeros(march.pairs)
-        if isinstance(initial, str):
-            if initial == "rest" or not units:
-                return force
-            columns = model.load_columns(units)
-            amplitudes = self.drive(np.zeros(1))[0]
-            found = equilibrium(model, columns.combined(amplitudes), self.steps.contact)
-            march.u[: self.pencil.owned] = found.owned
-            force = found.force[: march.pairs].copy()
-        else:
+        march.amplitudes, march.rates = np.split(self.drive(np.zeros(1))[0], [self.loads])
+        if not isinstance(initial, str):
             for state, function, what in zip((march.u, march.v), initial, ("displacement", "velocity")):
                 state[:] = unreduced_state(self.pencil, function, what)
+        elif initial == "equilibrium" and units:
+            columns = model.load_columns(units)
+            found = equilibrium(model, columns.combined(march.amplitudes), self.steps.contact)
+            march.u[: self.pencil.owned] = found.owned
+            force = found.force[: march.pairs].copy()
+        ground = march.ground
+        march.u[: self.pencil.owned] -= ground.owned @ march.amplitudes[ground.edges]
+        march.v[: self.pencil.owned] -= ground.owned @ march.rates
         march.force = force
         march.settle(fold=False)
         return force
@@ -269,11 +283,12 @@ class UnreducedIntegrator:
 def unreduced_columns(model: Model) -> dict[str, Column]:
     """What is kept of each instant."""
     rows, laws = model.gap_operator, model.gap_operator.laws
-    return sampled_columns(len(model.points), len(model.tips.names), len(rows), len(laws))
+    supports = len(model.support_forces.names)
+    return sampled_columns(len(model.points), len(model.tips.names), len(rows), len(laws), supports=supports)
 
 
-def sampled_columns(points: int, tips: int, size: int, gaps: int) -> dict[str, Column]:
-    """The same of so many points, crack tips and contact rows, of which so many are gaps."""
+def sampled_columns(points: int, tips: int, size: int, gaps: int, *, supports: int) -> dict[str, Column]:
+    """The same of so many points, crack tips and contact rows, of which so many are gaps, and supports."""
     energies = ["kinetic", "strain", "external", "damping", "contact"]
     energies += [] if gaps == size else ["friction"]
     return {
@@ -287,12 +302,13 @@ def sampled_columns(points: int, tips: int, size: int, gaps: int) -> dict[str, C
         "gap": Column((size,), "m", "gaps of the contact rows, then slips"),
         "energies": Column((len(energies),), "J", ", ".join(energies)),
         "stress_intensity": Column((tips, 2), "Pa m^(1/2)", "K_I and K_II of the tips"),
+        "reactions": Column((supports, 2), "N", "forces of the supports on the structure"),
     }
 
 
 class SampledRun(NamedTuple):
     """What a history's rows do not tell: names of points, the tips, pairs, contact rows that are gaps,
-    the step (s), damped modes.
+    the step (s), damped modes, what is supported.
     """
 
     points: tuple[str, ...]
@@ -301,6 +317,7 @@ class SampledRun(NamedTuple):
     gaps: int
     step: float
     damped_modes: int
+    supports: tuple[str, ...]
 
 
 def unreduced_history(
@@ -322,6 +339,7 @@ def unreduced_history(
         intensities,
         run.tips,
         run.gaps if run.gaps < rows["gap"].shape[1] else None,
+        {name: rows["reactions"][:, k] for k, name in enumerate(run.supports)},
         fields,
     )
     return History(rows["time"], states, Energy(*rows["energies"].T), run.step, 0, run.damped_modes, complete)

@@ -60,7 +60,8 @@ class KeptFields:
         contact : (n, c) array
             Forces of the contact rows, N.
         """
-        forms, columns = getattr(self.model.places(points), kind), self.model.load_columns(self.units)
+        columns = self.model.load_columns(self.units)
+        forms = getattr(self.model.places(points, moved=columns.lift is not None), kind)
         direct = forms.direct(self.model, columns)
         flat = forms.rows(np.stack(self._owned, axis=1)) + forms.contact @ contact.T
         flat += direct @ np.array(self._amplitudes).reshape(len(self._owned), -1).T
@@ -69,5 +70,8 @@ class KeptFields:
     def field(self, instant: int, contact: np.ndarray) -> Field:
         """Of one instant, with the forces (c,) of the contact rows. Collective."""
         columns = self.model.load_columns(self.units)
-        loads = {n: forces @ self._amplitudes[instant] for n, forces in columns.tip_forces.items()}
-        return Field.of_forces(self.model, self.model.nodal(self._owned[instant]), contact, loads)
+        amplitudes, nodal = self._amplitudes[instant], self.model.nodal(self._owned[instant])
+        loads = {n: forces @ amplitudes for n, forces in columns.tip_forces.items()}
+        if columns.lift is not None:
+            nodal = nodal + columns.lift.nodal @ amplitudes
+        return Field.of_forces(self.model, nodal, contact, loads)

@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...checks import positive
-from ...loads import refuse_motion
 from ...petsc import stage
 from ...ranks.capacity import require_compiler, require_memory
 from ...ranks.parallel import collective
@@ -145,6 +144,9 @@ class UnreducedDriven:
         self.weight, self.size = period.weight, period.unknowns // 2
         self.excitation = period.excitation.scaled(factor)
         self.amplitudes = self.excitation.loads(period.steps)
+        edges, lines = list(period.loads.edges), self.excitation
+        speeds = 2j * np.pi * frequency / lines.periods * lines.orders[:, None] * lines.amplitudes[:, edges]
+        self.rates = lines.over_time(speeds, period.steps)
 
     @property
     def march(self) -> UnreducedSteps:
@@ -159,9 +161,11 @@ class UnreducedDriven:
         march, steps = self.march, self.period.steps
         sets = np.zeros((steps, march.pairs), dtype=bool)
         self._set(march, state)
+        march.amplitudes, march.rates = self.amplitudes[0], self.rates[0]
         march.contact.open(np.zeros(march.pairs))
         for k in range(steps):
-            force, gap = march.advance(self.amplitudes[k] + self.amplitudes[k + 1], self.amplitudes[k + 1])
+            before, after = self.amplitudes[k : k + 2]
+            force, gap = march.advance(before + after, after, self.rates[k + 1])
             sets[k] = march.laws.acting(force)
             if watch is not None:
                 watch(march, force, gap)
@@ -225,9 +229,11 @@ class UnreducedDriven:
     def linear_state(self) -> np.ndarray:
         """x(0) of the linear steady state in the computed modes."""
         march = self.march
-        forces = self.excitation.amplitudes @ march.probe_modes[march.pairs : march.pairs + march.loads]
         orders, periods = self.excitation.orders[:, None], self.excitation.periods
         rates = 2.0 * np.pi * orders * self.frequency / periods
+        acting, edges = self.excitation.amplitudes.copy(), march.ground.edges
+        acting[:, edges] *= -(rates**2)
+        forces = acting @ march.probe_modes[march.pairs : march.pairs + march.loads]
         a, b = march.rayleigh
         q = forces / (march.omega**2 - rates**2 + 1j * rates * (march.friction + a + b * march.omega**2))
         return np.concatenate(
@@ -241,15 +247,17 @@ class UnreducedDriven:
         rows: list[tuple] = []
 
         def watch(march: UnreducedSteps, force: np.ndarray, gap: np.ndarray) -> None:
-            rows.append((*march.at_points(), *march.padded(force, gap), march.intensities()))
+            borne = march.slope[len(march.ground.points) :].reshape(-1, 2)
+            rows.append((*march.at_points(), *march.padded(force, gap), march.intensities(), borne))
             if fields.wanted:
                 fields.add(march.owned(), march.amplitudes)
 
         self.run(state, watch)
         # the last instant is the first one: the rows begin after it
-        places, speeds, forces, gaps, intensities = (
+        places, speeds, forces, gaps, intensities, borne = (
             np.roll(np.array(part), 1, axis=0) for part in zip(*rows)
         )
+        borne = 0.5 * (borne + np.roll(borne, -1, axis=0))
         # the mean of the accelerations of the two steps beside an instant
         slopes = (np.roll(speeds, -1, axis=0) - np.roll(speeds, 1, axis=0)) / (2.0 * march.step)
         names, tips = march.model.points, march.model.tips.facts
@@ -265,6 +273,7 @@ class UnreducedDriven:
             march.model.gap_operator.pairs,
             {name: intensities[:, k] for k, name in enumerate(tips.names)},
             tips,
+            borne={name: borne[:, k] for k, name in enumerate(march.ground.names)},
             fields=fields.rolled(1).complete(count) if fields.wanted else None,
         )
 
@@ -289,7 +298,6 @@ def prepare_unreduced(
     with collective(model.comm):
         positive(owner, "frequency", frequency, "Hz")
         loads = loading(owner, model, load, lambda value: Harmonic(value, frequency))
-        refuse_motion(owner, loads.units)
         excitation = Excitation.of(loads.signals, frequency, settings.periods, settings.longest)
         if model.rayleigh[1] == 0.0:
             raise ValueError(

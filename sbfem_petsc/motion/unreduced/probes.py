@@ -9,6 +9,7 @@ from scipy import sparse
 
 from ...loads import Load, SupportMotion
 from ...system.solve.pencil import Pencil
+from .ground import Ground
 
 
 class SparseColumns:
@@ -25,7 +26,7 @@ class SparseColumns:
 
 
 def probe_rows(
-    pencil: Pencil, units: Sequence[Load], forces: np.ndarray, count: int
+    pencil: Pencil, units: Sequence[Load], forces: np.ndarray, ground: Ground, count: int
 ) -> tuple[sparse.csr_matrix, sparse.csr_matrix, sparse.csr_matrix]:
     """Rows over this rank's unknowns.
 
@@ -36,6 +37,7 @@ def probe_rows(
     units : sequence of Load
     forces : (owned, loads) array
         Of the unit loads.
+    ground : Ground
     count : int
         Contact rows that matter.
 
@@ -53,5 +55,6 @@ def probe_rows(
     for k, unit in enumerate(units):
         if isinstance(unit, SupportMotion):
             loads[k, pencil.owned :] = -pencil.auxiliary_translation() @ [unit.ax, unit.ay]
+    loads[ground.edges] = -ground.inertia
     gaps, points = model.gap_operator.rows.matrix[:count], model.point_rows.matrix
     return widened(gaps), sparse.csr_matrix(loads), widened(points)

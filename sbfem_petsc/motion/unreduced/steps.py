@@ -34,6 +34,7 @@ from ...system.solve.static_solver import block_width
 from ..initial import full_shapes
 from ..integration import Steps
 from .contact import StepContact
+from .ground import Ground
 from .kernels import Increment, Moving, StepFactors, add_columns, advance, form
 from .probes import SparseColumns, probe_rows
 
@@ -77,8 +78,11 @@ class UnreducedSteps:
     contact : StepContact
     carried : (c,) array
         Contact force that the paper's scheme takes from a step to the next one, N.
-    slope : (points, 2) array
-        Mean acceleration of the named points over the last step, m/s^2.
+    slope : (2 points + 2 supports,) array
+        Means over the last step: accelerations of the named points, m/s^2, then what supports bear, N.
+    ground : Ground
+    amplitudes, rates : (loads,), (edges,) arrays
+        Of the loads, and how fast prescribed displacements change.
     stored : float
         Energy in the contact rows' own flexibility, J.
     """
@@ -123,22 +127,29 @@ class UnreducedSteps:
         self.q = self.p = self.q0 = self.p0 = np.zeros(len(self.omega))
         self.work = np.zeros(3 if self.model.gap_operator.friction is None else 4)
         self.carried = np.zeros(self.pairs)
-        self.slope = np.zeros((len(self.model.points), 2))
+        self.slope = np.zeros(self.probes.shape[0] - self.pairs - self.loads)
         self.stored = 0.0
         self.settle(fold=False)
 
     def _probes(self, units: Sequence[Load], contact: bool) -> None:
-        """Rows over this rank's unknowns: gaps, unit loads, x and y of the named points."""
+        """Rows over this rank's unknowns: gaps, unit loads, x and y of the named points, momenta along what
+        follows the supports.
+        """
         gap = self.model.gap_operator
         count = len(gap) if contact else 0
         self.gap0, self.own_flexibility = gap.initial[:count], gap.flexibility[:count, :count]
         self.laws = gap.laws.first(count)
         self.pairs, self.loads = count, len(units)
         columns = self.model.load_columns(units)
-        self.load_gaps, self.load_tips = columns.gaps[:count], columns.tips
+        ground = self.ground = Ground(self.model, self.pencil, units, columns)
+        self.load_gaps, self.load_tips = columns.gaps.copy(), columns.tips.copy()
+        self.load_gaps[:, ground.edges] += ground.gaps
+        self.load_tips[:, ground.edges] += ground.tips
+        self.pushing = np.delete(np.arange(self.loads), ground.edges)
         self.free_gap, self.force, self.amplitudes = self.gap0, np.zeros(count), np.zeros(self.loads)
-        gaps, forces, points = probe_rows(self.pencil, units, columns.forces, count)
-        self.probes = sparse.vstack([gaps, forces, points], format="csr")
+        self.rates = np.zeros(len(ground.edges))
+        gaps, forces, points = probe_rows(self.pencil, units, columns.forces, ground, count)
+        self.probes = sparse.vstack([gaps, forces, points, ground.rows], format="csr")
         self.gap_columns, self.load_columns = SparseColumns(gaps), SparseColumns(forces)
 
     @stage("Contact")
@@ -212,8 +223,17 @@ class UnreducedSteps:
 
     def owned(self) -> np.ndarray:
         """This rank's displacement unknowns."""
+        return self._against_supports() + self.ground.owned @ self._moved
+
+    def _against_supports(self) -> np.ndarray:
+        """The same without what follows prescribed displacements."""
         count = self.pencil.owned
         return self.u[:count] + self.phi[:count] @ (self.q - self.q0)
+
+    @property
+    def _moved(self) -> np.ndarray:
+        """(edges,): prescribed displacements, m."""
+        return self.amplitudes[self.ground.edges]
 
     def velocities(self) -> np.ndarray:
         """Probes of the velocity."""
@@ -221,16 +241,19 @@ class UnreducedSteps:
 
     def at_points(self) -> tuple[np.ndarray, np.ndarray]:
         """Displacements and velocities (points, 2) of the named points."""
-        first = self.pairs + self.loads
-        places, speeds = (part[first:].reshape(-1, 2) for part in (self.displacements(), self.velocities()))
-        return places, speeds
+        first, points = self.pairs + self.loads, self.ground.points
+        places, speeds = (
+            part[first : first + len(points)] + points @ edges
+            for part, edges in ((self.displacements(), self._moved), (self.velocities(), self.rates))
+        )
+        return places.reshape(-1, 2), speeds.reshape(-1, 2)
 
     def intensities(self) -> np.ndarray:
         """(tips, 2): K_I and K_II, Pa m^(1/2)."""
         tips = self.model.tips.rows
         if not len(tips):
             return np.zeros((0, 2))
-        moved = tips(self.u[: self.pencil.owned]) + self.tip_modes @ (self.q - self.q0)
+        moved = tips(self._against_supports())
         inside = self.model.tips.contact[:, : self.pairs] @ self.force + self.load_tips @ self.amplitudes
         return (moved + inside).reshape(-1, 2)
 
@@ -239,8 +262,8 @@ class UnreducedSteps:
         operator = self.model.gap_operator
         if self.pairs == len(operator):
             return force, gap
-        modes = operator.rows(self.phi[: self.pencil.owned]) @ (self.q - self.q0)
-        return np.zeros(len(operator)), operator.rows(self.u[: self.pencil.owned]) + modes + operator.initial
+        free = operator.initial + self.load_gaps @ self.amplitudes
+        return np.zeros(len(operator)), operator.rows(self._against_supports()) + free
 
     def energies(self) -> np.ndarray:
         """Kinetic and strain energy, J."""
@@ -252,16 +275,28 @@ class UnreducedSteps:
                 ((self.omega * self.q) ** 2).sum() - ((self.omega * self.q0) ** 2).sum(),
             ]
         )
-        return energies + [0.0, self.stored]
+        stored, ground = np.array([0.0, self.stored]), self.ground
+        if len(self.rates):
+            momentum = -self.velocities()[self.pairs + ground.edges] + 0.5 * ground.heavy @ self.rates
+            stored += [self.rates @ momentum, 0.5 * self._moved @ ground.stiff @ self._moved]
+        return energies + stored
 
     # ------------------------------------------------------------------ steps
-    def advance(self, drive: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """One step under load amplitudes whose mean is half of `drive`, and which are `after` at its end;
-        contact forces and gaps there.
+    def advance(
+        self, drive: np.ndarray, after: np.ndarray, rates: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """One step under load amplitudes whose mean is half of `drive`, and which are `after` at its end,
+        prescribed displacements with their rates; contact forces and gaps there.
         """
-        self.free_gap, self.amplitudes = self.gap0 + self.load_gaps @ after, after
-        slip = self.contact.slip
-        solved = self._take(drive)
+        slip, speed, before, carried = self.contact.slip, self.velocities(), self._moved, self.carried
+        turned, mean = rates - self.rates, 0.5 * (rates + self.rates)
+        self.free_gap, self.amplitudes = self.free_gaps(after), after
+        solved = self._take(self._driven(drive, turned))
+        applied, gained = self.share * solved.force + carried, self.velocities() - speed
+        self.slope = self._slope(gained / self.step, drive, applied, turned, mean)
+        self.rates = rates
+        if len(rates):
+            self._account(gained, drive, applied, turned=turned, mean=mean, change=self._moved - before)
         self.force = solved.force
         stored, self.stored = self.stored, self.stored_in(solved.force)
         # held over the step, friction takes its full value times the way
@@ -274,13 +309,61 @@ class UnreducedSteps:
         """One step of a small disturbance of a motion whose rows `acting` (c,) keep their gaps in it."""
         self._take(np.zeros(self.loads), acting)
 
+    def free_gaps(self, amplitudes: np.ndarray) -> np.ndarray:
+        """(c,): gaps under load amplitudes while nothing moves against the supports, m."""
+        return self.gap0 + (self.load_gaps @ amplitudes)[: self.pairs]
+
+    def _driven(self, drive: np.ndarray, turned: np.ndarray) -> np.ndarray:
+        """Twice the mean loads of a step: of prescribed displacements their acceleration, by the change of
+        their rates.
+        """
+        if not len(turned):
+            return drive
+        drive = drive.copy()
+        drive[self.ground.edges] = self.rate * turned
+        return drive
+
+    def _slope(
+        self, gained: np.ndarray, drive: np.ndarray, applied: np.ndarray, turned: np.ndarray, mean: np.ndarray
+    ) -> np.ndarray:
+        """See `slope`, of a step with mean accelerations `gained` of the probes, loads and contact forces
+        whose means are half of `drive` and `applied`, and the change and mean of the rates.
+        """
+        ground, edges = self.ground, self.ground.edges
+        slope, points = gained[self.pairs + self.loads :].copy(), len(ground.points)
+        slope[:points] += ground.points @ turned / self.step
+        slope[points:] += 0.5 * (ground.loads @ drive + ground.contact[:, : self.pairs] @ applied)
+        slope[points:] += ground.damping[:, edges] @ mean + ground.mass[:, edges] @ turned / self.step
+        return slope
+
+    def _account(
+        self,
+        gained: np.ndarray,
+        drive: np.ndarray,
+        applied: np.ndarray,
+        *,
+        turned: np.ndarray,
+        mean: np.ndarray,
+        change: np.ndarray,
+    ) -> None:
+        """Replace the work of what prescribed displacements do as loads by that of what supports bear, and
+        contact's on what follows them.
+        """
+        ground = self.ground
+        at = self.pairs + ground.edges
+        lost = self.step * mean @ ground.damped @ mean
+        pressed = 0.5 * change @ ground.pressed[:, : self.pairs] @ applied
+        self.work[0] += mean @ (ground.heavy @ turned - gained[at])
+        self.work[0] += 0.5 * drive[ground.edges] @ ground.stiff @ change + lost + pressed
+        self.work[1] += lost
+        self.work[2] -= pressed
+
     def stored_in(self, force: np.ndarray) -> float:
         """Energy that contact forces store in the rows' own flexibility, J."""
         return 0.5 * float(force @ self.own_flexibility @ force)
 
     def _take(self, drive: np.ndarray, acting: np.ndarray | None = None) -> _Solved:
         """Solve a step and move the state."""
-        speed = self.velocities()
         solved = self.solve_step(drive, acting)
         self.pencil.stiffness.mult(self.d, self.product)
         lost = advance(
@@ -296,12 +379,11 @@ class UnreducedSteps:
             place += change
             velocity *= -1.0
             velocity += self.rate * change
-        self.slope = (self.velocities() - speed)[self.pairs + self.loads :].reshape(-1, 2) / self.step
         applied, change = (
             self.share * solved.force + self.carried,
             solved.probes + self.probe_modes @ (solved.damped - solved.undamped),
         )
-        self.work[0] += 0.5 * drive @ change[self.pairs : self.pairs + self.loads]
+        self.work[0] += 0.5 * drive[self.pushing] @ change[self.pairs + self.pushing]
         self.work[1] += (self.friction * solved.damped) @ solved.damped / self.step
         self.work[2] += 0.5 * applied @ change[: self.pairs]
         if any(self.rayleigh):
@@ -371,16 +453,17 @@ class UnreducedSteps:
             for q, p, left in ((self.q, self.p, self.left_damped), (self.q0, self.p0, self.left))
         )
 
-    def first_slope(self, drive: np.ndarray) -> np.ndarray:
-        """(points, 2): mean acceleration over the first step, m/s^2."""
+    def first_slope(self, drive: np.ndarray, after: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """See `slope`, of the first step, see `advance`, which is not taken."""
+        self.free_gap = self.free_gaps(after)
         slips = np.append(np.zeros(len(self.laws)), self.contact.slip)
-        solved = self.solve_step(drive)
+        turned, mean = rates - self.rates, 0.5 * (rates + self.rates)
+        solved = self.solve_step(self._driven(drive, turned))
         self.contact.open(slips)
         self.contact.forget()
         change = solved.probes + self.probe_modes @ (solved.damped - solved.undamped)
-        return (self.rate * (change / self.step - self.velocities()))[self.pairs + self.loads :].reshape(
-            -1, 2
-        )
+        gained = self.rate * (change / self.step - self.velocities())
+        return self._slope(gained, drive, self.share * solved.force, turned, mean)
 
     def fingerprint(self) -> np.ndarray:
         """(probes, pairs + loads): responses of the probes to unit contact forces and unit loads within a

@@ -186,20 +186,6 @@ class Kind(Table):
             )
             loads = {name: case.loads[name] for name in names if name in case.loads}
             yield from self._signals(key, loads)
-            yield from (
-                Problem(
-                    (key,),
-                    f"= {name!r} is of kind 'edge_motion', which motions of the unreduced model do not take; "
-                    "take the reduced model, or a support_motion",
-                )
-                for name, load in loads.items()
-                if load.kind == "edge_motion" and self.unreduced
-            )
-
-    @property
-    def unreduced(self) -> bool:
-        """Whether it asks for a motion of the unreduced model."""
-        return not getattr(self, "reduced", True) or getattr(self, "scheme", "") == "paper"
 
     def _signals(self, key: str, loads: dict[str, Any]) -> Iterator[Problem]:
         """Signals that an analysis does not understand; and a number beside signals that vary, where numbers

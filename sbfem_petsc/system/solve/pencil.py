@@ -160,6 +160,14 @@ class Pencil:
         parts = [np.zeros((0, 2)), *(piece.coupled_translation().reshape(-1, 2) for piece in self._pieces)]
         return np.concatenate(parts)
 
+    def auxiliary_momentum(self, field: np.ndarray) -> np.ndarray:
+        """(local auxiliary unknowns,): C' times displacements (m, 2) of this rank's nodes."""
+        parts = [np.empty(0)]
+        for piece in self._pieces:
+            moved = field[piece.group.nodes].reshape(len(piece.group_rows), -1, 1)
+            parts.append((piece.transposed_coupling(slice(None)) @ moved).ravel())
+        return np.concatenate(parts)
+
     def placed(self) -> Iterator[tuple[Group, float, np.ndarray]]:
         """S-elements of one shape and size: their group, rho h^2 t (kg), and their auxiliary unknowns among
         those of this rank, (k, a); of a pencil that keeps every one.

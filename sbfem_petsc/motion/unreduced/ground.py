@@ -1,0 +1,88 @@
+"""What supports of the unreduced model bear, and how they move it.
+
+The unknowns of a step are displacements against those that follow the supports at rest, y = u - R w with the
+prescribed displacements w: R w'' acts on them as a load by its inertia, as the ride of a structure does, and
+damping on their rates. What a support bears is the work of all forces on R, those of inertia included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import sparse
+
+from ...loads import EdgeMotion, Load
+from ...reduction.supports import StaticShares
+from ...system.boundary import LoadColumns, inertia_forces
+from ...system.model import Model
+from ...system.solve.pencil import Pencil
+
+
+class Ground:
+    """Supports of one run. Collective.
+
+    Parameters
+    ----------
+    model : Model
+    pencil : Pencil
+        With all auxiliary unknowns.
+    units : sequence of Load
+    columns : LoadColumns
+        Of the unit loads.
+
+    Attributes
+    ----------
+    names : tuple of str
+        What is supported.
+    edges : (e,) array
+        Unit loads that are prescribed displacements.
+    rows : (2 names, local unknowns) sparse
+        Momentum of the unknowns along what follows each support.
+    inertia : (e, local unknowns) array
+        The same along what follows prescribed displacements, R.
+    owned, gaps, tips, points : (..., e) arrays
+        R at this rank's displacement unknowns, contact rows, K_I and K_II, named points.
+    loads, damping, mass : (2 names, loads) arrays
+        Of what supports bear under unit loads; at rates and accelerations of prescribed displacements.
+    contact : (2 names, c) array
+        Under unit contact forces.
+    """
+
+    def __init__(self, model: Model, pencil: Pencil, units: Sequence[Load], columns: LoadColumns):
+        edges = [k for k, unit in enumerate(units) if isinstance(unit, EdgeMotion)]
+        solved = np.zeros(columns.forces.shape)
+        if edges:
+            solved[:, edges] = model.solver.columns(columns.forces[:, edges], "transient")
+        shares = StaticShares.of(model, units, columns, solved)
+        self.names, self.edges = shares.names, np.array(edges, dtype=int)
+        self.loads, self.contact, self.mass = shares.loads, shares.contact, shares.mass
+        self.damping = model.rayleigh[1] * np.where(shares.moved >= 0, shares.loads, 0.0)
+        self.rows = sparse.csr_matrix(_momentum(pencil, shares.following))
+        self.owned = solved[:, edges]
+        self.gaps, self.tips = model.gap_operator.rows(self.owned), model.tips.rows(self.owned)
+        self.points = model.point_rows(self.owned)
+        fields = np.zeros((*model.part.unknowns.shape, len(edges)))
+        if columns.lift is not None:
+            self.points = self.points + columns.lift.points.reshape(len(self.points), -1)[:, edges]
+            fields = columns.lift.nodal[..., edges]
+            fields = fields + np.stack([model.nodal(column) for column in self.owned.T], axis=2)
+        self.inertia = _momentum(pencil, fields)
+        at = shares.moved[self.edges]
+        # of prescribed displacements: energies of w and w', power that damping takes at w', work of contact
+        self.stiff, self.heavy, self.damped = (
+            table[np.ix_(at, self.edges)] for table in (self.loads, self.mass, self.damping)
+        )
+        self.pressed = self.contact[at]
+
+
+def _momentum(pencil: Pencil, fields: np.ndarray) -> np.ndarray:
+    """(k, local unknowns): products of the mass with displacements (m, 2, k) of this rank's nodes, which the
+    insides of S-elements follow at rest. Collective.
+    """
+    model = pencil.model
+    rows = [
+        np.concatenate([model.summed_nodal(inertia_forces(model, field)), pencil.auxiliary_momentum(field)])
+        for field in np.moveaxis(fields, 2, 0)
+    ]
+    return np.array(rows).reshape(len(rows), pencil.owned + len(pencil.auxiliary_inertia()))
