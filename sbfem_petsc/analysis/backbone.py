@@ -158,12 +158,16 @@ class Backbone(Orbits, Record):
 
     @derived("1", "whether small disturbances die out", "point", kinds="b")
     def stable(self) -> np.ndarray:
-        """(n,) bool: no multiplier outside the unit circle by more than 1e-5; True throughout where stability
-        was not asked for.
+        """(n,) bool: no multiplier outside the unit circle by more than 1e-5; False throughout where
+        stability was not asked for.
         """
-        if not self.multipliers.shape[1]:
-            return np.ones(len(self.energy), dtype=bool)
-        return np.abs(self.multipliers[:, 0]) <= 1.0 + UNCERTAIN
+        return ~self.unstable & bool(self.multipliers.shape[1])
+
+    @property
+    def unstable(self) -> np.ndarray:
+        """(n,) bool: some multiplier is; False throughout where stability was not asked for."""
+        largest = np.abs(self.multipliers).max(axis=1, initial=0.0)
+        return largest > 1.0 + UNCERTAIN
 
     def _furthest(self, least: float = 0.0) -> float:
         """Largest displacement of a named point by its harmonics, m; less than `least` where that is known to
@@ -188,7 +192,7 @@ class Backbone(Orbits, Record):
         return (
             f"Backbone(mode {self.mode}, {len(self.energy)} points, {self.energy.min():.4g} to "
             f"{self.energy.max():.4g} J, {self.frequency.min():.7g} to {self.frequency.max():.7g} Hz, "
-            f"{int((~self.stable).sum())} unstable, {self.reason})"
+            f"{int(self.unstable.sum())} unstable, {self.reason})"
         )
 
 

@@ -21,7 +21,7 @@ from ..record.record import derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
 from ..system.elements.plausibility import furthest_of_lines
 from .bifurcations import Bifurcation
-from .orbit import FLOOR, Orbit, Orbits, component, make_orbit, multiplier_error, verdict_of
+from .orbit import FLOOR, Orbit, Orbits, component, make_orbit, multiplier_error, untold, verdict_of
 from .problems.driven_orbits import ParameterRange
 
 
@@ -170,18 +170,30 @@ class Branch(Orbits, OfPeriod):
 
     @derived("1", "whether small disturbances die out", "point", kinds="b")
     def stable(self) -> np.ndarray:
-        """(n,) bool, True throughout where stability was not asked for: no multiplier is outside the unit
-        circle. Where their uncertainty does not allow that verdict (`undecided`) it is what they say.
+        """(n,) bool: no multiplier is outside the unit circle. Where their uncertainty does not allow that
+        verdict (`undecided`) it is what they say; False throughout where there are none (not asked for, of an
+        unreduced model, or friction that falls as a slip begins), but for curves without contact, whose
+        disturbances die out.
         """
         if not self.multipliers.shape[1]:
-            return np.ones(len(self.value), dtype=bool)
+            return np.full(len(self.value), not self.contact)
         return np.abs(self.multipliers[:, 0]) <= 1.0 + FLOOR
+
+    @property
+    def told(self) -> bool:
+        """Whether stability is known: there are multipliers, or no contact."""
+        return bool(self.multipliers.shape[1]) or not self.contact
+
+    @property
+    def unstable(self) -> np.ndarray:
+        """(n,) bool: some multiplier is outside the unit circle; False throughout where there are none."""
+        return ~self.stable & self.told
 
     @derived("1", "whether the uncertainty leaves that open", "point", kinds="b")
     def undecided(self) -> np.ndarray:
-        """(n,) bool: where the multipliers' uncertainty does not allow a verdict."""
+        """(n,) bool: where the multipliers' uncertainty does not allow a verdict, or there are none."""
         if not self.multipliers.shape[1]:
-            return np.zeros(len(self.value), dtype=bool)
+            return np.full(len(self.value), not self.told)
         largest, error = np.abs(self.multipliers[:, 0]), np.nan_to_num(self.multiplier_error, posinf=np.inf)
         return np.array([verdict_of(*both) is None for both in zip(largest, error)])
 
@@ -218,10 +230,11 @@ class Branch(Orbits, OfPeriod):
 
     def __repr__(self) -> str:
         unit = " Hz" if self.parameter == "frequency" else ""
-        asked = self.multipliers.shape[1] or not self.contact
-        verdict = f"{int((~self.stable).sum())} unstable" if asked else "stability not asked for"
-        if self.undecided.any():
-            verdict += f", {int(self.undecided.sum())} undecided"
+        if self.told:
+            verdict = f"{int(self.unstable.sum())} unstable"
+            verdict += f", {int(self.undecided.sum())} undecided" if self.undecided.any() else ""
+        else:
+            verdict = untold(self.reduced)
         return (
             f"Branch({len(self.value)} points over {self.parameter} {self.value.min():.6g} to "
             f"{self.value.max():.6g}{unit}, {verdict}, "

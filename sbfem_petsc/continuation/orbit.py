@@ -140,7 +140,8 @@ class Orbit(Motion):
     @derived("1", "whether small disturbances die out, where that is known", row=True)
     def stable(self) -> bool | None:
         """Whether small disturbances die out: no multiplier outside the unit circle; None if the uncertainty
-        does not allow a verdict, or the multipliers were not asked for.
+        does not allow a verdict, or there are no multipliers (not asked for, of an unreduced model, or
+        friction that falls as a slip begins).
         """
         if not len(self.multipliers):
             return None
@@ -170,7 +171,7 @@ class Orbit(Motion):
         return 0.5 * float(np.ptp(component(self.states.displacement(point), direction)))
 
     def __repr__(self) -> str:
-        verdict = "stability not asked for" if self.reduced is not None else "stability not computed"
+        verdict = untold(self.reduced)
         if len(self.multipliers):
             verdict = {True: "stable", False: "unstable", None: "stability undecided"}[self.stable]
             verdict += f" (largest multiplier {np.abs(self.multipliers[0]):.7f})"
@@ -188,6 +189,16 @@ class Orbit(Motion):
             f"iterations, {verdict}, peak contact resultant "
             f"{'; '.join([f'{self.contact_resultant.max(initial=0.0):.6g} N', *self._borne(), *self.notes])})"
         )
+
+
+def untold(reduced: ReducedModel | None) -> str:
+    """Why motions of a model tell no multipliers, in words."""
+    if reduced is None:
+        return "stability not computed"
+    friction = reduced.friction
+    if friction is not None and (friction.static > friction.kinetic).any():
+        return "stability not told, as friction falls where a slip begins"
+    return "stability not asked for"
 
 
 class Orbits:

@@ -139,7 +139,7 @@ def plot_branches(
         shade = next(shades)
         axes.plot([], [], color=shade, linewidth=1.1, label=name or "_")
         marks = marks_of(curve, shown, along, scale)
-        broken |= draw_parts(axes, smooth(split(curve.value * along, y, curve.stable, marks)), shade)
+        broken |= draw_parts(axes, smooth(split(curve.value * along, y, ~curve.unstable, marks)), shade)
         kinds |= _draw_marks(axes, curve, marks, shade, every)
     top = axes.get_ylim()[1]
     if backbone is not None:

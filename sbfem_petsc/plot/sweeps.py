@@ -72,7 +72,7 @@ def plot_swept(
     if branch is not None:
         height = Height(point, direction)
         marks = marks_of(branch, height, along, factor)
-        parts = split(branch.value * along, height.along(branch) * factor, branch.stable, marks)
+        parts = split(branch.value * along, height.along(branch) * factor, ~branch.unstable, marks)
         name_verdicts(axes, draw_parts(axes, smooth(parts), BLACK, 1.3))
     for upwards, colour, label in ((True, VERMILION, "swept up"), (False, BLUE, "swept down")):
         for number, item in enumerate(s for s in sweeps if s.upwards == upwards):

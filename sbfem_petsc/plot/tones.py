@@ -208,7 +208,7 @@ def plot_backbone(
         axes.plot([], [], color=colour, linewidth=1.2, label=name or "_")
         drawn = [backbone.frequency * factor] + [backbone.damping_ratio] * backbone.damped
         for panel, values in zip(panels, drawn):
-            parts = smooth(split(np.log10(backbone.energy), values, backbone.stable))
+            parts = smooth(split(np.log10(backbone.energy), values, ~backbone.unstable))
             drawn_parts = [(stable, 10.0**energy, value) for stable, energy, value in parts]
             broken |= draw_parts(panel, drawn_parts, colour, 1.2)
     name_verdicts(axes, broken)
@@ -269,7 +269,7 @@ def plot_quasi_periodic(
         colour, x = CYCLE[k % len(CYCLE)], branch.value * along
         panels[0].plot([], [], color=colour, linewidth=1.2, label=name or "_")
         for axes, values in zip(panels, (heights[name] * factor, branch.frequencies[:, 1] * times)):
-            broken |= draw_parts(axes, smooth(split(x, values, branch.stable)), colour, 1.2)
+            broken |= draw_parts(axes, smooth(split(x, values, ~branch.unstable)), colour, 1.2)
             axes.plot(x, values, color=colour, linestyle="none", marker=".", markersize=3)
     name_verdicts(panels[0], broken)
     panels[0].set(

@@ -189,8 +189,19 @@ def test_friction_that_falls_where_a_slip_begins(phase):
     lost = history.energy.friction
     assert found.friction_loss == pytest.approx(lost[-1] - lost[-513], rel=1e-2)
     assert found.stable is None and not len(found.multipliers)
+    assert "stability not told, as friction falls where a slip begins" in repr(found)
     with pytest.raises(ValueError, match="stability = True, and friction falls"):
         sb.periodic(reduced, drive, FREQUENCY, stability=True)
+
+
+def test_curves_that_tell_no_stability():
+    """Where friction falls, and where it was not asked for: neither stable nor unstable, which is said."""
+    for static, asked, said in ((1.5, None, "not told, as friction falls"), (1.0, False, "not asked for")):
+        reduced = slider(modes=1, damping=0.02, contact_laws=sb.Coulomb(FRICTION, static * FRICTION))
+        drive, ends = [1.0, sb.Constant(-2.0)], (FREQUENCY, 1.01 * FREQUENCY)
+        curve = sb.frequency_response(reduced, drive, *ends, steps=128, points=3, stability=asked)
+        assert len(curve.value) > 1 and not curve.told and curve.undecided.all()
+        assert not curve.stable.any() and not curve.unstable.any() and said in repr(curve)
 
 
 def test_motions_that_stick(mass, tmp_path):

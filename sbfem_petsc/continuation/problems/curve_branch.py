@@ -84,10 +84,15 @@ class QuasiPeriodicBranch(Record):
 
     @derived("1", "whether small disturbances die out", "point", kinds="b")
     def stable(self) -> np.ndarray:
-        """(n,) bool; True throughout where stability was not asked for, but for motions that their samples do
-        not resolve, which are none.
+        """(n,) bool; False where it is not known: not asked for, or not resolved by the samples."""
+        return np.array([motion.resolved and motion.stable is True for motion in self.motions])
+
+    @property
+    def unstable(self) -> np.ndarray:
+        """(n,) bool: whether small disturbances grow, or the samples do not resolve the motion, which is none
+        then.
         """
-        return np.array([motion.resolved and motion.stable is not False for motion in self.motions])
+        return np.array([not motion.resolved or motion.stable is False for motion in self.motions])
 
     @derived("1", "share of the highest quarter of the harmonics of the samples", "point")
     def tail(self) -> np.ndarray:
@@ -120,7 +125,7 @@ class QuasiPeriodicBranch(Record):
         return (
             f"QuasiPeriodicBranch({len(self)} points over {self.parameter} {self.value.min():.6g} to "
             f"{self.value.max():.6g}, own tone {own.min():.6g} to {own.max():.6g} Hz, "
-            f"{int((~self.stable).sum())} unstable, {self.reason})"
+            f"{int(self.unstable.sum())} unstable, {self.reason})"
         )
 
 

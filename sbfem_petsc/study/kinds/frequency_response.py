@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal
@@ -84,7 +85,7 @@ class Curve(Kind):
         values: Values = {
             "complete": (float(result.complete), "1"),
             "curve_points": (float(len(result.value)), "1"),
-            "unstable_points": (float(np.sum(~np.asarray(result.stable))), "1"),
+            "unstable_points": (float(result.unstable.sum()) if result.told else math.nan, "1"),
             "bifurcations": (float(len(result.bifurcations)), "1"),
         }
         for point in wanted.points:
@@ -137,7 +138,7 @@ def branch_tree(result: Any, points: Sequence[str], unit: str, text: str) -> Tre
         "value": Quantity(result.value, unit, text),
         "amplitude": of_points(points, result.amplitude, "m", "half the peak-to-peak of u_y"),
         "harmonics": of_points(points, result.harmonics, "m", "complex harmonics of u_y, the mean first"),
-        "stable": Quantity(result.stable, "1", "stability of each point"),
+        "stable": Quantity(result.stable, "1", "stability of each point, false where it is not told"),
         "complete": Quantity(bool(result.complete)),
         "reason": Quantity(result.reason, "1", "why the curve ends"),
     }

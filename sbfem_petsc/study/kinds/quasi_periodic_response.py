@@ -90,7 +90,7 @@ class QuasiPeriodicResponse(TorusCurveOptions, SwitchOptions, FrequencyRange, Lo
         return {
             "complete": (float(result.complete), "1"),
             "curve_points": (float(len(result)), "1"),
-            "unstable_points": (float(np.sum(~result.stable)), "1"),
+            "unstable_points": (float(np.sum(result.unstable)), "1"),
             "least_own_frequency": (float(own.min()), "Hz"),
             "largest_own_frequency": (float(own.max()), "Hz"),
             **{
