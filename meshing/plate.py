@@ -10,11 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshing.boundary_mesh import BoundaryMesh, Recipe
+from meshing.cells.complex import Point
 from meshing.cells.crack_splitting import CrackMeshing, add_cracks
 from meshing.cells.s_elements import build_mesh
 from meshing.geometry.drawing import Drawing
 from meshing.geometry.fill import draw_filled
-from meshing.geometry.graph import Point, plane_graph
+from meshing.geometry.graph import plane_graph
 from meshing.gmsh.discretise import discretised, write_drawing
 from meshing.input_checks import checked_order, length, named_points
 from meshing.shapes.features import point_of

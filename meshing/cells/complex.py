@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -45,7 +46,7 @@ class Cell:
 
     def edges(self) -> list[Edge]:
         """Directed edges as pairs of vertices."""
-        return around(self.vertices) if self.closed else edges_of(self.vertices)
+        return around(self.vertices) if self.closed else list(pairwise(self.vertices))
 
 
 @dataclass
@@ -193,15 +194,15 @@ class CellComplex:
     def curve(self, first: int, second: int) -> Curve | None:
         """Shape of an edge from its first vertex to its second; None: straight."""
         curve = self.curves.get(edge_key((first, second)))
-        return curve if curve is None or first < second else reversed_curve(curve)
+        return curve if curve is None or first < second else part_of_curve(curve, 1.0, 0.0)
 
     def set_curve(self, first: int, second: int, curve: Curve) -> None:
         """Give an edge the shape of `curve`, which runs from the first vertex to the second."""
-        self.curves[edge_key((first, second))] = curve if first < second else reversed_curve(curve)
+        self.curves[edge_key((first, second))] = curve if first < second else part_of_curve(curve, 1.0, 0.0)
 
     def set_pieces(self, chain: Sequence[int], curve: Curve, bounds: Sequence[float]) -> None:
         """Give the edges of a chain the pieces of a curve between some of its parameters."""
-        for (first, second), low, high in zip(edges_of(chain), bounds, bounds[1:]):
+        for (first, second), low, high in zip(pairwise(chain), bounds, bounds[1:]):
             self.set_curve(first, second, part_of_curve(curve, low, high))
 
     def along(self, edge: Edge, at: Sequence[float] | np.ndarray) -> np.ndarray:
@@ -243,12 +244,16 @@ class CellComplex:
                 self.set_pieces([first, *new, last], curve, [0.0, *fractions.tolist(), 1.0])
                 del self.curves[edge_key((first, last))]
             inserted[first, last], inserted[last, first] = new, new[::-1]
+        self.divide_cells(inserted)
+        self.divide_sets(inserted)
+        return inserted
+
+    def divide_cells(self, inserted: Mapping[Edge, Sequence[int]]) -> None:
+        """Give cells the vertices that have been put between the ends of their edges."""
         for cell in self.cells:
             if any(edge in inserted for edge in cell.edges()):
                 last_one = [] if cell.closed else cell.vertices[-1:]
                 cell.vertices = [a for a, _ in divided(cell.edges(), inserted)] + last_one
-        self.divide_sets(inserted)
-        return inserted
 
     def divide_sets(self, inserted: Mapping[Edge, Sequence[int]]) -> None:
         """Give edge sets the vertices that have been put between the ends of edges."""
@@ -274,21 +279,11 @@ def neighbours(edges: Iterable[Edge]) -> dict[int, list[int]]:
     return near
 
 
-def edges_of(path: Sequence[int]) -> list[Edge]:
-    """The edges from vertex to vertex of a path."""
-    return list(zip(path, path[1:]))
-
-
 def divided(edges: Sequence[Edge], inserted: Mapping[Edge, Sequence[int]]) -> list[Edge]:
     """Directed edges with the vertices that have been put between their ends."""
-    return [part for edge in edges for part in edges_of([edge[0], *inserted.get(edge, ()), edge[1]])]
-
-
-def reversed_curve(curve: Curve) -> Curve:
-    """The same curve from its end to its start."""
-    return lambda at: curve(1.0 - np.asarray(at))
+    return [part for edge in edges for part in pairwise([edge[0], *inserted.get(edge, ()), edge[1]])]
 
 
 def part_of_curve(curve: Curve, start: float, stop: float) -> Curve:
-    """The piece of a curve between two of its parameters."""
+    """The piece of a curve from one of its parameters to another, backwards if that is smaller."""
     return lambda at: curve(start + (stop - start) * np.asarray(at))

@@ -55,7 +55,9 @@ class CrackMeshing:
     sectors: bool = False
 
     @classmethod
-    def checked(cls, extent: float, given: Mapping[str, Any], sectors: bool = False) -> CrackMeshing:
+    def checked(
+        cls, extent: float, given: Mapping[str, Any], sectors: bool = False, least_tip: float = 1e-7
+    ) -> CrackMeshing:
         """What is given of it among the arguments of a function that meshes, checked.
 
         Parameters
@@ -64,9 +66,11 @@ class CrackMeshing:
             The body's size, m; 0 where it is not known yet.
         given : mapping of str to object
             Arguments by their names.
+        least_tip : float
+            Smallest `tip_size` relative to the body's size.
         """
         sizes: dict[str, float | None] = {"tip_size": None, "face_size": None}
-        for name, least in (("tip_size", 1e-7), ("face_size", 1e-6)):
+        for name, least in (("tip_size", least_tip), ("face_size", 1e-6)):
             if given.get(name) is not None:
                 sizes[name] = size = length("mesh", name, given[name])
                 if size < least * extent:

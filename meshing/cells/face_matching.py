@@ -8,10 +8,12 @@ other.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.spatial import cKDTree
 
-from meshing.cells.complex import CellComplex, Curve, divided, edge_key, edges_of
+from meshing.cells.complex import CellComplex, Curve, divided, edge_key
 from meshing.vectors import turn
 
 # Vertices of the two faces that are closer than this, in units of the shortest edge there, are put beside
@@ -67,7 +69,7 @@ def match_faces(
 
 def _samples(cells: CellComplex, path: list[int]) -> np.ndarray:
     """(n, 2): points along a face."""
-    pieces = [cells.along(edge, _FINE[1:]) for edge in edges_of(path)]
+    pieces = [cells.along(edge, _FINE[1:]) for edge in pairwise(path)]
     return np.concatenate([[cells.vertices[path[0]]], *pieces])
 
 
@@ -115,7 +117,7 @@ class _Face:
 
     def __init__(self, cells: CellComplex, path: list[int], along: np.ndarray, where: str) -> None:
         self._cells, self._path, self._along = cells, path, along
-        edges = list(zip(path, path[1:]))
+        edges = list(pairwise(path))
         self._curved = [edge_key(edge) in cells.curves for edge in edges]
         self._shapes = [cells.shape(edge) for edge in edges]
         self._bounds = np.array([cells.vertices[v] for v in path]) @ along
@@ -194,14 +196,14 @@ class _Face:
         for k, (x, y) in zip(moved, self.points(self.places[moved]).tolist()):
             cells.vertices[self._path[k]] = (x, y)
         cuts = {}
-        for k, edge in enumerate(zip(self._path, self._path[1:])):
+        for k, edge in enumerate(pairwise(self._path)):
             first, last = self.places[k : k + 2]
             if any(self._curved[max(k - 1, 0) : k + 2]):
                 cells.set_curve(*edge, self._between(first, last))
             inside = stations[(stations > first) & (stations < last)]
             if len(inside):
                 cuts[edge] = (inside - first) / (last - first)
-        edges = divided(edges_of(self._path), cells.divide(cuts))
+        edges = divided(list(pairwise(self._path)), cells.divide(cuts))
         whole = [self._path[0], *(last for _, last in edges)]
         places = np.unique(np.concatenate([self.places, stations]))
         places = places[(places >= self.places[0]) & (places <= self.places[-1])]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from scipy.cluster.hierarchy import DisjointSet
 
-from meshing.cells.complex import CellComplex, Edge, edge_key, reversed_curve
+from meshing.cells.complex import CellComplex, Edge, edge_key, part_of_curve
 
 Corner = tuple[int, int]  # a cell, and a place in its list of vertices
 
@@ -118,7 +118,7 @@ def _carry_over(cells: CellComplex, before: list[list[Edge]]) -> None:
         for name, edges in cells.edge_sets.items()
     }
     cells.curves = {
-        new: reversed_curve(curve) if turned else curve
+        new: part_of_curve(curve, 1.0, 0.0) if turned else curve
         for old, curve in cells.curves.items()
         for new, turned in now.get(old, {}).items()
     }

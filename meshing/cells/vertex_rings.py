@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from meshing.cells.complex import CellComplex, Curve, Edge, edges_of
+from meshing.cells.complex import CellComplex, Curve, Edge
 from meshing.vectors import turn
 
 _STRAIGHT = 1e-9  # sine of an angle that is none
@@ -112,7 +112,7 @@ class Rings:
     def _straight(self, *vertices: int) -> bool:
         """Whether three vertices of a cell lie on one straight side."""
         steps = np.diff([self.cells.vertices[v] for v in vertices], axis=0)
-        curved = any(self.cells.curve(*pair) for pair in edges_of(vertices))
+        curved = any(self.cells.curve(*pair) for pair in pairwise(vertices))
         return not curved and abs(turn(*steps)) <= _STRAIGHT
 
     def refine(self, fan: Fan, rays: Sequence[int], innermost: float, tip: bool) -> int:

@@ -32,9 +32,9 @@ class BeamOptions:
         """Check arguments of `Beam.mesh`, by their names, and fill in the defaults."""
         order = checked_order(given.get("order", 5))
         size = _checked_size(beam, given["size"])
-        _check_tip_size(beam, given["tip_size"])
         layout = choice("mesh", "layout", given.get("layout", "tip"), ("tip", "vertex"))
-        cracks = CrackMeshing.checked(beam.height, given, sectors=layout == "vertex")
+        cracks = CrackMeshing.checked(beam.height, given, layout == "vertex", _LEAST)
+        _check_tip_size(beam, cracks.tip_size)
         wanted, corners = given["corner_size"] is not None, _checked_corners(given["corners"])
         corner_size = _CORNER_SIZE * beam.height
         if wanted:
@@ -63,18 +63,10 @@ def _checked_size(beam: BeamShape, size: Any) -> float:
     return size
 
 
-def _check_tip_size(beam: BeamShape, tip_size: Any) -> None:
-    if tip_size is None:
-        return
-    tip_size = length("mesh", "tip_size", tip_size)
-    if tip_size < _LEAST * beam.height:
-        raise ValueError(
-            f"mesh: tip_size {tip_size:g} m is below 1e-6 of the beam's height {beam.height:g} m, round-off "
-            "would show; make it larger."
-        )
+def _check_tip_size(beam: BeamShape, tip_size: float | None) -> None:
     for i, notch in enumerate(beam.notches, 1):
         room = min(notch.depth, beam.height - notch.depth)
-        if tip_size >= room:
+        if tip_size is not None and tip_size >= room:
             raise ValueError(
                 f"mesh: tip_size {tip_size:g} m does not fit around the tip of notch {i}, {room:g} m from an "
                 "edge; make it smaller."

@@ -11,23 +11,7 @@ from itertools import product
 import numpy as np
 import shapely
 
-from meshing.cells.complex import CellComplex, Edge, around, edge_key
-
-
-@dataclass
-class Rosette:
-    """Edges around a vertex in all directions: a tip, a sharp kink or a junction inside a filled surface.
-
-    Attributes
-    ----------
-    vertex : int
-    radius, edge : float
-        Of its rim, m.
-    """
-
-    vertex: int
-    radius: float
-    edge: float
+from meshing.cells.complex import CellComplex, Edge, around, divided, edge_key
 
 
 @dataclass
@@ -44,14 +28,15 @@ class Filled:
         Vertices inside that become vertices of cells.
     size : float
         Largest edge, m.
-    rosettes : list of Rosette
+    rosettes : dict of int to float
+        Radius of the rim of edges in all directions around a vertex, a tip, a sharp kink or a junction, m.
     """
 
     loops: list[list[int]]
     segments: list[Edge]
     points: list[int]
     size: float
-    rosettes: list[Rosette] = field(default_factory=list)
+    rosettes: dict[int, float] = field(default_factory=dict)
 
     def edges(self) -> list[Edge]:
         """Directed edges of the loops."""
@@ -131,11 +116,6 @@ class Drawing(CellComplex):
         for (a, b), found in list(between.items()):
             found.sort(key=lambda v: math.dist(where[v], where[a]))
             between[b, a] = found[::-1]
-
-        def completed(edges: list[Edge]) -> list[int]:
-            return [v for edge in edges for v in (edge[0], *between.get(edge, ()))]
-
-        for cell in self.cells:
-            cell.vertices = completed(cell.edges())
+        self.divide_cells(between)
         for surface in self.filled:
-            surface.loops = [completed(around(loop)) for loop in surface.loops]
+            surface.loops = [[a for a, _ in divided(around(loop), between)] for loop in surface.loops]

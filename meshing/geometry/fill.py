@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from meshing.cells.complex import around
-from meshing.geometry.drawing import Drawing, Edge, Filled, Rosette
+from meshing.geometry.drawing import Drawing, Edge, Filled
 from meshing.geometry.graph import Graph
-from meshing.geometry.lengths import ARCS, RIM, Lengths, divided, divided_line
+from meshing.geometry.lengths import ARCS, Lengths, divided, divided_line
 from meshing.geometry.planar import find_crossing
 from meshing.vectors import on_circle
 
@@ -66,10 +66,9 @@ class _Filler:
             drawing.edge_sets[name] = around(loops[-1])
         for name, path in graph.cracks.items():
             drawing.groups[f"crack:{name}"] = list(pairwise(self.crack(path)))
-        rosettes = []
         for v, radius in self.wanted.rosettes.items():
             self.rosette(v, radius)
-            rosettes.append(Rosette(self.own[v], radius, RIM * radius))
+        rosettes = {self.own[v]: radius for v, radius in self.wanted.rosettes.items()}
         where = np.array(drawing.vertices)
         lines = [edge for loop in loops for edge in around(loop)] + self.segments
         crossing = find_crossing(where[np.array(lines)], np.array(lines))

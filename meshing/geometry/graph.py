@@ -11,9 +11,10 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from meshing.cells.complex import Point
+
 SNAP = 1e-7  # distance that counts as touching, relative to the body's diagonal
 _CLOSE = 1e-4  # least distance of features that do not touch, relative to the diagonal
-Point = tuple[float, float]
 Circle = tuple[Point, float]
 
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from meshing.cells.complex import around, edge_key
+from meshing.cells.complex import Edge, around, edge_key
 from meshing.geometry.drawing import Drawing, Filled
+from meshing.geometry.lengths import RIM
 from meshing.gmsh.describe import MATERIAL, WHOLE
 
 # Growth of cells with the distance from a rosette: K and T of cracks 400 to 1600 times smaller than a plate
 # are within 2e-5 with 0.7 and less, as with 0.45; 3e-4 with 0.8, 2e-2 with 1.
 _GROWTH = 0.6
-
-Edge = tuple[int, int]
 
 
 def draw_geometry(drawing: Drawing, gmsh: Any) -> None:
@@ -109,10 +108,10 @@ class _Pen:
         field, bounds = self.model.mesh.field, []
         for surface in self.drawing.filled:
             largest = surface.size
-            for rosette in surface.rosettes:
-                radius, edge = rosette.radius, rosette.edge
+            for vertex, radius in surface.rosettes.items():
+                edge = RIM * radius
                 distance, bound = field.add("Distance"), field.add("Threshold")
-                field.setNumbers(distance, "PointsList", [self.points[rosette.vertex]])
+                field.setNumbers(distance, "PointsList", [self.points[vertex]])
                 field.setNumber(bound, "InField", distance)
                 numbers = {"SizeMin": edge, "DistMin": radius, "SizeMax": largest}
                 numbers["DistMax"] = radius + max(largest - edge, 0.0) / _GROWTH

@@ -31,6 +31,12 @@ class _Format(NamedTuple):
     sections: tuple[str, ...] = ()
 
 
+_MSH = _Format(
+    r"\$(?:NOD|MeshFormat\r?\n([0-9.]+) ([01]) [0-9]+\s)",
+    "a gmsh mesh (it begins with $MeshFormat and a version)",
+    r"\n\$E(?:nd|ND)[^\n]*",
+    "$EndElements or another $End...",
+)
 _STEP = _Format(
     r"\s*ISO-10303-21", "a STEP file (it begins with ISO-10303-21)", r"END-ISO-10303-21;", "END-ISO-10303-21;"
 )
@@ -57,6 +63,7 @@ _BDF = _Format(r"(?!.*\0)(?:.*\n)?GRID[ *,]", "a Nastran bulk data file (it has 
 _HDF5 = r"\x89HDF\r\n\x1a\n"
 _VTU = _Format(r"\s*(?=<).{0,2000}<VTKFile", "a VTK XML file", "</VTKFile>", "</VTKFile>")
 _FORMATS = {
+    ".msh": _MSH,
     **dict.fromkeys(SCRIPTS, None),
     **dict.fromkeys(STEP, _STEP),
     ".brep": _BREP,
@@ -68,7 +75,7 @@ _FORMATS = {
     ".med": _Format(_HDF5, "a MED file (it is in HDF5)"),
     **dict.fromkeys(NASTRAN, _BDF),
 }
-KNOWN = (".msh", *_FORMATS)
+KNOWN = (*_FORMATS,)
 
 
 def checked_content(path: Path) -> bytes:
@@ -94,45 +101,34 @@ def checked_content(path: Path) -> bytes:
         )
     if not content.strip():
         raise ValueError(f"{path}: it is empty.")
-    if suffix == ".msh":
-        _check_msh(path, content)
-    elif suffix in SCRIPTS and content.startswith((b"$", b"ISO-10303-21")):
+    if suffix in SCRIPTS and content.startswith((b"$", b"ISO-10303-21")):
         raise ValueError(
             f"{path}: its content is a mesh or a CAD file, not a gmsh script; give it the ending of its "
             "format."
         )
-    elif form := _FORMATS[suffix]:
-        _expect(path, re.match(form.begin.encode(), content, re.DOTALL), form.what)
+    if form := _FORMATS[suffix]:
+        head = re.match(form.begin.encode(), content, re.DOTALL)
+        if not head:
+            raise ValueError(f"{path}: its content is not {form.what}, as its ending says.")
         if form is _VTU and (b"<!DOCTYPE" in content or b"<!ENTITY" in content):
             raise ValueError(f"{path}: it declares entities, which VTK files do not; save it again.")
         ends = re.search(form.end.encode() + rb"\Z", content.rstrip())
-        _complete(path, ends and all(word.encode() in content for word in form.sections), form.word)
+        if not (ends and all(word.encode() in content for word in form.sections)):
+            raise ValueError(
+                f"{path}: it is truncated or damaged, it does not end with {form.word}; export it again."
+            )
+        if form is _MSH:
+            _check_msh(path, content, *head.groups(b"1"))
     return content
 
 
-def _expect(path: Path, holds: object, what: str) -> None:
-    if not holds:
-        raise ValueError(f"{path}: its content is not {what}, as its ending says.")
-
-
-def _complete(path: Path, holds: object, end: str) -> None:
-    if not holds:
-        raise ValueError(f"{path}: it is truncated or damaged, it does not end with {end}; export it again.")
-
-
-def _check_msh(path: Path, content: bytes) -> None:
-    header = re.match(rb"\$MeshFormat\r?\n([0-9.]+) ([01]) ([0-9]+)\s", content)
-    if content.startswith(b"$NOD") or (header and float(header[1]) < 2):
-        raise ValueError(f"{path}: it has version 1 of gmsh's format; save it as version 2.2 or 4.1.")
-    _expect(path, header is not None, "a gmsh mesh (it begins with $MeshFormat and a version)")
-    assert header is not None
-    if header[1] not in (b"2", b"2.0", b"2.1", b"2.2", b"4", b"4.0", b"4.1"):
+def _check_msh(path: Path, content: bytes, version: bytes, binary: bytes) -> None:
+    """Of a version that is known, with its sections."""
+    if version not in (b"2", b"2.0", b"2.1", b"2.2", b"4", b"4.0", b"4.1"):
         raise ValueError(
-            f"{path}: version {header[1].decode()} of gmsh's format is not known; save it as 2.2 or 4.1."
+            f"{path}: version {version.decode()} of gmsh's format is not read; save it as 2.2 or 4.1."
         )
-    last = content.rstrip().splitlines()[-1]
-    _complete(path, last.startswith(b"$End"), "$EndElements or another $End...")
-    if header[2] == b"0":
+    if binary == b"0":
         opened = re.findall(rb"(?m)^\$([A-Za-z]+)\s*$", content)
         for begin, end in zip(opened[::2], opened[1::2] + [b""]):
             if end != b"End" + begin:

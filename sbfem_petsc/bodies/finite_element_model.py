@@ -213,7 +213,7 @@ class FiniteElementModel:
         law = Unilateral() if law is None else law
         check_without_layer("contact", "law", law)
         flag("contact", "interference", interference)
-        real("contact", "offset", offset, "m", within=Bounds(least=0.0))
+        offset = real("contact", "offset", offset, "m", within=Bounds(least=0.0))
         if offset and (right is None or gap is not None):
             raise ValueError(
                 f"contact: offset = {offset:g} m is taken off the distance of two faces' nodes; give the gap "

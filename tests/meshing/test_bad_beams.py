@@ -99,7 +99,7 @@ def test_wrong_types(make):
         ({"size": 1e-6}, "size 1e-06 m is below"),
         ({"tip_size": 0}, "tip_size = 0 must"),
         ({"tip_size": -1e-4}, "tip_size = -0.0001 must"),
-        ({"tip_size": 1e-12}, "below 1e-6"),
+        ({"tip_size": 1e-12}, "below 1e-06 of the body's size 0.005 m"),
         ({"tip_size": 0.0025}, "does not fit around the tip of notch 1"),
         ({"grading": 1.0}, "grading is 1"),
         ({"grading": math.inf}, "grading = inf"),

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from meshing.gmsh.foreign import described, ends_first, sorted_groups
-from meshing.gmsh.foreign.vtk import PLANE, check_plane, read_by_meshio
+from meshing.gmsh.foreign.vtk import PLANE, read_by_meshio
 
 _LINES = ("line", "line3")
 
@@ -30,16 +30,12 @@ def extract(*, file: str, **options: Any) -> tuple[dict[str, Any], dict[str, np.
     Refusal
         meshio cannot read it, or it is no plane mesh.
     """
-    mesh = read_by_meshio(file)
-    positions = np.zeros((len(mesh.points), 3))
-    positions[:, : mesh.points.shape[1]] = mesh.points
-    nodes = dict(enumerate(positions))
+    mesh, nodes = read_by_meshio(file, (*_LINES, "vertex"))
     elements: dict[int, tuple[int, list[int]]] = {}
     element_groups: dict[str, list[int]] = {name: [] for name in _names(mesh.cell_tags)}
     node_groups: dict[str, list[int]] = {name: [] for name in _names(mesh.point_tags)}
     families = mesh.cell_data.get("cell_tags", [np.zeros(len(block.data), int) for block in mesh.cells])
     for block, own in zip(mesh.cells, families):
-        check_plane(block, (*_LINES, "vertex"))
         for cell, family in zip(np.asarray(block.data).tolist(), np.ravel(own).tolist()):
             label, kind = len(elements), block.type
             dimension = 2 if kind in PLANE else 1 if kind in _LINES else 0

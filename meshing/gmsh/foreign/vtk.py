@@ -33,38 +33,37 @@ def extract(*, file: str, **options: Any) -> tuple[dict[str, Any], dict[str, np.
     Refusal
         meshio cannot read it, or it is no plane mesh.
     """
-    mesh = read_by_meshio(file)
+    mesh, nodes = read_by_meshio(file, _IGNORED)
     key = next((key for key in _MATERIALS if key in mesh.cell_data), None)
     numbers = mesh.cell_data[key] if key else [None] * len(mesh.cells)
     groups: dict[tuple[int, str], list[list[int]]] = {}
     for block, values in zip(mesh.cells, numbers):
-        check_plane(block, _IGNORED)
         if block.type in _IGNORED:
             continue
         names = ["material"] * len(block.data)
         if values is not None:
             names = [f"material{int(value)}" for value in np.ravel(values)]
-        for name, nodes in zip(names, np.asarray(block.data).tolist()):
-            groups.setdefault((2, name), []).append(nodes)
-    positions = np.zeros((len(mesh.points), 3))
-    positions[:, : mesh.points.shape[1]] = mesh.points
-    return described(dict(enumerate(positions)), groups, {}, **options)
+        for name, cell in zip(names, np.asarray(block.data).tolist()):
+            groups.setdefault((2, name), []).append(cell)
+    return described(nodes, groups, {}, **options)
 
 
-def read_by_meshio(file: str) -> Any:
-    """What meshio reads, or a Refusal."""
+def read_by_meshio(file: str, others: tuple[str, ...]) -> tuple[Any, dict[int, list[float]]]:
+    """What meshio reads, and places (x, y, z) of its nodes; a Refusal of cells that are neither plane nor of
+    some other kinds, and of what it cannot read.
+    """
     import meshio
 
     try:
-        return meshio.read(file)
+        mesh = meshio.read(file)
     except (Exception, SystemExit) as error:  # meshio's readers raise what they like
         raise Refusal(f"meshio cannot read it ({' '.join(str(error).split())}); mend the file.") from error
-
-
-def check_plane(block: Any, others: tuple[str, ...]) -> None:
-    """Refusal of cells that are neither plane nor of some other kinds."""
-    if block.type not in (*PLANE, *others):
-        raise Refusal(
-            f"it holds {len(block.data)} cells of type {block.type!r}, a plane mesh of triangles and "
-            "quadrilaterals was expected."
-        )
+    for block in mesh.cells:
+        if block.type not in (*PLANE, *others):
+            raise Refusal(
+                f"it holds {len(block.data)} cells of type {block.type!r}, a plane mesh of triangles and "
+                "quadrilaterals was expected."
+            )
+    positions = np.zeros((len(mesh.points), 3))
+    positions[:, : mesh.points.shape[1]] = mesh.points
+    return mesh, dict(enumerate(positions.tolist()))
