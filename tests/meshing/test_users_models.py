@@ -277,6 +277,14 @@ def test_wrong(tmp_path, name):
     assert str(path) in str(caught.value) or "read_gmsh" in str(caught.value)
 
 
+@pytest.mark.parametrize("version", ["1", "2.2.1", "3.0", "."])
+def test_versions_of_meshes_that_are_not_read(tmp_path, version):
+    path = tmp_path / "model.msh"
+    path.write_text(f"$MeshFormat\n{version} 0 8\n$EndMeshFormat\n$Nodes\n0\n$EndNodes\n")
+    with pytest.raises(ValueError, match=f"version {re.escape(version)} of gmsh's format is not read"):
+        read_gmsh(path)
+
+
 LARGE = LINES.replace("0.1", "100").replace("0.05", "50").replace("0.01", "10") + NAMES
 WARNED = {
     "a crack by another name": (
