@@ -27,7 +27,7 @@ class MeshWarning(UserWarning):
 
 
 class LoadWarning(UserWarning):
-    """A load acts on nothing, because a support holds the direction of it."""
+    """A load, or the contact of two faces, acts on nothing, because a support holds the direction of it."""
 
 
 class BandWarning(UserWarning):

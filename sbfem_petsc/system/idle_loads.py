@@ -1,4 +1,4 @@
-"""Loads that act on nothing, because supports hold their directions."""
+"""Loads and contact that act on nothing, because supports hold their directions."""
 
 from __future__ import annotations
 
@@ -16,18 +16,22 @@ from .model import Model
 
 # Share of a load's nodal forces on free directions that rounding of normals leaves.
 ROUND_OFF = 1e-12
+# Components of a unit normal below this are those of rounding.
+ROUNDED = 1e-9
 
 
 def warn_of_idle_loads(owner: str, model: Model, units: Iterable[Load]) -> None:
-    """Warn of unit loads whose whole force is on directions that are held fixed. Collective.
+    """Warn of unit loads whose whole force is on directions that are held fixed, and of cracks that end in a
+    support. Collective.
 
     Warns
     -----
     LoadWarning
-        With the load and the supports at its place.
+        With the load and the supports at its place, or the crack.
     """
     if not any(any(support.fixed) for support in model.supports):
         return
+    _warn_of_held_faces(owner, model)
     for unit in units:
         idle, supports = model.keep(("idle", unit), functools.partial(_idle, model, unit))
         if idle:
@@ -37,6 +41,21 @@ def warn_of_idle_loads(owner: str, model: Model, units: Iterable[Load]) -> None:
                 LoadWarning,
                 stacklevel=caller_level(),
             )
+
+
+def _warn_of_held_faces(owner: str, model: Model) -> None:
+    """Warn of pairs of nodes of which supports hold both along their normal."""
+    moved = np.repeat(np.abs(model.pairs.normal[:, None]) > ROUNDED, 2, axis=1)
+    held = ~(moved & (model.pair_unknowns.reshape(-1, 2, 2) >= 0)).any(axis=(1, 2))
+    if held.any():
+        names = sorted({model.cracks[crack].name for crack in model.pairs.crack[held]})
+        warnings.warn(
+            f"{owner}: supports hold both faces of {listed(names)} at {held.sum():,d} of {len(held):,d} "
+            "pairs: the crack cannot open there, and what its faces press with there is no contact force and "
+            "missing in their resultant; hold the edge beside the crack alone, unless that is meant",
+            LoadWarning,
+            stacklevel=caller_level(),
+        )
 
 
 def _idle(model: Model, unit: Load) -> tuple[bool, list[str]]:

@@ -1,5 +1,7 @@
 """Prescribed displacements: bars in closed form, and the force that makes the same displacement."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -204,3 +206,19 @@ def test_refused():
         ):
             with pytest.raises(ValueError, match=text):
                 call()
+
+
+def test_a_crack_that_ends_in_a_support():
+    """It is told that its mouth is held; beside the mouth nothing is."""
+    crack = CrackLine([(0.05, 0.0), (0.05, 0.04)])
+    mesh = Plate(OUTLINE, cracks=[crack]).mesh(order=2)
+    press = sb.EdgeLoad(RIGHT, pressure=1e6)
+    with (
+        sb.Model(mesh, STEEL, clamped=LOWER) as model,
+        pytest.warns(sb.LoadWarning, match="both faces of 'crack1' at 1 of"),
+    ):
+        found = sb.static(model, press)
+    assert found.contact_force[found.active].min() > 0.0 and not model.gap_operator.flexible().all()
+    with sb.Model(mesh, STEEL, clamped=LEFT) as model, warnings.catch_warnings():
+        warnings.simplefilter("error", sb.LoadWarning)
+        sb.static(model, press)

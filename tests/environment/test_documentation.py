@@ -69,7 +69,7 @@ def test_pictures_of_the_pages():
     """Each picture is drawn by docs/pictures.py, and stands in a page."""
     drawn = {*PICTURES.PAGES, *PICTURES.PROGRAMS}
     assert drawn == {path.name for path in (ROOT / "docs").glob("*.[pg][ni][gf]")}
-    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+    pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
     text = "".join(page.read_text() for page in pages)
     assert all(f"{name})" in text for name in drawn)
 

@@ -30,7 +30,7 @@ from .curve_system import (
 # The linear systems: relative residual.
 LINEAR = 1e-8
 # A curve is resolved by its samples if no more than this share of it is in the highest quarter of their
-# harmonics: docs/quasi_periodic.md has what lines and own tones were off by below and above it.
+# harmonics: docs/verification/quasi_periodic.md has what lines and own tones were off by below and above it.
 RESOLVED = 0.01
 # Of the states, harmonics that are rounding.
 ROUNDING = 1e-9
