@@ -241,8 +241,8 @@ COUNTS = 1, 2, 3, 5, 8, 20
 @pytest.mark.long
 def test_multipliers_do_not_depend_on_the_segments():
     """On either side of a period doubling and of both folds of two masses' curve (the table of
-    docs/verification/steady_states.md): the largest of 2 to 20 segments is that of one to 1e-9, or, where a pair switches
-    in a step beside the end of a segment, within the error of the steps that is told.
+    docs/verification/steady_states.md): the largest of 2 to 20 segments is that of one to 1e-9, or, where a
+    pair switches in a step beside the end of a segment, within the error of the steps that is told.
     """
     curve = sb.frequency_response(two_masses(), [0.1], 0.5 / TURN, 0.9 / TURN, steps=1920)
     sides = [k for item in curve.bifurcations if item.kind in KINDS for k in (item.after - 1, item.after)]
