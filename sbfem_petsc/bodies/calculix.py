@@ -96,6 +96,13 @@ def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
     )
 
 
+def job_files(job: str) -> list[str]:
+    """Paths of the files of a job: its deck, those that it includes, unknowns and matrices."""
+    stem = job.removesuffix(".inp")
+    decks = dict.fromkeys(place.rpartition(", line ")[0] for place, _ in _lines(OWNER, f"{stem}.inp"))
+    return [*decks, *(f"{stem}.{ending}" for ending in ("dof", "sti", "mas"))]
+
+
 class Deck:
     """Nodes, sets of them, pairs of node and direction that are held, and solid elements by kind."""
 

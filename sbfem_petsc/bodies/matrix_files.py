@@ -1,4 +1,4 @@
-"""Bodies from files of matrices: Matrix Market, SciPy's .npz, PETSc's binary, text of Abaqus."""
+"""Bodies from files of matrices: Matrix Market, SciPy's .npz, PETSc's binary, Abaqus' text, Ansys' .full."""
 
 from __future__ import annotations
 
@@ -37,12 +37,13 @@ def read_matrices(
     ----------
     stiffness, mass : str or path
         Matrix Market, `scipy.sparse.save_npz`, PETSc's binary of a sparse matrix, or what Abaqus writes of
-        ``*MATRIX GENERATE`` by ``*MATRIX OUTPUT, FORMAT=MATRIX INPUT``, told apart by their content.
+        ``*MATRIX GENERATE`` by ``*MATRIX OUTPUT, FORMAT=MATRIX INPUT``, told apart by their content. Both of
+        Ansys are in one .full, which `ansys-mapdl-reader` reads.
     nodes : dict of int to (x, y, z), or str or path
         Places by label, or a deck of CalculiX or Abaqus without parts, of which sets, `*BOUNDARY` and solid
         elements are taken too.
-    unknowns : (n, 2) array of int, optional
-        Of each row, as for `FiniteElementModel`. Files of Abaqus have them.
+    unknowns : (n, 2) array of int, or str or path, optional
+        Of each row, as for `FiniteElementModel`, or text of two columns. Files of Abaqus and Ansys have them.
     sets, fixed, units
         As for `FiniteElementModel`, beside those of a deck.
 
@@ -56,10 +57,13 @@ def read_matrices(
         If a file is missing, cut or of another kind; for what `FiniteElementModel` refuses.
     """
     files = [path(OWNER, name, given) for name, given in (("stiffness", stiffness), ("mass", mass))]
-    found = [_entries(file) for file in files]
+    found = [_entries(file, k) for k, file in enumerate(files)]
     labelled = [isinstance(part, tuple) for part in found]
     if labelled[0] != labelled[1]:
-        raise ValueError(f"{OWNER}: {files[labelled.index(True)]} is text of Abaqus, the other is not")
+        one = files[labelled.index(True)]
+        raise ValueError(
+            f"{OWNER}: {one} names nodes, as of Abaqus or Ansys, the other does not; give two alike"
+        )
     held, elements = {(int(a), int(d)) for a, d in fixed}, dict[str, np.ndarray]()
     sets = {} if sets is None else sets
     if not isinstance(nodes, Mapping):
@@ -67,22 +71,26 @@ def read_matrices(
         nodes, sets, elements, held = deck.nodes, deck.sets | dict(sets), deck.elements, held | deck.held
     if labelled[0]:
         if unknowns is not None:
-            raise ValueError(f"{OWNER}: unknowns are those of Abaqus' files; leave the argument out")
+            raise ValueError(f"{OWNER}: unknowns are those of {files[0]}; leave the argument out")
         matrices, unknowns, supports = _numbered(*found)
         held |= supports
     elif unknowns is None:
         raise ValueError(f"{OWNER}: unknowns is missing: nodes and directions of the rows of {files[0]}")
     else:
         matrices = found
+        if isinstance(unknowns, (str, os.PathLike)):
+            unknowns = _pairs(path(OWNER, "unknowns", unknowns))
     return FiniteElementModel(
         matrices[1], matrices[0], unknowns, nodes, sets=sets, fixed=held, elements=elements, units=units
     )
 
 
-def _entries(file: str) -> Any:
-    """A matrix; of Abaqus' text pairs of node and direction, two in a row, and values."""
+def _entries(file: str, place: int) -> Any:
+    """A matrix; of Abaqus' text and Ansys' .full pairs of node and direction, two in a row, and values."""
     try:
         require_regular(file)
+        if file.endswith(".full"):
+            return _ansys(file, place)
         with open(file, "rb") as opened:
             head = opened.read(14)
         if head.startswith(b"%%MatrixMarket"):
@@ -102,9 +110,37 @@ def _entries(file: str) -> Any:
         why = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
         raise ValueError(
             f"{OWNER}: {file} is missing or cut, or neither Matrix Market, .npz of scipy.sparse, PETSc's "
-            f"binary nor text of Abaqus ({why})"
+            f"binary, text of Abaqus nor .full of Ansys ({why})"
         ) from None
     return table[:, :4].astype(int), table[:, 4]
+
+
+def _ansys(file: str, place: int) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness or mass of Ansys as those of Abaqus' text, what is held by its diagonal."""
+    try:
+        from ansys.mapdl.reader import read_binary
+    except ImportError as error:
+        raise ValueError(f"pip install ansys-mapdl-reader, which reads it: {error}") from None
+    try:
+        full = read_binary(file)
+        labels, *matrices = full.load_km(as_sparse=True)
+    except Exception as error:  # of any kind, by the library
+        raise ValueError(str(error)) from None
+    entries = sparse.coo_matrix(matrices[place] + sparse.triu(matrices[place], 1).T)
+    pairs = np.hstack([labels[entries.row], labels[entries.col]]) + [0, 1, 0, 1]
+    held = np.tile(full.const, 2) + [0, 1, 0, 1]
+    kept = ~(held[:, None, :2] == pairs[None, :, :2]).all(axis=2).any(axis=0)
+    return np.vstack([pairs[kept], held]), np.append(entries.data[kept], np.full(len(held), 2.0 * HELD))
+
+
+def _pairs(file: str) -> np.ndarray:
+    """(n, 2): text of nodes and directions."""
+    try:
+        require_regular(file)
+        table = np.loadtxt(file, ndmin=2)
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{OWNER}: {file} is no text of node and direction ({error})") from None
+    return table
 
 
 def _petsc(file: str) -> sparse.csr_matrix:

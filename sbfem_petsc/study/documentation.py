@@ -25,6 +25,7 @@ from ..options import unit_of
 from ..record.body import Body
 from ..record.record import Entry, Record, entries, record_class
 from .case.analyses import KINDS
+from .case.body import BODIES, BodyContact, BodyPoint
 from .case.case import CaseTables, Output
 from .case.geometry import (
     GEOMETRIES,
@@ -43,7 +44,7 @@ from .case.geometry import (
     Support,
 )
 from .case.laws import LAWS
-from .case.loads import EdgeLoad, EdgeMotion, PointForce, SupportMotion
+from .case.loads import EdgeLoad, EdgeMotion, Force, PointForce, SupportMotion
 from .case.signals import SIGNALS
 from .case.sweep import Noise, Range, SweepTable
 from .case.tables import kind_name
@@ -53,16 +54,22 @@ _HEAD = """# The case file
 
 A case file describes a structure, its loads and the analyses that are wanted, in [TOML](https://toml.io):
 tables in brackets, `key = value`, comments after `#`. `sbfem new beam case.toml` writes a commented one
-(`plate`, `gmsh`, `modulation`, `nonlinear` and `sweep` are others), `sbfem check case.toml` validates it,
-`sbfem run case.toml --output DIR` runs it. Lengths are in m, all units are SI, angles are in degrees. Keys
-without a default have to be given. This page is generated from the program's own tables;
+(`plate`, `gmsh`, `body`, `modulation`, `nonlinear` and `sweep` are others), `sbfem check case.toml` checks
+it, `sbfem run case.toml --output DIR` runs it. Lengths are in m, all units are SI, angles are in degrees.
+Keys without a default have to be given. This page is generated from the program's own tables;
 [`case_file.schema.json`](case_file.schema.json) lets an editor check and complete a case file.
 """
 _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     (
         "[geometry]",
-        "One of three kinds.",
+        "One of three kinds, or [body].",
         (BeamGeometry, Notch, Hole, PlateGeometry, CrackLine, GmshGeometry),
+    ),
+    (
+        "[body]",
+        "A [body of another code](bodies.md) in the place of `[geometry]`, `[mesh]`, `[points]` and "
+        "`[material]`; of `[model]` it takes `damping` and `rayleigh`. Its matrices are not kept in results.",
+        (*BODIES, BodyContact, BodyPoint),
     ),
     ("[mesh]", "", (Mesh,)),
     (
@@ -82,7 +89,7 @@ _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
         "amplitude of sin(2 pi f t) in `periodic`, `frequency_response`, `load_response`, `modulation`, "
         "`quasi_periodic` and `quasi_periodic_response`. Beside a signal that varies these refuse a number, "
         "which may be meant as either: a table of kind constant or harmonic says which.",
-        (PointForce, EdgeLoad, SupportMotion, EdgeMotion, *SIGNALS),
+        (PointForce, EdgeLoad, SupportMotion, EdgeMotion, Force, *SIGNALS),
     ),
     (
         "[analyses.NAME]",
@@ -293,6 +300,8 @@ def _title(table: type[BaseModel]) -> str:
         "Noise": "`noise = { ... }`",
         "ModelTable": "`[model]`",
         "SweepTable": "`[sweep]`",
+        "BodyContact": "`[[body.contacts]]`",
+        "BodyPoint": "`[body.points.NAME]`",
         "StartAxis": "`starts = [{ ... }, ...]` of basins",
     }[table.__name__]
 

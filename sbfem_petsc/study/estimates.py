@@ -16,8 +16,8 @@ from ..ranks.parallel import collective
 from .case import parameters
 from .case.analyses import KINDS
 from .case.case import Case
-from .costs import Cost, Size
-from .structure import Structure
+from .costs import Cost
+from .structure import Structure, lines_of
 
 # Bytes: the program and its libraries, on each rank; of N log2 N of N displacement unknowns, statics with a
 # factor of the stiffness and one of contact, and analyses that rest on modes.
@@ -37,29 +37,18 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
     with collective(comm):
         case.check_tones(case.tables.sweep.parameters if case.tables.sweep is not None else ())
     structure = Structure(case, comm)
-    model = structure.model
-    lower, upper = model.extent
-    facts: dict[str, Any] = {
-        "title": case.tables.title,
-        "extent": [*map(float, lower), *map(float, upper)],
-        "elements": int(model.elements),
-        "order": int(model.order),
-        "boundary_unknowns": int(model.boundary_unknowns),
-        "unknowns": int(model.unknowns),
-        "contact_pairs": len(model.pairs),
-        "cracks": [crack.name for crack in model.cracks],
-        "points": {name: list(map(float, place)) for name, (place, _, _) in model.points.items()},
-        "edge_sets": list(model.edge_set_names),
-        "regions": list(model.material_names),
-        "analyses": {},
-    }
-    points = len(structure.points(case))
+    facts: dict[str, Any] = {"title": case.tables.title, **structure.facts(), "analyses": {}}
+    if structure.body is None:
+        model = structure.model
+        facts["cracks"] = [crack.name for crack in model.cracks]
+        facts |= {"edge_sets": list(model.edge_set_names), "regions": list(model.material_names)}
+    size = structure.size(case)
+    outer = facts.get("boundary_unknowns", facts["unknowns"])
     structure.destroy()
-    size = Size(case, facts["unknowns"], facts["contact_pairs"], points)
     costs = {name: kind.cost(size) for name, kind in case.tables.analyses.items()}
     for name, kind in case.tables.analyses.items():
         unreduced = facts["unknowns"] if not getattr(kind, "reduced", True) else 0
-        matrices = model_memory(kind.kind, facts["boundary_unknowns"], ranks=comm.size, unreduced=unreduced)
+        matrices = model_memory(kind.kind, outer, ranks=comm.size, unreduced=unreduced)
         facts["analyses"][name] = {
             "kind": kind.kind,
             "seconds": costs[name].seconds,
@@ -108,17 +97,12 @@ def _sweep(case: Case, unknowns: int, costs: dict[str, Cost]) -> dict[str, Any]:
 
 def told(case: Case, facts: dict[str, Any]) -> str:
     """Estimates as text."""
-    x0, y0, x1, y1 = facts["extent"]
-    cracks = len(facts["cracks"])
+    listed = [*lines_of(facts), ("points", ", ".join(facts["points"]) or "none")]
+    names = {"cracks": "cracks", "edge_sets": "edge sets", "regions": "regions"}
+    listed += [(what, ", ".join(facts[key]) or "none") for key, what in names.items() if key in facts]
     lines = [
         f"{case.file}: a valid case" + (f", {facts['title']!r}" if facts["title"] else ""),
-        f"  body           [{x0:g}, {x1:g}] x [{y0:g}, {y1:g}] m, {cracks} crack{'s' * (cracks != 1)}",
-        f"  mesh           {facts['elements']} S-elements of order {facts['order']}, "
-        f"{facts['boundary_unknowns']:,d} boundary unknowns, {facts['unknowns']:,d} with auxiliary ones, "
-        f"{facts['contact_pairs']} contact pairs",
-        f"  points         {', '.join(facts['points']) or 'none'}",
-        f"  edge sets      {', '.join(facts['edge_sets'])}",
-        f"  regions        {', '.join(facts['regions'])}",
+        *(f"  {what:14s} {words}" for what, words in listed),
         "  expected (estimates, one core):",
     ]
     for name, entry in facts["analyses"].items():

@@ -30,7 +30,7 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str, *, picture
         Analysis.
     result
         Of that analysis.
-    model : Model or None
+    model : Model, ReducedModel of a body, or None
         None where only a recorded result is at hand.
     folder : str
         Made if it is missing.
@@ -49,14 +49,15 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str, *, picture
     if output.animation and pictures and kind.moving and model is not None:
         animate(result, stem)
     if output.vtu and kind.fields and model is not None:
-        kind.write_fields(result, f"{stem}.vtu")
+        kind.write_fields(result, f"{stem}.vtu", model)
 
 
 def animate(motion: Any, stem: str) -> None:
     """Draw the first crack over a motion, where there is one that keeps its fields. Collective."""
     from ..plot.animation import animate_crack
 
-    if motion.reduced is not None and motion.reduced.model.cracks:
+    reduced = motion.reduced
+    if reduced is not None and (reduced.contact if reduced.model is None else reduced.model.cracks):
         animate_crack(motion, f"{stem}_crack1.gif")
 
 

@@ -26,6 +26,7 @@ from .pictures import lacking
 from .quantities import Quantity, Tree
 from .revive import read_any
 from .run import PICTURES, RunResults
+from .structure import lines_of
 from .sweep_file import WIDEST, Sweep
 
 # Rows of an array that a table shows.
@@ -148,14 +149,7 @@ def _run(results: RunResults, home: str) -> xml.Element:
     facts = f"sbfem-petsc {run['version']}, computed {run['ended'][:10]}, written {time.strftime('%Y-%m-%d')}"
     page, body = _page(run["title"] or results.case_file, facts)
     if model:
-        x0, y0, x1, y1 = model["extent"]
-        rows = [
-            ("body", f"[{x0:g}, {x1:g}] x [{y0:g}, {y1:g}] m"),
-            ("mesh", f"{model['elements']} S-elements of order {model['order']}"),
-            ("unknowns", f"{model['unknowns']:,d}, of them {model['boundary_unknowns']:,d} on boundaries"),
-            ("contact pairs", str(model["contact_pairs"])),
-        ]
-        _table(body, rows)
+        _table(body, lines_of(model))
     for name, reason in run["failed"].items():
         _add(body, "p", f"{name} failed: {reason}", class_="failed")
     for name, tree in results.analyses.items():

@@ -25,7 +25,7 @@ from .folder import PARTS
 from .quantities import Quantity, Tree, plain
 from .run import RESULTS, RunResults, read_run
 from .storage import holds, results_in, write_json
-from .structure import Structure
+from .structure import Structure, lines_of
 from .sweep_file import FILE, Sweep, read_sweep, write_csv
 
 
@@ -80,10 +80,7 @@ def described(results: RunResults | Sweep) -> str:
     lines = [f"{results.path}: {run['title'] or results.case_file}, version {run['version']}, {run['ended']}"]
     model = run["model"]
     if model:
-        lines.append(
-            f"  {model['elements']} S-elements of order {model['order']}, {model['unknowns']:,d} unknowns, "
-            f"{model['contact_pairs']} contact pairs"
-        )
+        lines.append(f"  {'; '.join(f'{what} {words}' for what, words in lines_of(model))}")
     for name, tree in results.analyses.items():
         seconds = run["seconds"].get(name)
         lines.append(f"  {name} ({results.kinds[name]}{f', {duration(seconds)}' if seconds else ''})")
@@ -161,6 +158,11 @@ def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animat
                 animated = case.tables.output.animation and kind_called(results.kinds[name]).moving
                 recorded = None if animated else _recorded(home, name)
                 if recorded is None:
+                    if case.tables.body is not None:
+                        watch.say(
+                            f"{name}: not drawn, for results do not hold a body's matrices; run it again"
+                        )
+                        continue
                     structure = structure or Structure(case, comm)
                     recorded = structure.solve(case, name)
                 pictures.draw(case, name, recorded, structure.model if structure else None, folder)
@@ -248,6 +250,8 @@ def _vtu(results: RunResults, source: str, folder: str, comm: Any, watch: Watch)
         raise ValueError("--vtu writes modes and static displacements, and these results hold neither")
     with spare_folder() as spare:
         case = case_of(results, source, spare)
+        if case.tables.body is not None:
+            raise ValueError("--vtu: results do not hold a body's matrices; say vtu = true in [output]")
         structure = Structure(case, comm)
         try:
             written = []
@@ -255,7 +259,7 @@ def _vtu(results: RunResults, source: str, folder: str, comm: Any, watch: Watch)
                 watch.stage(f"{name}: fields")
                 stem = os.path.join(folder, name)
                 result = structure.solve(case, name)
-                case.tables.analyses[name].write_fields(result, f"{stem}.vtu")
+                case.tables.analyses[name].write_fields(result, f"{stem}.vtu", structure.model)
                 structure.release(result)
                 written.append(f"{stem}.{'vtu' if comm.size == 1 else 'pvtu'}")
         finally:

@@ -21,7 +21,6 @@ from . import pictures
 from .case.case import Case, read_case
 from .case.objects import located
 from .case.problems import CaseError
-from .costs import Size
 from .csv_tables import write_tables
 from .folder import Folder
 from .kinds.kind import Kind
@@ -179,9 +178,8 @@ class _Run:
     def _require_disk(self, name: str) -> None:
         """Refuse an analysis whose results would not fit on the disk. Collective."""
         assert self.structure is not None
-        model, kind = self.structure.model, self.case.tables.analyses[name]
-        points = len(self.structure.points(self.case))
-        cost = kind.cost(Size(self.case, int(model.unknowns), len(model.pairs), points))
+        kind = self.case.tables.analyses[name]
+        cost = kind.cost(self.structure.size(self.case))
         require_disk(
             kind.kind,
             self.comm,
@@ -207,20 +205,8 @@ class _Run:
     def _write_model(self) -> None:
         """Facts of the model, for the results of this run and of one that is resumed."""
         assert self.structure is not None
-        model = self.structure.model
-        if self.folder is None:
-            return
-        lower, upper = model.extent
-        self.folder.state["model"] = {
-            "elements": int(model.elements),
-            "order": int(model.order),
-            "boundary_unknowns": int(model.boundary_unknowns),
-            "unknowns": int(model.unknowns),
-            "contact_pairs": len(model.pairs),
-            "extent": [*map(float, lower), *map(float, upper)],
-            "area": float(model.area),
-            "points": {name: list(map(float, place)) for name, (place, _, _) in model.points.items()},
-        }
+        if self.folder is not None:
+            self.folder.state["model"] = self.structure.facts()
 
     def _write(self) -> dict[str, Any] | None:
         """results.h5 and summary.json of all finished analyses, each replaced as a whole."""

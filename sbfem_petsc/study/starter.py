@@ -7,9 +7,9 @@ from importlib import resources
 
 from meshing.whole_file import replaced
 
-KINDS = ("beam", "plate", "gmsh", "modulation", "nonlinear", "sweep")
+KINDS = ("beam", "plate", "gmsh", "body", "modulation", "nonlinear", "sweep")
 # Files that a starter needs beside it.
-_BESIDE = {"gmsh": ("part.geo",)}
+_BESIDE = {"gmsh": ("part.geo",), "body": ("bar.inp", "bar.sti", "bar.mas", "bar.dof")}
 
 
 def write_starter(kind: str, path: str | os.PathLike[str], *, replace: bool = False) -> list[str]:
@@ -17,7 +17,7 @@ def write_starter(kind: str, path: str | os.PathLike[str], *, replace: bool = Fa
 
     Parameters
     ----------
-    kind : {"beam", "plate", "gmsh", "modulation", "nonlinear", "sweep"}
+    kind : {"beam", "plate", "gmsh", "body", "modulation", "nonlinear", "sweep"}
     path : path-like
         The case file.
     replace : bool

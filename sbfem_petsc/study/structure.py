@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 from .case import objects
 from .case.case import Case
+from .costs import Size
 from .kinds.kind import Run
 from .quantities import Tree
 
 
 class Structure:
-    """A model, which keeps its modes and reductions, for cases that differ in loads and analyses only.
+    """A model, which keeps its modes and reductions, or the reduced model of a body, for cases that differ in
+    loads and analyses only.
 
     Parameters
     ----------
@@ -22,13 +25,50 @@ class Structure:
     """
 
     def __init__(self, case: Case, comm: Any, mesh: Any = None):
-        self.comm = comm
-        self.model = objects.model(case, comm, mesh)
+        self.comm, self._case = comm, case
+        self.body = None if case.tables.body is None else objects.body(case)
+        if self.body is None:
+            self.model = objects.model(case, comm, mesh)
+
+    @functools.cached_property
+    def model(self) -> Any:
+        """Model, or ReducedModel of a body, made where it is asked for. Collective."""
+        assert self.body is not None
+        return objects.reduced(self._case, self.body, self.comm)
+
+    def facts(self) -> dict[str, Any]:
+        """Sizes and names, for summaries and reports."""
+        if self.body is not None:
+            found, contact = self.body.model, self.body.contact
+            return {
+                "body": found.summary().splitlines(),
+                "unknowns": len(found.unknowns),
+                "contact_pairs": 0 if contact is None else len(contact.gap),
+                "points": {name: row.direction for name, row in self.body.points.items()},
+            }
+        model = self.model
+        lower, upper = model.extent
+        return {
+            "elements": int(model.elements),
+            "order": int(model.order),
+            "boundary_unknowns": int(model.boundary_unknowns),
+            "unknowns": int(model.unknowns),
+            "contact_pairs": len(model.pairs),
+            "extent": [*map(float, lower), *map(float, upper)],
+            "area": float(model.area),
+            "points": {name: list(map(float, place)) for name, (place, _, _) in model.points.items()},
+        }
+
+    def size(self, case: Case) -> Size:
+        """What the cost of an analysis depends on."""
+        facts = self.facts()
+        return Size(case, facts["unknowns"], facts["contact_pairs"], len(self.points(case)))
 
     def points(self, case: Case) -> tuple[str, ...]:
         """Points whose motion is kept."""
         chosen = case.tables.output.points
-        return tuple(self.model.points) if chosen is None else tuple(chosen)
+        known = self.model.points if self.body is None else self.body.points
+        return tuple(known) if chosen is None else tuple(chosen)
 
     def solve(self, case: Case, name: str, **run: Any) -> Any:
         """Result of an analysis of a case of this structure, with the file and progress of a `Run`.
@@ -47,4 +87,21 @@ class Structure:
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        self.model.destroy()
+        if self.body is None:
+            self.model.destroy()
+
+
+def lines_of(facts: dict[str, Any]) -> list[tuple[str, str]]:
+    """Heading and text of what `Structure.facts` tells of a structure."""
+    if "body" in facts:
+        return [("body", "; ".join(facts["body"])), ("contact pairs", str(facts["contact_pairs"]))]
+    x0, y0, x1, y1 = facts["extent"]
+    return [
+        ("body", f"[{x0:g}, {x1:g}] x [{y0:g}, {y1:g}] m"),
+        ("mesh", f"{facts['elements']} S-elements of order {facts['order']}"),
+        (
+            "unknowns",
+            f"{facts['boundary_unknowns']:,d} on boundaries, {facts['unknowns']:,d} with auxiliary ones",
+        ),
+        ("contact pairs", str(facts["contact_pairs"])),
+    ]

@@ -273,7 +273,7 @@ class _Sweeping:
         """
         tables, each = self.case.tables, ROW
         if self.table.histories:
-            size = Size(self.case, 0, 0, len(tables.points) + POINTS)
+            size = Size(self.case, 0, 0, len((tables.body or tables).points) + POINTS)
             each += sum(tables.analyses[name].cost(size).disk for name in self.names)
         require_disk(
             "sweep",
@@ -362,9 +362,9 @@ class _Sweeping:
         changes = self.table.healthy
         if changes is None:
             faults = {"beam": ("notches", "cracks"), "plate": ("cracks",)}
-            if case.tables.geometry.kind not in faults:
+            if case.tables.kind not in faults:
                 return None
-            changes = {f"geometry.{name}": [] for name in faults[case.tables.geometry.kind]}
+            changes = {f"geometry.{name}": [] for name in faults[case.tables.kind]}
         reference = case.with_values(changes)
         key = f"{reference.structure_key} {case.tables.analyses[name].model_dump_json()}"
         if key not in self.healthy:

@@ -15,6 +15,7 @@ from meshing.whole_file import require_regular
 
 from ...options import Pair, item
 from .analyses import Analysis
+from .body import Body
 from .contradictions import contradictions
 from .geometry import Geometry, Material, Mesh, ModelTable
 from .loads import Load
@@ -43,7 +44,8 @@ class CaseTables(Table):
     """The tables of a case file."""
 
     title: str = item("", text="what the case is about")
-    geometry: Geometry = item(text="the body")
+    geometry: Geometry | None = item(None, text="what is drawn and meshed; or [body]")
+    body: Body | None = item(None, text="a body by another code's matrices, in the place of [geometry]")
     mesh: Mesh = item(Mesh(), text="its division into S-elements")
     points: dict[Name, Pair] = item({}, text="further named points, name = [x, y]", unit="m")
     material: Material | None = item(None, text="material of the whole body")
@@ -56,9 +58,25 @@ class CaseTables(Table):
     output: Output = item(Output(), text="what is kept and drawn")
     sweep: SweepTable | None = item(None, text="many values of the case's keys")
 
+    @property
+    def kind(self) -> str:
+        """That of the geometry or the body."""
+        return getattr(self.body or self.geometry, "kind", "")
+
 
 # Tables on which the results of an analysis depend.
-_DECISIVE = ("geometry", "mesh", "points", "material", "materials", "model", "loads", "analyses", "output")
+_DECISIVE = (
+    "geometry",
+    "body",
+    "mesh",
+    "points",
+    "material",
+    "materials",
+    "model",
+    "loads",
+    "analyses",
+    "output",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +178,9 @@ class Case:
             raise self.problem((), f"{', '.join(values)}: {error}") from None
 
     def named_files(self) -> dict[str, bytes]:
-        """Contents of the files that the case names (model, samples), by their names in the case."""
+        """Contents of the files that the case names (model, samples), by their names in the case; not those
+        of a body, whose matrices are as large as results.
+        """
         return {name: self._content(path, name) for path, name in _files(self.data).items()}
 
     def _content(self, path: Path, name: str) -> bytes:
@@ -179,14 +199,20 @@ class Case:
             # what is drawn decides over no result
             chosen["output"] = chosen["output"]["points"]
         digest = hashlib.sha256(json.dumps(chosen, sort_keys=True).encode())
-        for path, name in sorted(_files(self.data).items(), key=str):
+        named = sorted(_files(self.data).items(), key=str)
+        if self.tables.body is not None:
+            try:
+                named += [(("body",), name) for name in self.tables.body.files(self.resolve)]
+            except ValueError as error:
+                raise self.problem(("body",), f"is refused: {error}") from None
+        for path, name in named:
             if path[0] in tables:
                 digest.update(hashlib.sha256(self._content(path, name)).digest())
         return digest.hexdigest()
 
     def __repr__(self) -> str:
         return (
-            f"Case({self.file!r}: {self.tables.geometry.kind}, "
+            f"Case({self.file!r}: {self.tables.kind}, "
             f"analyses {', '.join(f'{n} ({a.kind})' for n, a in self.tables.analyses.items())})"
         )
 

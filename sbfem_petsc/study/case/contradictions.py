@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator
 from typing import Any
 
+from .names import named_places
 from .problems import filed, one_of
 from .tables import Path, Problem, Table
 
@@ -22,9 +23,15 @@ def contradictions(case: Any, folder: str) -> list[Problem]:
     folder : str
         Folder that paths in the case are relative to.
     """
+    if (case.geometry is None) == (case.body is None):
+        return [
+            Problem(("body",), "stands beside [geometry]; give one of them")
+            if case.body is not None
+            else Problem(("geometry",), "is missing; add it, or [body] for a body of another code")
+        ]
     return [
-        *_geometry(case, folder),
-        *_model(case),
+        *(_geometry(case, folder) if case.body is None else _body(case)),
+        *(_model(case) if case.body is None else ()),
         *_loads(case, folder),
         *_within(case, ()),
         *_analyses(case),
@@ -72,6 +79,22 @@ def _geometry(case: Any, folder: str) -> Iterator[Problem]:
         yield Problem(("material",), "is missing; add [material] with young, poisson and density")
 
 
+# What a body has not: tables, and keys of [model].
+_DRAWN = ("mesh", "points", "material", "materials")
+_PLANE = ("clamped", "supports", "contact_laws", "thickness", "continued_fraction")
+
+
+def _body(case: Any) -> Iterator[Problem]:
+    """What stands beside a body and belongs to a geometry, and points that the body has not."""
+    given: list[Path] = [(key,) for key in _DRAWN if key in case.model_fields_set]
+    given += [("model", key) for key in _PLANE if key in case.model.model_fields_set]
+    for path in given:
+        yield Problem(path, "is not for a [body], which is held and meshed by its own code; leave it out")
+    for path, name, _ in named_places(case):
+        if name not in case.body.points:
+            yield Problem(path, f"= {name!r} is no point of the body; {one_of(case.body.points, name)}")
+
+
 def _model(case: Any) -> Iterator[Problem]:
     if case.model.clamped is None and not case.model.supports and case.geometry.kind != "beam":
         yield Problem(
@@ -83,7 +106,15 @@ def _model(case: Any) -> Iterator[Problem]:
 
 def _loads(case: Any, folder: str) -> Iterator[Problem]:
     for name, load in case.loads.items():
-        given = load.components
+        given, own = load.components, (load.kind in ("force", "support_motion"), load.kind != "force")
+        if not own[case.body is None]:
+            yield Problem(
+                ("loads", name, "kind"),
+                f"= {load.kind!r} is not for a {'[body]' if case.body else '[geometry]'}; "
+                + (one_of(("force", "support_motion")) if case.body else 'take "point_force", say'),
+            )
+        if case.body is None and given.get("az"):
+            yield Problem(("loads", name, "az"), "is of a [body] in space; leave it out")
         if all(value == 0.0 for value in given.values()):
             yield Problem(("loads", name), f"has no component other than 0; give {' or '.join(given)}")
         for key, value in given.items():
@@ -104,12 +135,16 @@ def _analyses(case: Any) -> Iterator[Problem]:
             yield Problem(
                 path, "cannot be a name of an analysis; use letters, digits, '-' and '_', at most 100 of them"
             )
-        rubbing = [crack for crack, law in case.model.contact_laws.items() if law.rubs]
-        if rubbing and analysis.frictionless is not None:
+        laws = {f"model.contact_laws.{crack}": law for crack, law in case.model.contact_laws.items()}
+        if case.body is not None:
+            laws = {f"body.contacts[{k}].law": pair.law for k, pair in enumerate(case.body.contacts)}
+        rubbing = next((name for name, law in laws.items() if law is not None and law.rubs), None)
+        if rubbing is not None and analysis.frictionless is not None:
             yield Problem(
                 (*path, "kind"),
                 f"= {analysis.kind!r}{analysis.frictionless} knows no friction yet, and the faces of "
-                f"{rubbing[0]!r} rub; leave it out, or give model.contact_laws.{rubbing[0]} another kind",
+                f"{rubbing.removeprefix('model.contact_laws.')!r} rub; leave it out, or give {rubbing} "
+                "another kind",
             )
         for problem in analysis.against(case):
             yield Problem((*path, *problem.path), problem.text)

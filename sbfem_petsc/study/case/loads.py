@@ -33,6 +33,18 @@ class PointForce(_Load):
     fy: Component = item(0.0, text=f"component along y, {_VALUE}", unit="N")
 
 
+class Force(_Load):
+    """A force on a body of another code, along the direction of a named point."""
+
+    kind: Literal["force"] = item(text="a force on a point of a [body]")
+    point: Name = item(text="named point of the body")
+    force: Component = item(text=f"along the point's direction, {_VALUE}", unit="N")
+
+    @property
+    def components(self) -> dict[str, Any]:
+        return {"force": self.force}
+
+
 class EdgeLoad(_Load):
     """A uniform traction or pressure on an edge set."""
 
@@ -53,6 +65,7 @@ class SupportMotion(_Load):
     kind: Literal["support_motion"] = item(text="acceleration of the supports")
     ax: Component = item(0.0, text=f"along x, {_VALUE}", unit="m/s^2")
     ay: Component = item(0.0, text=f"along y, {_VALUE}", unit="m/s^2")
+    az: Component = item(0.0, text=f"along z, of a [body] alone, {_VALUE}", unit="m/s^2")
 
 
 class EdgeMotion(_Load):
@@ -66,4 +79,4 @@ class EdgeMotion(_Load):
     uy: Component = item(0.0, text=f"along y, {_VALUE}", unit="m")
 
 
-Load = by_kind(PointForce, EdgeLoad, SupportMotion, EdgeMotion)
+Load = by_kind(PointForce, EdgeLoad, SupportMotion, EdgeMotion, Force)

@@ -5,11 +5,15 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import sbfem_petsc as sb
 from meshing.boundary_mesh import BoundaryMesh
 
+from ...loads import separate
+from ...signals.signal import as_signal
+from .names import clamped, named_places
 from .problems import CaseError, one_of
 from .tables import Path, Table
 
@@ -88,13 +92,14 @@ def mesh(case: Case) -> BoundaryMesh:
         If the geometry cannot be meshed or a point, edge set or region does not exist.
     """
     tables = case.tables
+    geometry: Any = tables.geometry
     options = {key: getattr(tables.mesh, key) for key in tables.mesh.model_fields_set}
-    if tables.geometry.kind == "gmsh":
+    if geometry.kind == "gmsh":
         with located(case, "geometry", "file"):
-            file, scale = case.resolve(tables.geometry.file), tables.geometry.scale
-            found = type(tables.geometry).mesher(file, scale=scale, **options)
+            file, scale = case.resolve(geometry.file), geometry.scale
+            found = type(geometry).mesher(file, scale=scale, **options)
     else:
-        body = made(case, tables.geometry, "geometry")
+        body = made(case, geometry, "geometry")
         points = {name: (x, y) for name, (x, y) in tables.points.items()}
         place: Path = ("geometry",)
         for name in points:
@@ -114,7 +119,7 @@ def _check_names(case: Case, found: BoundaryMesh) -> None:
         "no point": points,
         "no edge set": sets,
     }
-    for path, name, what in _named(case):
+    for path, name, what in named_places(case.tables):
         if name not in valid[what]:
             raise case.problem(path, f"= {name!r} is {what}; {one_of(valid[what], name)}")
     own = case.tables.materials
@@ -124,29 +129,6 @@ def _check_names(case: Case, found: BoundaryMesh) -> None:
     missing = [name for name in regions if own and name not in own]
     if missing:
         raise case.problem(("materials",), f"has no table for the region {missing[0]!r}; add it")
-
-
-def _named(case: Case) -> Iterator[tuple[Path, str, str]]:
-    """Names of places that a case uses: where, which, and what it is not if it does not exist."""
-    tables, either = case.tables, "neither an edge set nor a point"
-    yield from ((("model", "clamped"), name, either) for name in clamped(case))
-    for k, support in enumerate(tables.model.supports):
-        yield ("model", "supports", k, "where"), support.where, either
-    for name, load in tables.loads.items():
-        for key, what in (("point", "no point"), ("edge_set", "no edge set"), ("where", either)):
-            if hasattr(load, key):
-                yield ("loads", name, key), getattr(load, key), what
-    yield from ((("output", "points"), name, "no point") for name in tables.output.points or ())
-    for name, analysis in tables.analyses.items():
-        yield from ((("analyses", name, *path), point, "no point") for path, point in analysis.places())
-
-
-def clamped(case: Case) -> tuple[str, ...]:
-    """Names of what is held fixed; a beam's default is its left end."""
-    names = case.tables.model.clamped
-    if names is None:
-        return ("left",) if case.tables.geometry.kind == "beam" and not case.tables.model.supports else ()
-    return tuple(names)
 
 
 def materials(case: Case) -> Any:
@@ -171,33 +153,114 @@ def model(case: Case, comm: Any, found: Any = None) -> sb.Model:
     body = found if found is not None else sb.on_root(comm, lambda: mesh(case))
     supports = [made(case, support, "model", "supports", k) for k, support in enumerate(table.supports)]
     laws = {name: made(case, law, "model", "contact_laws", name) for name, law in table.contact_laws.items()}
-    rayleigh = table.rayleigh
-    if rayleigh is None:
-        factors: Sequence[float] = (0.0, 0.0)
-    elif isinstance(rayleigh, list):
-        factors = tuple(rayleigh)
-    else:
-        factors = made(case, rayleigh, "model", "rayleigh")
-    damping = table.damping
-    if isinstance(damping, Table):
-        damping = made(case, damping, "model", "damping")
     with located(case, "model"):
         return sb.Model(
             body,
             materials(case),
-            clamped=clamped(case) or None,
+            clamped=clamped(case.tables) or None,
             supports=supports,
             continued_fraction=table.continued_fraction,
-            damping=damping,
-            rayleigh=tuple(factors),
+            **_damping(case),
             thickness=table.thickness,
             contact_laws=laws or None,
             comm=comm,
         )
 
 
+def _damping(case: Case) -> dict[str, Any]:
+    """Arguments of a model for what [model] says of it."""
+    table = case.tables.model
+    damping, rayleigh = table.damping, table.rayleigh
+    if isinstance(damping, Table):
+        damping = made(case, damping, "model", "damping")
+    if isinstance(rayleigh, Table):
+        rayleigh = made(case, rayleigh, "model", "rayleigh")
+    return {"damping": damping, "rayleigh": (0.0, 0.0) if rayleigh is None else tuple(rayleigh)}
+
+
+@dataclass(frozen=True, eq=False)
+class BodyParts:
+    """A body that is read, its contact, and arguments of `reduce`: loads and points by name."""
+
+    model: sb.FiniteElementModel
+    contact: Any
+    loads: dict[str, Any]
+    points: dict[str, Any]
+
+
+def body(case: Case) -> BodyParts:
+    """The body of a case, not reduced yet.
+
+    Raises
+    ------
+    CaseError
+        If a file is missing or wrong, or a set, place or face is none of the body's.
+    """
+    table: Any = case.tables.body
+    with located(case, "body"):
+        found = table.read(case.resolve)
+    contact: Any = None
+    for k, pair in enumerate(table.contacts):
+        given = {key: getattr(pair, key) for key in type(pair).model_fields}
+        if pair.law is not None:
+            given["law"] = made(case, pair.law, "body", "contacts", k, "law")
+        with located(case, "body", "contacts", k):
+            one = found.contact(given.pop("left"), given.pop("right"), **given)
+            contact = one if contact is None else contact + one
+    points = {}
+    for name, point in table.points.items():
+        with located(case, "body", "points", name):
+            points[name] = found.at(point.at, point.direction)
+            if point.less is not None:
+                points[name] = points[name] - found.at(point.less, point.direction)
+    loads = {
+        name if key == "force" else f"{name} {key}": points[case.tables.loads[name].point]
+        if key == "force"
+        else sb.SupportMotion(**{key: 1.0})
+        for name, key in _unit_loads(case)
+    }
+    return BodyParts(found, contact, loads or points, points)
+
+
+def reduced(case: Case, parts: BodyParts, comm: Any) -> sb.ReducedModel:
+    """The reduced model of a body. Collective."""
+    output, table = case.tables.output, case.tables.body
+    assert table is not None
+    with located(case, "body"):
+        return sb.reduce(
+            parts.model,
+            contact=parts.contact,
+            loads=parts.loads,
+            points=parts.points,
+            modes=table.modes,
+            **_damping(case),
+            comm=comm,
+            shapes=output.vtu or output.animation,
+        )
+
+
+def _unit_loads(case: Case) -> Iterator[tuple[str, str]]:
+    """Load and component of each unit load of a body's model: those that the case gives."""
+    for name, table in case.tables.loads.items():
+        yield from ((name, key) for key in table.components if key in table.model_fields_set)
+
+
+class Amplitudes(list):
+    """Numbers and signals of a body's unit loads, which add."""
+
+    def __add__(self, other: Any) -> Amplitudes:
+        return Amplitudes(b if isinstance(a, float) and a == 0.0 else a + b for a, b in zip(self, other))
+
+
+def signals_of(found: list[Any]) -> list[Any]:
+    """Signals of loads, as `load` gives them."""
+    if isinstance(found, Amplitudes):
+        return [as_signal(value) for value in found if not (isinstance(value, float) and value == 0.0)]
+    return separate(found)[1]
+
+
 def load(case: Case, names: Sequence[str], factor: float = 1.0, frequency: float | None = None) -> list[Any]:
-    """Named loads, which act together.
+    """Named loads, which act together; of a body the amplitudes of all its unit loads.
 
     Parameters
     ----------
@@ -208,6 +271,14 @@ def load(case: Case, names: Sequence[str], factor: float = 1.0, frequency: float
     frequency : float, optional
         Numbers become harmonics of this frequency, Hz.
     """
+    if case.tables.body is not None:
+        tables, given = case.tables.loads, list(_unit_loads(case))
+        return Amplitudes(
+            _amplitude(case, ("loads", name, key), tables[name].components[key], factor, frequency)
+            if name in names
+            else 0.0
+            for name, key in given
+        )
     parts = []
     for name in names:
         table = case.tables.loads[name]

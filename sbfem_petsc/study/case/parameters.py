@@ -19,7 +19,7 @@ from .tables import Path, Problem
 
 _PART = re.compile(r'(?:^|\.)(?:"([^"]*)"|([A-Za-z0-9_-]+))|\[(\d+)\]')
 # Tables that decide over mesh, model and reduction.
-STRUCTURE = ("geometry", "mesh", "points", "material", "materials", "model")
+STRUCTURE = ("geometry", "body", "mesh", "points", "material", "materials", "model")
 # Keys that say in words what they are, with their owner in the place of {}; and entries of arrays.
 _WORDS = {
     "fx": "force of {} along x",
@@ -189,5 +189,10 @@ def grid(values: Any) -> list[Any]:
 
 
 def structural(row: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
-    """Part of a row's values that decides over the structure."""
-    return tuple((name, value) for name, value in row.items() if parsed(name)[0] in STRUCTURE)
+    """Part of a row's values that decides over the structure: of a body, where its loads act, too."""
+    paths = {name: parsed(name) for name in row}
+    return tuple(
+        (name, row[name])
+        for name, (first, *_, last) in paths.items()
+        if first in STRUCTURE or last == "point"
+    )

@@ -248,8 +248,8 @@ class Kind(Table):
         """Name and axes of each picture. Collective."""
         return iter(())
 
-    def write_fields(self, result: Any, path: str) -> None:
-        """Write fields for ParaView, of kinds with `fields`. Collective."""
+    def write_fields(self, result: Any, path: str, model: Any) -> None:
+        """Write fields for ParaView, of kinds with `fields`; `model` may be reduced, a body's. Collective."""
         raise NotImplementedError
 
     def save(self, result: Any, part: Callable[[str], str]) -> None:
@@ -293,6 +293,6 @@ def peak_reactions(result: Any) -> Values:
     return {f"peak_reactions/{name}": (peak, "N") for name, peak in zip(result.supports, abs(table).max(0))}
 
 
-def peak_of(u: np.ndarray) -> float:
-    """Half the peak-to-peak of u_y."""
-    return 0.5 * float(np.ptp(u[:, 1]))
+def along(u: np.ndarray, direction: str = "y") -> np.ndarray:
+    """Of a point's motion that along x or y; of a body's point, which has one direction, that."""
+    return u if u.ndim == 1 else u[:, "xy".index(direction)]

@@ -15,7 +15,7 @@ from ..case.parameters import grid
 from ..case.sweep import Times
 from ..costs import Cost, Size
 from ..quantities import Quantity, Tree
-from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted, peak_reactions
+from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted, along, peak_reactions
 
 
 class LoadHistory(LoadHistoryOptions, Loaded):
@@ -42,7 +42,7 @@ class LoadHistory(LoadHistoryOptions, Loaded):
         }
         for point in wanted.points:
             u = result.displacement(point)
-            values[f"peak/{point}"] = (float(np.abs(u[:, 1]).max()), "m")
+            values[f"peak/{point}"] = (float(np.abs(along(u)).max()), "m")
             if wanted.histories:
                 values[f"displacement/{point}"] = (u, "m")
         for name, factors, unit in _intensities(result):
@@ -54,8 +54,8 @@ class LoadHistory(LoadHistoryOptions, Loaded):
         return values
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
-        point = drawn.point(result.states[0].model.points)
-        if point is not None:
+        point = drawn.point(result.points)
+        if point is not None and isinstance(result, sb.LoadHistory):
             yield "history", drawn.plot.plot_load_history(result, point, title=drawn.title, comm=drawn.comm)
         yield from drawn.rubbing(result)
 
@@ -67,6 +67,8 @@ class LoadHistory(LoadHistoryOptions, Loaded):
 
 def _intensities(result: Any) -> Iterator[tuple[str, np.ndarray, str]]:
     """Name, factors over time and unit of each tip."""
+    if isinstance(result, sb.ReducedLoadHistory):
+        return iter(())
     first = result.states[0]
     return (
         (name, result.stress_intensity(name), first.model.tips.unit(name)) for name in first.stress_intensity

@@ -33,18 +33,20 @@ class Modal(ModalOptions, Kind):
     def row(self, result: Any, wanted: Wanted) -> Values:
         values: Values = {
             "frequencies": (np.asarray(result.frequencies), "Hz"),
-            "largest_residual": (float(np.max(result.residuals)), "1"),
             **estimated_error(self, result),
         }
+        if isinstance(result, sb.Modal):
+            values["largest_residual"] = (float(np.max(result.residuals)), "1")
         healthy = wanted.healthy()
         if healthy is not None:
             values["frequency_shift"] = (_shift(result.frequencies, healthy.frequencies), "1")
         return values
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
-        yield "modes", drawn.plot.plot_modes(result)
+        if isinstance(result, sb.Modal):
+            yield "modes", drawn.plot.plot_modes(result)
 
-    def write_fields(self, result: Any, path: str) -> None:
+    def write_fields(self, result: Any, path: str, model: Any) -> None:
         from ...results.vtu import write_modes
 
         write_modes(path, result)

@@ -13,13 +13,12 @@ import numpy as np
 import sbfem_petsc as sb
 
 from ...indicators.lines import Sidebands, sidebands
-from ...loads import separate
 from ...options import item
-from ..case.objects import load, located
+from ..case.objects import load, located, signals_of
 from ..case.tables import Name, Names, Path
 from ..costs import Cost, Size
 from ..quantities import Quantity, Tree
-from .kind import Drawn, Run, Values, Wanted
+from .kind import Drawn, Run, Values, Wanted, along
 from .periodic import Steady, steady_cost
 
 # Share of a period that counts as none when whole periods are counted.
@@ -71,10 +70,9 @@ class Modulation(Steady):
         )
 
     def _acting(self, case: Any) -> list[Any]:
-        return [
-            *load(case, self.pump, frequency=self.pump_frequency),
-            *load(case, self.probe, frequency=self.probe_frequency),
-        ]
+        return load(case, self.pump, frequency=self.pump_frequency) + load(
+            case, self.probe, frequency=self.probe_frequency
+        )
 
     def _steps(self) -> int:
         """Time steps a period of the low tone; by default 64 or more of the high one."""
@@ -87,7 +85,7 @@ class Modulation(Steady):
 
     def _sidebands(self, result: Any, noisy: Callable[[np.ndarray], np.ndarray] | None = None) -> Sidebands:
         """Read from the motion or from what `noisy` makes of it."""
-        values, period = result.displacement(self.point)[:, "xy".index(self.direction)], self._period()
+        values, period = along(result.displacement(self.point), self.direction), self._period()
         # sidebands ask for two periods of the low tone at least, which a periodic motion has
         repeats = max(1, math.ceil(2.0 / (period * self.pump_frequency) - _ROUNDING))
         values = np.tile(values, repeats)
@@ -101,7 +99,7 @@ class Modulation(Steady):
     def tones(self, case: Any, path: Path) -> None:
         from ...motion.excitation import common_periods
 
-        found = separate(self._acting(case))[1]
+        found = signals_of(self._acting(case))
         with located(case, *path, "probe_frequency"):
             common_periods(found, self.pump_frequency, None, self.longest)
 

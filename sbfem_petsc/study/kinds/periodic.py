@@ -13,14 +13,13 @@ import sbfem_petsc as sb
 from ...analysis.options import PeriodicOptions
 from ...indicators.detection import contact_duty
 from ...indicators.lines import harmonic_ratios
-from ...loads import separate
 from ...options import item
 from ..case import objects
 from ..case.objects import located
 from ..case.tables import Path
 from ..costs import MULTIPLIERS, STEPS, Cost, Size
 from ..quantities import Quantity, Tree, intensities, of_points
-from .kind import PERIODIC, RUBBING, Drawn, Kind, Loaded, Run, Values, Wanted, peak_of, peak_reactions
+from .kind import PERIODIC, RUBBING, Drawn, Kind, Loaded, Run, Values, Wanted, along, peak_reactions
 
 # Harmonics of a motion kept beside its whole waveform, of each point in a row of a sweep, and in a report.
 HARMONICS, ROW_HARMONICS, SHOWN = 41, 21, 11
@@ -52,7 +51,7 @@ class Steady(Kind):
             **super().tree(result, points),
             **intensities(result),
             "harmonics": harmonics("y"),
-            "harmonics_x": harmonics("x"),
+            **({} if result.point_directions else {"harmonics_x": harmonics("x")}),
             "stable": Quantity(result.stable, "1", "stability, None if it was not asked for or is not known"),
             "displacement": of_points(points, result.displacement, "m", "displacement (x, y)", detail=True),
             "reactions": {
@@ -72,10 +71,10 @@ class Steady(Kind):
         values: Values = {}
         for point in wanted.points:
             u = result.displacement(point)
-            values[f"amplitude/{point}"] = (peak_of(u), "m")
-            motions = (
-                {"": u[:, 1]} if wanted.noisy is None else {"": u[:, 1], "_noisy": wanted.noisy(u[:, 1])}
-            )
+            values[f"amplitude/{point}"] = (0.5 * float(np.ptp(along(u))), "m")
+            motions = {"": along(u)}
+            if wanted.noisy is not None:
+                motions["_noisy"] = wanted.noisy(along(u))
             for ending, motion in motions.items():
                 values |= _harmonics(ending, point, motion, result.periods)
             if wanted.histories:
@@ -121,7 +120,7 @@ class Steady(Kind):
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         # one that is held has no harmonics
-        point = drawn.point(point for point in result.points if result.displacement(point)[:, 1].any())
+        point = drawn.point(point for point in result.points if along(result.displacement(point)).any())
         if point is None:
             return
         yield "harmonics", drawn.plot.plot_harmonics({drawn.title: result}, point, comm=drawn.comm)
@@ -202,7 +201,9 @@ def common_period(table: Any, case: Any, path: Path) -> int:
 
     found = objects.load(case, table.load, getattr(table, "factor", 1.0), table.frequency)
     with located(case, *path, "load"):
-        return common_periods(separate(found)[1], table.frequency, getattr(table, "periods", None), LONGEST)
+        return common_periods(
+            objects.signals_of(found), table.frequency, getattr(table, "periods", None), LONGEST
+        )
 
 
 def steady_cost(size: Size, table: Any, steps: int) -> Cost:

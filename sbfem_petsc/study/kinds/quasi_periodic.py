@@ -10,9 +10,8 @@ import numpy as np
 import sbfem_petsc as sb
 
 from ...analysis.options import QuasiPeriodicOptions
-from ...loads import separate
 from ...options import item
-from ..case.objects import load, located
+from ..case.objects import load, located, signals_of
 from ..case.tables import Names, Path
 from ..costs import STEPS, Cost, Size
 from ..quantities import Quantity, Tree, of_points, quantities
@@ -54,17 +53,16 @@ class QuasiPeriodic(QuasiPeriodicOptions, Kind):
         )
 
     def _acting(self, case: Any) -> list[Any]:
-        return [
-            *load(case, self.probe, frequency=self.probe_frequency),
-            *load(case, self.pump, frequency=self.pump_frequency),
-        ]
+        return load(case, self.probe, frequency=self.probe_frequency) + load(
+            case, self.pump, frequency=self.pump_frequency
+        )
 
     def tones(self, case: Any, path: Path) -> None:
         from ...motion.two_tones import drives
 
         pair = (self.probe_frequency, self.pump_frequency)
         with located(case, *path):
-            drives(separate(self._acting(case))[1], (max(pair), min(pair)))
+            drives(signals_of(self._acting(case)), (max(pair), min(pair)))
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
         named = lines_of(result.frequencies, self.order)
@@ -87,7 +85,7 @@ class QuasiPeriodic(QuasiPeriodicOptions, Kind):
                 "frequency of each line, |m probe + n pump|",
             ),
             "lines": lines("y"),
-            "lines_x": lines("x"),
+            **({} if result.point_directions else {"lines_x": lines("x")}),
             "modulation_index": of_points(
                 points, result.modulation_index, "1", "(|c_1,1| + |c_1,-1|) / |c_1,0| of u_y"
             ),

@@ -69,6 +69,8 @@ class Static(StaticOptions, Loaded):
             f"displacement/{point}": (result.displacement(point), "m") for point in wanted.points
         }
         values["contact_resultant"] = (float(result.contact_resultant), "N")
+        if isinstance(result, sb.ReducedStatic):
+            return values
         values["residual"] = (float(result.residual), "1")
         for name, pair in result.stress_intensity.items():
             values[f"stress_intensity/{name}"] = (np.asarray(pair), result.model.tips.unit(name))
@@ -77,15 +79,16 @@ class Static(StaticOptions, Loaded):
         return values | estimated_error(self, result)
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
-        for crack in range(min(len(result.model.cracks), MOST_CRACKS)):
+        cracks = () if isinstance(result, sb.ReducedStatic) else result.model.cracks
+        for crack in range(min(len(cracks), MOST_CRACKS)):
             yield f"crack{crack + 1}", drawn.plot.plot_crack(result.model, {drawn.title: result}, crack)
             if result.contact_resultant > 0.0:
                 yield f"contact{crack + 1}", drawn.plot.plot_contact({drawn.title: result}, crack)
 
-    def write_fields(self, result: Any, path: str) -> None:
+    def write_fields(self, result: Any, path: str, model: Any) -> None:
         from ...results.vtu import write_vtu
 
-        write_vtu(path, result.model, {"displacement": result})
+        write_vtu(path, getattr(model, "body", None) or result.model, {"displacement": result})
 
     def cost(self, size: Size) -> Cost:
         return Cost(0.0, 0.03 + 1e-5 * size.unknowns, disk=32.0 * size.pairs)

@@ -15,7 +15,7 @@ from ...indicators.detection import contact_duty
 from ...options import item
 from ..costs import Cost, Size
 from ..quantities import Quantity, Tree, intensities, of_points
-from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted, peak_reactions
+from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted, along, peak_reactions
 
 _ENERGIES = {
     "kinetic": "kinetic energy",
@@ -83,11 +83,11 @@ class Transient(TransientOptions, Loaded):
             values["contact_duty"] = (contact_duty(result.time, result.contact_force).any, "1")
         for point in wanted.points:
             u = result.displacement(point)
-            values[f"peak/{point}"] = (float(np.abs(u[:, 1]).max()), "m")
+            values[f"peak/{point}"] = (float(np.abs(along(u)).max()), "m")
             if wanted.histories:
                 values[f"displacement/{point}"] = (u, "m")
                 if wanted.noisy is not None:
-                    noisy = np.stack([wanted.noisy(c) for c in u.T], axis=1)
+                    noisy = np.stack([wanted.noisy(c) for c in np.atleast_2d(u.T)], axis=-1)
                     values[f"displacement_noisy/{point}"] = (noisy, "m")
         if wanted.histories:
             values["time"] = (result.time, "s")
