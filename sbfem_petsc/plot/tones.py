@@ -16,7 +16,7 @@ from ..petsc import MPI
 from ..record.units import frequency_unit, length_unit
 from .branches import draw_parts, name_verdicts, smooth, split
 from .drawing import CYCLE, Sheet, finish_stems, stems
-from .picture import named, named_point, picture, symbol
+from .picture import named, named_point, picture, symbol, whole
 
 # Orders up to which a line is named in the picture.
 NAMED = 2
@@ -224,12 +224,13 @@ def plot_backbone(
     return axes
 
 
-@picture(QuasiPeriodicBranch, several=True, point=named_point)
+@picture(QuasiPeriodicBranch, several=True, point=named_point, harmonic=whole(1, 20))
 def plot_quasi_periodic(
     branches: QuasiPeriodicBranch | Mapping[str, QuasiPeriodicBranch],
     point: str = "A",
     direction: str = "y",
     *,
+    harmonic: int = 1,
     title: str = "",
     ax: Any = None,
     comm: MPI.Comm | None = None,
@@ -243,6 +244,8 @@ def plot_quasi_periodic(
         All over the frequency, or all over the load; on rank 0 at least.
     point : str
     direction : {"y", "x"}
+    harmonic : int
+        The multiple of the own tone whose amplitude is drawn.
     title, ax, comm
         As for `plot_branches`.
 
@@ -256,7 +259,7 @@ def plot_quasi_periodic(
             "plot_quasi_periodic: branches of one parameter, frequency or load, are expected; draw others "
             "apart"
         )
-    heights = {name: np.abs(branch.line(0, 1, point, direction)) for name, branch in curves.items()}
+    heights = {name: np.abs(branch.line(0, harmonic, point, direction)) for name, branch in curves.items()}
     factor, unit = length_unit(max(float(h.max()) for h in heights.values()))
     times, unit_of_tone = frequency_unit(max(float(b.frequencies[:, 1].max()) for b in curves.values()))
     along, label = 1.0, "factor on the load"
@@ -272,9 +275,10 @@ def plot_quasi_periodic(
             broken |= draw_parts(axes, smooth(split(x, values, ~branch.unstable)), colour, 1.2)
             axes.plot(x, values, color=colour, linestyle="none", marker=".", markersize=3)
     name_verdicts(panels[0], broken)
+    of = "" if harmonic == 1 else f"harmonic {harmonic} of the "
     panels[0].set(
         xlabel=label,
-        ylabel=f"own tone of ${symbol(curves, direction, point)}$({point}) ({unit})",
+        ylabel=f"{of}own tone of ${symbol(curves, direction, point)}$({point}) ({unit})",
     )
     panels[1].set(xlabel=label, ylabel=f"its frequency ({unit_of_tone})")
     panels[0].set_ylim(bottom=0.0)

@@ -128,6 +128,11 @@ def test_picture_of_tori():
         factor = 1.0 if "(m)" in axes.get_ylabel() or "(Hz)" in axes.get_ylabel() else 1e3
         for point in np.column_stack([branch.value, values * factor]):
             assert np.abs(drawn - point).sum(axis=1).min() < 1e-9
+    (upper, _), second = plot_quasi_periodic(branch, "1", harmonic=2), np.abs(branch.line(0, 2, "1"))
+    heights = np.concatenate([line.get_ydata() for line in upper.lines if len(line.get_ydata())])
+    scaled = second * heights.max() / second.max()
+    assert all(np.abs(heights - value).min() < 1e-9 * heights.max() for value in scaled)
+    assert upper.get_ylabel().startswith("harmonic 2 of the own tone")
     with pytest.raises(ValueError, match="branches of one parameter"):
         plot_quasi_periodic({"a": branch, "b": dataclasses.replace(branch, parameter="load")}, "1")
 
