@@ -140,6 +140,37 @@ main(["new", "beam", "case.toml"])
     assert float(frequency) == pytest.approx(0.1615 * 0.1 * (70e9 / 2700.0) ** 0.5, rel=0.015)
 
 
+@pytest.mark.long
+def test_an_environment_by_the_pages_lines(built, tmp_path):
+    """On Debian: the lines of docs/installing.md make an environment whose doctor finds the system's PETSc;
+    what pip would load is that which this one has.
+    """
+    if not [*Path("/usr/lib/petscdir").glob("petsc3*/*-real")] or sys.base_prefix != "/usr":
+        pytest.skip("there is no PETSc of Debian's for this Python")
+    page = (ROOT / "docs/installing.md").read_text().split("## An environment of your own on Debian")[1]
+    venv, visible, install, doctor = re.search(r"```\n(.*?)```", page, re.S)[1].splitlines()[2:]
+    assert install.startswith("env/bin/pip install") and "'.[plot]'" in install
+    (wheel,) = built.glob("*.whl")
+    here = next(p for p in sys.path if p.startswith(sys.prefix) and p.endswith("site-packages"))
+    offline = f"env/bin/pip install --quiet --no-deps --no-index --force-reinstall --no-compile {wheel}"
+    # behind the line that is tested, and without what pip has linked there
+    borrowed = f"for place in env/lib/*/site-packages; do echo {here} > $place/zz-others.pth; done"
+    script = "\n".join(["set -eu", venv, visible, offline, borrowed, doctor])
+    kept = {n: v for n, v in os.environ.items() if n not in ("PYTHONPATH", "VIRTUAL_ENV")}
+    kept["PATH"] = f"/usr/bin:{kept['PATH']}"
+    done = subprocess.run(
+        ["bash", "-c", script], cwd=tmp_path, env=kept, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.search(r"PETSc +3\.\d+", done.stdout) and "no fault was found" in done.stdout
+    program = "import sbfem_petsc, petsc4py; print(sbfem_petsc.__file__, petsc4py.__file__)"
+    found = subprocess.run(
+        [tmp_path / "env/bin/python", "-c", program], cwd=tmp_path, env=kept, capture_output=True, text=True
+    )
+    ours, theirs = map(Path, found.stdout.split())
+    assert ours.is_relative_to(tmp_path / "env") and theirs.is_relative_to("/usr/lib/petscdir")
+
+
 def test_a_file_of_the_users_called_meshing(tmp_path):
     """It stands before the package, and is named."""
     (tmp_path / "meshing.py").write_text("")
