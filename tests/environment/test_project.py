@@ -371,6 +371,7 @@ OPTIONS = {
     "sbfem_petsc/plot/rubbing.py: plot_losses",
     "sbfem_petsc/plot/sweeps.py: plot_swept",
     "sbfem_petsc/plot/tones.py: plot_lines",
+    "sbfem_petsc/plot/tones.py: plot_quasi_periodic",
     "sbfem_petsc/bodies/finite_element_model.py: __init__",
     "sbfem_petsc/reduction/build.py: reduce",
     "sbfem_petsc/reduction/matrices.py: reduce_matrices",
