@@ -119,7 +119,7 @@ def empty_sets(rows: int) -> Sets:
 
 
 @inner_loops
-def _pull(rubbing: Rubbing, state: np.ndarray, row: int) -> float:
+def pull_of(rubbing: Rubbing, state: np.ndarray, row: int) -> float:
     """Friction of a tangential row that slips, per pressure; 0 of others."""
     count = rubbing.beside.size
     if state[row] == ALONG:
@@ -128,13 +128,13 @@ def _pull(rubbing: Rubbing, state: np.ndarray, row: int) -> float:
 
 
 @inner_loops
-def _row(flexibility: np.ndarray, rubbing: Rubbing, state: np.ndarray, rows: tuple[int, int]) -> float:
+def pulled(flexibility: np.ndarray, rubbing: Rubbing, state: np.ndarray, rows: tuple[int, int]) -> float:
     """Gap of the first of two rows under a unit force of the second, and the friction that follows it."""
     row, column = rows
     value = flexibility[column, row]
     if column < rubbing.beside.size and rubbing.beside[column] >= 0:
         beside = rubbing.beside[column]
-        pull = _pull(rubbing, state, beside)
+        pull = pull_of(rubbing, state, beside)
         if pull != 0.0:
             value += pull * flexibility[beside, row]
     return value
@@ -147,11 +147,11 @@ def _hold(flexibility: np.ndarray, rubbing: Rubbing, row: int, sets: Sets) -> bo
     n = known.size
     last = members[n]
     for a in range(last):
-        right[a] = _row(flexibility, rubbing, known, (row, members[a]))
-        free[a] = _row(flexibility, rubbing, known, (members[a], row))
+        right[a] = pulled(flexibility, rubbing, known, (row, members[a]))
+        free[a] = pulled(flexibility, rubbing, known, (members[a], row))
         inverse[last, a] = 0.0
     add_rows(inverse, sets.every, right, last, (last, last), inverse[last])
-    own = _row(flexibility, rubbing, known, (row, row))
+    own = pulled(flexibility, rubbing, known, (row, row))
     for a in range(last):
         own -= inverse[last, a] * free[a]
     if not abs(own) > _LEAST * flexibility[row, row]:
@@ -217,7 +217,7 @@ def _leaving(rubbing: Rubbing, state: np.ndarray, row: int, sets: Sets) -> int:
         return -1
     known[row] = now
     if before == STICKS:
-        pull = _pull(rubbing, state, row)
+        pull = pull_of(rubbing, state, row)
         if pull != 0.0:
             _slide(rubbing, row, -pull, sets)
         return row
@@ -241,7 +241,7 @@ def _differs(state: np.ndarray, sets: Sets) -> bool:
 
 
 @inner_loops
-def _follow(flexibility: np.ndarray, rubbing: Rubbing, state: np.ndarray, sets: Sets) -> bool:
+def follow(flexibility: np.ndarray, rubbing: Rubbing, state: np.ndarray, sets: Sets) -> bool:
     """Bring the inverse from the set of the step before to that of some states; whether it is regular. Rows
     that the others do not determine yet wait until more have joined.
     """
@@ -265,7 +265,7 @@ def _follow(flexibility: np.ndarray, rubbing: Rubbing, state: np.ndarray, sets: 
                 continue
             joined += 1
             if i >= count:
-                pull = _pull(rubbing, known, i)
+                pull = pull_of(rubbing, known, i)
                 if pull != 0.0:
                     _slide(rubbing, i, pull, sets)
                 known[i] = STICKS
@@ -306,7 +306,7 @@ def _solve(
         for a in range(unknowns):
             force[members[a]] += solved[a]
         for t in range(count, n):
-            pull = _pull(rubbing, state, t)
+            pull = pull_of(rubbing, state, t)
             if pull != 0.0:
                 normal = rubbing.rows[t - count]
                 members[total], solved[total] = t, pull * solved[sets.place[normal]]
@@ -514,7 +514,7 @@ def rubbing_forces(
         while done < _MAXIMUM and not _repeats(state, sets.seen, done):
             done += 1
             for _ in range(2):  # where rounding has piled up, all is done anew
-                solved = _follow(flexibility, held[1], state, sets) and _solve(
+                solved = follow(flexibility, held[1], state, sets) and _solve(
                     flexibility, gap, held, sets, force
                 )
                 if solved:

@@ -6,23 +6,51 @@ share of the pressure beside them), obey W_a E f = ds - U_a V^T dq with the slip
 What a row keeps is written at the last instant at which it has not stuck. The memory of a state is the slips
 at the instant before it: from these a row either slips or sticks, from its slip at the same instant it might
 do both, so that the derivative would have two values.
+
+From set to set few rows change: inverses of W_a E follow them as in the steps themselves (`rubbing`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from typing import NamedTuple
 
 import numpy as np
-from scipy import linalg
 
 from .closed_sets import Contacts
-from .friction import AGAINST, ALONG, STICKS
+from .compiled import compiled_loops, inner_loops, inner_sums
+from .friction import STICKS
 from .law import FREE
 from .marching import StepConstants
-from .rubbing import Rubbing
+from .pivoting import add_rows, products
+from .rubbing import Rubbing, Sets, empty_sets, follow, pull_of, pulled
 
 # Directions of contact that change the position in a step, in units of it, by less than this are left out.
 LEAST = 1e-8
+# What rounding may leave of an inverse that has followed its rows, relative.
+ROUNDED = 1e-10
+
+
+class _Room(NamedTuple):
+    """Room to condense sets of n rows in, of which k remember, with r thin directions.
+
+    Attributes
+    ----------
+    drawn, forces, gathered : (r, n) arrays
+        U^T E of the members, that times the inverse, U^T of the members.
+    columns : (r + k, r) array
+        What position and memory do in the thin space.
+    base : (r, r) array
+        Directions, one a row.
+    along : (n,) array
+    """
+
+    drawn: np.ndarray
+    forces: np.ndarray
+    gathered: np.ndarray
+    columns: np.ndarray
+    base: np.ndarray
+    along: np.ndarray
 
 
 def written(states: np.ndarray, count: int) -> np.ndarray:
@@ -36,166 +64,216 @@ def written(states: np.ndarray, count: int) -> np.ndarray:
     return result
 
 
-class RubbingSets:
-    """The sets that occur, each condensed once, whatever the length of the steps.
-
-    Parameters
-    ----------
-    left : (c + k, r) array
-        U.
-    residual : (c + k, c + k) array
-        R.
-    rubbing : Rubbing
-    units : (k,) array
-        Those of the slips in the state, m.
-    moved : (r, r) array
-        M = V^T diag(cq) V of a step, which tells what directions of contact count.
-    """
-
-    def __init__(
-        self,
-        left: np.ndarray,
-        residual: np.ndarray,
-        rubbing: Rubbing,
-        units: np.ndarray,
-        moved: np.ndarray,
-    ):
-        self.left, self.residual, self.rubbing, self.units = left, residual, rubbing, units
-        values, axes = np.linalg.eigh(moved)
-        root = np.sqrt(np.maximum(values, 1e-15 * values[-1:]))
-        self.scaled, self.inverse = axes * root, axes / root
-        self._known: dict[tuple[bytes, bytes], tuple[np.ndarray, ...]] = {}
-
-    def __call__(self, state: np.ndarray, writes: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Of states of the rows and the slips that are written: what the directions of contact add to the
-        thin forces (r, s), what they take from position (s, r), memory (s, k) and free gaps (s, c + k), and
-        what the slips, in their units, miss of what they are to be, from the same.
-        """
-        key = state.tobytes(), writes.tobytes()
-        if key not in self._known:
-            if len(self._known) > 4096:
-                self._known.clear()
-            self._known[key] = self._condensed(state, writes)
-        return self._known[key]
-
-    def _condensed(self, state: np.ndarray, writes: np.ndarray) -> tuple[np.ndarray, ...]:
-        left, count = self.left, self.rubbing.beside.size
-        slips, units = count + writes, self.units[writes][:, None]
-        index, spread = _spread(self.residual, self.rubbing, state)
-        sticking = index >= count
-        kept, rank = index[sticking] - count, left.shape[1]
-        force = spread(np.concatenate([left, self.residual[slips].T], axis=1)).T
-        gaps = np.zeros((len(force), len(left)))
-        gaps[:, index] = force
-        gaps[rank + np.arange(len(writes)), slips] -= 1.0
-        memory = np.zeros((len(force), len(self.units)))
-        memory[:, kept] = -force[:, sticking] * self.units[kept]
-        memory[rank + np.arange(len(writes)), writes] += self.units[writes]
-        position = force @ left[index]
-        position[rank:] -= left[slips]
-        whole = self.scaled.T @ np.concatenate([position[:rank] @ self.scaled, memory[:rank]], axis=1)
-        base, triangle, _ = linalg.qr(whole, mode="economic", pivoting=True, check_finite=False)
-        most = int((np.abs(np.diagonal(triangle)) > LEAST * max(abs(triangle[0, 0]), 1.0)).sum())
-        chosen = base[:, :most].T @ self.scaled.T
-        directions = (chosen @ part[:rank] for part in (position, memory, gaps))
-        return (
-            self.inverse @ base[:, :most],
-            *directions,
-            *(part[rank:] / units for part in (position, memory, gaps)),
-        )
-
-
 def rubbing_contacts(
-    sets: RubbingSets, step: StepConstants, states: np.ndarray, gap_rates: np.ndarray
+    step: StepConstants, states: np.ndarray, units: np.ndarray, gap_rates: np.ndarray
 ) -> Contacts:
     """Of steps as they are, of one length.
 
     Parameters
     ----------
-    sets : RubbingSets
     step : StepConstants
     states : (n + 1, c + k) int8 array
         Of the rows at the steps' ends.
+    units : (k,) array
+        Those of the slips in the state, m.
     gap_rates : (n + 1, c + k, e) array
         Rates of the free gaps and slips with e parameters.
     """
-    moved = (step.right * step.coefficients[0, 4]) @ step.right.T
-    writes = written(states, step.rubbing.beside.size)
+    count = step.rubbing.beside.size
+    writes = written(states, count)
     instants = np.flatnonzero((states != FREE).any(axis=1) | writes.any(axis=1))
-    known: dict[tuple[bool, bytes, bytes], int] = {}
-    parts: list[tuple[np.ndarray, ...]] = []
-    which: list[int] = []
-    for n in instants:
-        key = (n == 0, states[n].tobytes(), writes[n].tobytes())
-        if key not in known:
-            known[key] = len(parts)
-            # the first instant has no step before it
-            reach = moved if n else np.zeros_like(moved)
-            parts.append(_in_step(sets, states[n], np.flatnonzero(writes[n]), reach))
-        which.append(known[key])
-    sizes = np.array([len(part[0]) for part in parts], dtype=int)
-    first, of = np.cumsum(sizes) - sizes, np.array(which, dtype=int)
-    counts = sizes[of]
+    # the first instant has no step before it
+    keys = [(n == 0, states[n].tobytes(), writes[n].tobytes()) for n in instants]
+    known = {key: number for number, key in enumerate(dict.fromkeys(keys))}
+    which = np.array([known[key] for key in keys], dtype=int)
+    _, kinds = np.unique(which, return_index=True)
+    kinds = instants[kinds]
+    push, spread, changes, sizes = _condensed(step, states[kinds], writes[kinds], units, not kinds[:1].any())
+    first, counts = np.cumsum(sizes) - sizes, sizes[which]
     owner = np.repeat(np.arange(len(instants)), counts)
-    place = np.arange(len(owner)) + np.repeat(first[of] - np.cumsum(counts) + counts, counts)
-    thin, memory, gaps = len(step.left), len(sets.units), step.left.shape[1]
-    empty = [np.zeros((0, size)) for size in (thin, memory, gaps, thin, memory)]
-    rows, reads, spread, pushes, changes = map(np.concatenate, zip(*parts, empty))
+    place = np.arange(len(owner)) + np.repeat(first[which] - np.cumsum(counts) + counts, counts)
     shifts = np.zeros((len(owner), gap_rates.shape[2]))
     if shifts.size:
         shifts = np.einsum("sc,sce->se", spread[place], gap_rates[instants][owner])
-    factors, pushes = rows @ step.right, pushes @ step.right
-    return Contacts(instants, counts, factors[place], shifts, pushes[place], reads[place], changes[place])
-
-
-def _in_step(
-    sets: RubbingSets, state: np.ndarray, writes: np.ndarray, moved: np.ndarray
-) -> tuple[np.ndarray, ...]:
-    """Rows on the position before contact acts (s, r), on the memory (s, k) and on free gaps (s, c + k), and
-    what they take from the thin forces (s, r) and the memory (s, k), for a step in which forces move the
-    position by M.
-    """
-    push, *found = sets(state, writes)
-    inside = np.eye(push.shape[1]) + found[0] @ moved @ push
-    directions = np.split(
-        np.linalg.solve(inside, np.concatenate(found[:3], axis=1)),
-        np.cumsum([part.shape[1] for part in found[:2]]),
-        axis=1,
+    reads, factors = -spread[:, count:] * units, spread @ step.left.T @ step.right
+    return Contacts(
+        instants, counts, factors[place], shifts, (push @ step.right)[place], reads[place], changes[place]
     )
-    behind = found[3] @ moved @ push
-    rows = [np.concatenate([one, other - behind @ one]) for one, other in zip(directions, found[3:])]
-    changes = np.zeros_like(rows[1])
-    changes[push.shape[1] + np.arange(len(writes)), writes] = 1.0
-    return *rows, np.concatenate([push.T, np.zeros((len(writes), len(push)))]), changes
 
 
-def _spread(
-    w: np.ndarray, rubbing: Rubbing, state: np.ndarray
-) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
-    """Rows that keep a gap or stick (a,), and what turns columns (c + k, n) into (W_a E)^-T E^T of them."""
-    count = rubbing.beside.size
-    tangential = state[count:]
-    pull = rubbing.kinetic * ((tangential == ALONG) * 1.0 - (tangential == AGAINST))
-    slipping = np.flatnonzero(pull)
-    pulled, pull = rubbing.rows[slipping], pull[slipping][:, None]
-    free = (state != FREE) & np.append(np.ones(count, dtype=bool), tangential == STICKS)
-    index = np.flatnonzero(free)
+def _condensed(
+    step: StepConstants, states: np.ndarray, writes: np.ndarray, units: np.ndarray, early: bool
+) -> tuple[np.ndarray, ...]:
+    """Of sets with the slips that are written, one set after the other, the first of them `early` if no step
+    is before it: what directions of contact push in the thin space (s, r), what takes part in them and in
+    slips that are written, from all rows (s, c + k), the memory that is written (s, k), and how many each
+    set has.
+    """
+    (rank, rows), memory = step.left.shape, len(units)
+    values, axes = np.linalg.eigh((step.right * step.coefficients[0, 4]) @ step.right.T)
+    root = np.sqrt(np.maximum(values, 1e-15 * values[-1:]))
+    most = rank * len(states) + int(writes.sum())
+    result = np.zeros((most, rank)), np.zeros((most, rows)), np.zeros((most, memory))
+    sizes = np.zeros(len(states), dtype=np.int64)
+    drawn, forces, gathered = (np.empty((rank, rows)) for _ in range(3))
+    columns, base = np.empty((rank + memory, rank)), np.empty((rank, rank))
+    room = _Room(drawn, forces, gathered, columns, base, np.empty(rows))
+    flexibility = step.flexibility[0], step.residual if early else step.flexibility[0]
+    scaled = np.ascontiguousarray((axes * root).T @ step.left)
+    held = step.rubbing, np.ascontiguousarray(states), np.ascontiguousarray(writes), units
+    total = _condense(flexibility, scaled, held, empty_sets(rows), room, (*result, sizes))
+    if total < 0:
+        raise np.linalg.LinAlgError("the flexibility of the rows in contact is singular")
+    push, spread, changes = (part[:total] for part in result)
+    return push @ (axes / root).T, spread, changes, sizes
 
-    def drawn(columns: np.ndarray) -> np.ndarray:
-        """E^T of columns."""
-        result = columns.copy()
-        result[pulled] += pull * columns[count + slipping]
-        return result[index]
 
-    weight = 1.0 / np.sqrt(np.diagonal(w)[index])
-    matrix = weight[:, None] * drawn(w[:, index]) * weight
+@inner_loops
+def _drawn(
+    flexibility: np.ndarray, scaled: np.ndarray, held: tuple[Rubbing, np.ndarray], sets: Sets, room: _Room
+) -> float:
+    """Thin forces under the gaps of the members; what rounding leaves of the inverse, relative."""
+    (rubbing, state), members = held, sets.members
+    drawn, forces, along = room.drawn, room.forces, room.along
+    unknowns, count, rank = members[state.size], rubbing.beside.size, scaled.shape[0]
+    for a in range(unknowns):
+        row, pull, beside = members[a], 0.0, 0
+        if row < count and rubbing.beside[row] >= 0:
+            beside = rubbing.beside[row]
+            pull = pull_of(rubbing, state, beside)
+        along[a] = 0.0
+        for q in range(rank):
+            drawn[q, a] = scaled[q, row] + pull * scaled[q, beside]
+            forces[q, a] = 0.0
+    for q in range(rank):
+        add_rows(sets.inverse, sets.every, drawn[q], unknowns, (unknowns, unknowns), forces[q])
+        for a in range(unknowns):
+            along[a] += forces[q, a]
+    left, size = 0.0, 0.0
+    for b in range(unknowns):
+        expected, found = 0.0, 0.0
+        for q in range(rank):
+            expected += drawn[q, b]
+        for a in range(unknowns):
+            found += along[a] * pulled(flexibility, rubbing, state, (members[a], members[b]))
+        left, size = max(left, abs(found - expected)), max(size, abs(expected))
+    return left / max(size, 1e-300)
 
-    def spread(columns: np.ndarray) -> np.ndarray:
-        if not len(matrix):  # LAPACK takes none; by itself, for the checks of its wrapper take longer
-            return drawn(columns)
-        _, _, solved, failed = linalg.lapack.dgesv(matrix, weight[:, None] * drawn(columns))
-        if failed:
-            raise np.linalg.LinAlgError("the flexibility of the rows in contact is singular")
-        return weight[:, None] * solved
 
-    return index, spread
+@inner_loops
+def _columns(scaled: np.ndarray, units: np.ndarray, members: np.ndarray, unknowns: int, room: _Room) -> int:
+    """What position and the memory of the members do in the thin space; how many columns that are."""
+    rank, count, total = scaled.shape[0], scaled.shape[1] - units.size, scaled.shape[0]
+    forces, gathered, columns, along = room.forces, room.gathered, room.columns, room.along
+    for j in range(rank):
+        for a in range(unknowns):
+            gathered[j, a] = scaled[j, members[a]]
+    for q in range(rank):
+        products(gathered, forces[q], rank, (unknowns, unknowns), along)
+        for j in range(rank):
+            columns[j, q] = along[j]
+    for a in range(unknowns):
+        if members[a] >= count:
+            for q in range(rank):
+                columns[total, q] = forces[q, a] * units[members[a] - count]
+            total += 1
+    return total
+
+
+@inner_sums
+def _dot(one: np.ndarray, i: int, other: np.ndarray, j: int) -> float:
+    """Of two rows."""
+    total = 0.0
+    for q in range(one.shape[1]):
+        total += one[i, q] * other[j, q]
+    return total
+
+
+@inner_loops
+def _directions(columns: np.ndarray, total: int, base: np.ndarray) -> int:
+    """Orthonormal directions that the columns have, by Gram and Schmidt with pivots; how many."""
+    rank, found, largest = base.shape[0], 0, 1.0
+    while found < rank:
+        pivot, size = 0, -1.0
+        for c in range(total):
+            square = _dot(columns, c, columns, c)
+            if square > size:
+                pivot, size = c, square
+        size = math.sqrt(size)
+        largest = max(largest, size)
+        if not size > LEAST * largest:
+            break
+        for q in range(rank):
+            base[found, q] = columns[pivot, q]
+        for _ in range(2):
+            for j in range(found):
+                share = _dot(base, found, base, j)
+                for q in range(rank):
+                    base[found, q] -= share * base[j, q]
+        scale = 1.0 / math.sqrt(_dot(base, found, base, found))
+        for q in range(rank):
+            base[found, q] *= scale
+        for c in range(total):
+            share = _dot(columns, c, base, found)
+            for q in range(rank):
+                columns[c, q] -= share * base[found, q]
+        found += 1
+    return found
+
+
+@inner_loops
+def _taken(sets: Sets, factors: np.ndarray, rows: np.ndarray, count: int, along: np.ndarray) -> None:
+    """So many rows of the members, each times its factor, summed."""
+    unknowns = sets.members[sets.place.size]
+    for a in range(unknowns):
+        along[a] = 0.0
+    add_rows(rows, sets.every, factors, count, (unknowns, unknowns), along)
+
+
+@compiled_loops
+def _condense(
+    flexibility: tuple[np.ndarray, np.ndarray],
+    scaled: np.ndarray,
+    held: tuple[Rubbing, np.ndarray, np.ndarray, np.ndarray],
+    sets: Sets,
+    room: _Room,
+    result: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+) -> int:
+    """See `_condensed`; the number of all rows, -1 where a set is singular."""
+    (rubbing, states, writes, units), (push, spread, changes, sizes) = held, result
+    n, rank, members, along, total = states.shape[1], scaled.shape[0], sets.members, room.along, 0
+    for kind in range(states.shape[0]):
+        w, state, first = flexibility[1] if kind == 0 else flexibility[0], states[kind], total
+        if kind < 2:
+            members[n] = -1
+        for attempt in range(2):
+            regular = follow(w, rubbing, state, sets)
+            if regular and _drawn(w, scaled, (rubbing, state), sets, room) <= ROUNDED:
+                break
+            members[n] = -1 if attempt == 0 else members[n]
+        if not regular:
+            return -1
+        unknowns = members[n]
+        for j in range(
+            _directions(room.columns, _columns(scaled, units, members, unknowns, room), room.base)
+        ):
+            for q in range(rank):
+                push[total, q] = room.base[j, q]
+            _taken(sets, room.base[j], room.forces, rank, along)
+            for a in range(unknowns):
+                spread[total, members[a]] = along[a]
+            total += 1
+        for t in range(units.size):
+            if not writes[kind, t]:
+                continue
+            row = n - units.size + t
+            for a in range(unknowns):
+                room.drawn[0, a] = pulled(w, rubbing, state, (row, members[a])) / units[t]
+            _taken(sets, room.drawn[0], sets.inverse, unknowns, along)
+            for a in range(unknowns):
+                spread[total, members[a]] = along[a]
+            spread[total, row] -= 1.0 / units[t]
+            changes[total, t] = 1.0
+            total += 1
+        sizes[kind] = total - first
+    return total

@@ -159,15 +159,13 @@ class Derivative:
         self._late = instants - self._begin[self._frame]
         owner = np.repeat(np.arange(len(instants)), counts)
         modes = contacts.factors.shape[1]
-        size = 2 * modes + contacts.reads.shape[1]
-        self._rows, self._effects = np.empty((len(owner), size)), np.empty((len(owner), size))
+        self._rows, self._effects = (np.empty((len(owner), 2 * modes)) for _ in range(2))
         effects = propagation.effects(instants, self._late, steps)
         for k in (0, 1):
             part = slice(k * modes, (k + 1) * modes)
             free = propagation.rows[k, self._late][owner]
             np.multiply(contacts.factors, free, out=self._rows[:, part])
             np.multiply(contacts.pushes, effects[owner, k], out=self._effects[:, part])
-        self._rows[:, 2 * modes :], self._effects[:, 2 * modes :] = contacts.reads, contacts.writes
         self._owner = owner
         self._blocks = [self._blocks_of(frame) for frame in range(len(self._first))]
 
@@ -186,10 +184,12 @@ class Derivative:
         numbers = np.array(first, dtype=int)
         return numbers, instants[numbers], np.zeros(len(numbers), dtype=bool)
 
-    def _blocks_of(self, frame: int) -> list[tuple[int, int, np.ndarray]]:
-        """Rows from .. to, and the coupling, of the blocks of a frame."""
+    def _blocks_of(self, frame: int) -> list[tuple[int, int, np.ndarray, np.ndarray]]:
+        """Rows from .. to, the coupling, and what is remembered that they read or write, of the blocks of a
+        frame.
+        """
         last = self._first[frame + 1] if frame + 1 < len(self._first) else len(self.contacts.instants)
-        counts = self.contacts.counts
+        counts, reads, writes = self.contacts.counts, self.contacts.reads, self.contacts.writes
         place = int(counts[: self._first[frame]].sum())
         result, begin = [], place
         for count in [*counts[self._first[frame] : last].tolist(), None]:
@@ -197,9 +197,13 @@ class Derivative:
                 if place > begin:
                     owner = self._owner[begin:place]
                     coupling = self._rows[begin:place] @ self._effects[begin:place].T
+                    part = slice(begin, place)
+                    memory = np.flatnonzero((reads[part] != 0.0).any(axis=0) | writes[part].any(axis=0))
+                    if len(memory):
+                        coupling += reads[part, memory] @ writes[part, memory].T
                     # an instant does not act on itself
                     coupling[owner[:, None] == owner] = 0.0
-                    result.append((begin, place, coupling))
+                    result.append((begin, place, coupling, memory))
                 begin = place
             place += count or 0
         return result
@@ -223,14 +227,18 @@ class Derivative:
         for frame, begin in enumerate(self._begin.tolist()):
             x = self._moved(x, begin - now)
             now = begin
-            for one, other, coupling in self._blocks[frame]:
-                forces = self._rows[one:other] @ x
+            for one, other, coupling, memory in self._blocks[frame]:
+                forces = self._rows[one:other] @ x[:moving]
+                if len(memory):
+                    forces += self.contacts.reads[one:other, memory] @ x[moving + memory]
                 forces[:, first:] += shifts[one:other]
                 # the diagonal, ones, is not referred to; transposed, these are LAPACK's own layout
                 linalg.blas.dtrsm(1.0, coupling.T, forces.T, side=1, lower=0, diag=1, overwrite_b=1)
                 if self._onward[frame]:
                     x, now = self._moved(x, 1), begin + 1
-                x -= self._effects[one:other].T @ forces
+                x[:moving] -= self._effects[one:other].T @ forces
+                if len(memory):
+                    x[moving + memory] -= self.contacts.writes[one:other, memory].T @ forces
             if added is not None:
                 x[:moving, first:] += added[frame]
         x = self._moved(x, self.steps - now)
@@ -283,7 +291,7 @@ class Derivative:
             found[early, :, parameter] = self._moved(found[early, :, parameter].T, 1).T
         total = _sums(found)
         added = total[edges[1:]] - total[edges[:-1]]
-        return shifts + np.einsum("sj,sje->se", self._rows[:, : before.shape[1]], before[self._owner]), added
+        return shifts + np.einsum("sj,sje->se", self._rows, before[self._owner]), added
 
 
 def _sums(values: np.ndarray) -> np.ndarray:

@@ -17,7 +17,6 @@ import numpy as np
 from ..contact.closed_sets import ClosedSets, exact_contacts, located_contacts, thin_factors
 from ..contact.friction import STICKS
 from ..contact.marching import (
-    StepConstants,
     StepHistory,
     StepLoads,
     StepState,
@@ -26,7 +25,7 @@ from ..contact.marching import (
 )
 from ..contact.pivoting import contact_forces, empty_factor
 from ..contact.rubbing import empty_sets, rubbing_forces, rubbing_of
-from ..contact.rubbing_tangent import RubbingSets, rubbing_contacts
+from ..contact.rubbing_tangent import rubbing_contacts
 from ..contact.tangent import Derivative, Propagation
 from ..errors import SolveError, on_all_ranks
 from ..petsc import MPI
@@ -98,7 +97,6 @@ class Period:
         self.weights = np.where(r.omega > 0.0, r.omega, 2.0 * np.pi * r.frequencies.max())
         self._load(excitation)
         self._lengths: dict[float, _Length] = {}
-        self._rubbing: RubbingSets | None = None
 
     def _fingerprint(self) -> object:
         """What tells it from others, the same on all ranks."""
@@ -139,7 +137,7 @@ class Period:
     def of(self, steps: int) -> Period:
         """The map over so many steps, for parts of the period (`DrivenPeriod.part`)."""
         result = copy.copy(self)
-        result.steps, result._lengths, result._rubbing = steps, {}, None
+        result.steps, result._lengths = steps, {}
         return result
 
     def _load(self, excitation: Excitation) -> None:
@@ -203,15 +201,6 @@ class Period:
                 self._lengths.clear()
             self._lengths[step] = _Length(self, step)
         return self._lengths[step]
-
-    def rubbing_sets(self, step: StepConstants) -> RubbingSets:
-        """The sets that motions with friction have met in steps about as long as these."""
-        if self._rubbing is None:
-            moved = (step.right * step.coefficients[0, 4]) @ step.right.T
-            self._rubbing = RubbingSets(
-                self.left, self.residual_flexibility, step.rubbing, self.slip_units, moved
-            )
-        return self._rubbing
 
     def with_damping(self, ratios: np.ndarray) -> Period:
         """The same period of the model with other damping ratios, under loads that do not depend on them."""
@@ -437,8 +426,7 @@ class DrivenPeriod:
         if gap_rates.shape[2] == 0 and self._kept is not None and self._kept[0] == key:
             return self._kept[1]
         if p.friction is not None:
-            sets = p.rubbing_sets(self.constants)
-            contacts = rubbing_contacts(sets, self.constants, motion.rows, gap_rates)
+            contacts = rubbing_contacts(self.constants, motion.rows, p.slip_units, gap_rates)
         elif located:
 
             def gaps(instants: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from scipy import optimize
 import sbfem_petsc as sb
 from sbfem_petsc.continuation import bifurcations, branch_following, events, extrapolation
 from sbfem_petsc.continuation.follow import Settings
-from sbfem_petsc.continuation.multipliers import Multipliers, inverse_iteration, multipliers
+from sbfem_petsc.continuation.multipliers import Multipliers, eigenvalues, inverse_iteration, multipliers
 from sbfem_petsc.continuation.problem import BaseProblem, Point
 from sbfem_petsc.continuation.problems import driven_orbits
 from sbfem_petsc.continuation.shooting import shoot
@@ -754,3 +754,13 @@ def test_directions_of_singular_matrices():
             assert np.linalg.norm(found) == pytest.approx(1.0)
             missed = np.linalg.norm(matrix @ found - value * found)
             assert missed < 1e-7 * max(np.abs(matrix).max(), 1.0)
+
+
+def test_eigenvalues_of_what_is_forgotten():
+    """Rows and columns of zeros leave the others as NumPy finds them."""
+    matrix = np.random.default_rng(3).normal(size=(9, 9))
+    matrix[:, [2, 5]] = 0.0
+    matrix[[5, 7]] = 0.0
+    found, expected = eigenvalues(matrix), np.linalg.eigvals(matrix)
+    assert np.sort_complex(found) == pytest.approx(np.sort_complex(expected), abs=1e-12)
+    assert (found == 0.0).sum() == 3
