@@ -12,6 +12,7 @@ import pytest
 from matplotlib import image
 
 import sbfem_petsc as sb
+from meshing import Beam, VNotch
 from sbfem_petsc.plot import (
     plot_branches,
     plot_harmonics,
@@ -242,3 +243,27 @@ def test_bad_requests(curves, orbits):
 def test_what_cannot_be_drawn():
     with pytest.raises(TypeError, match="5 cannot be drawn; give one Branch"):
         plot_branches(5, "A")
+
+
+@pytest.mark.long
+def test_smooth_lines_are_the_curve():
+    """Cubics through the default points lie within a tenth of a line's width of a curve of many more."""
+    mesh = Beam(0.3, 0.01, [VNotch(0.1, 0.004, 1e-3)]).mesh(order=3)
+    model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700.0), damping=0.005)
+    load, ends = sb.PointForce("A", fy=5.0), (82.0, 97.0)
+    options = {"modes": 10, "steps": 256, "stability": False}
+    curve = sb.frequency_response(model, load, *ends, **options)
+    finer = sb.frequency_response(model, load, *ends, largest_step=0.04, points=2000, **options)
+    assert len(finer.value) > 6 * len(curve.value)
+    size = np.ptp(finer.value), np.ptp(finer.amplitude("A"))
+    exact = np.column_stack([finer.value, finer.amplitude("A")]) / size
+
+    def furthest(x, y):
+        line = np.column_stack([x, y]) / size
+        begin, way = line[:-1], np.diff(line, axis=0)
+        apart = exact[:, None] - begin
+        share = np.clip((apart * way).sum(axis=2) / (way**2).sum(axis=1), 0.0, 1.0)
+        return np.linalg.norm(apart - share[..., None] * way, axis=2).min(axis=1).max()
+
+    ((_, *drawn),) = smooth([(True, curve.value, curve.amplitude("A"))])
+    assert furthest(*drawn) < 3e-4 < furthest(curve.value, curve.amplitude("A"))
