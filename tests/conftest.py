@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import pathlib
+import sys
 
 import pytest
 
@@ -13,8 +15,13 @@ ROOT = pathlib.Path(__file__).parents[1]
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-# Hundreds of programs are started: each compiles all modules again where none may stand beside the sources.
+# Hundreds of programs are started: each compiles all modules again where none may stand beside the sources,
+# and pytest all tests.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
+# Nothing is thrown away while tests are found, and what has been found stays to the end.
+gc.disable()
 
 # A process without a launcher needs no daemon of Open MPI's, which would outlive it where it is killed.
 os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")
@@ -25,3 +32,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.get_closest_marker("long"):
             item.add_marker(pytest.mark.slow)
+
+
+def pytest_collection_finish() -> None:
+    gc.freeze()
+    gc.enable()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import shapely
-from scipy.cluster.hierarchy import DisjointSet
 
 from meshing.vectors import cross
 
@@ -33,13 +32,14 @@ def find_crossing(segments: np.ndarray, ends: np.ndarray) -> np.ndarray | None:
     ahead = steps / np.maximum(np.hypot(*steps.T), np.finfo(float).tiny)[:, None]
     places = segments.reshape(-1, 2)
     reach = _TOUCH * np.ptp(places, axis=0).max()
-    # ends of the faces of a slit are one end
-    numbers = DisjointSet(ends.ravel().tolist())
+    # ends of the faces of a slit are one end; SciPy's sets would take longer to load than gmsh
+    numbers, ends = np.unique(ends, return_inverse=True)
     one, other = _near(shapely.points(places), reach)
     along = np.abs(cross(ahead[one // 2], ahead[other // 2])) <= _TOUCH
-    for pair in zip(ends.ravel()[one[along]].tolist(), ends.ravel()[other[along]].tolist()):
-        numbers.merge(*pair)
-    ends = np.array([numbers[end] for end in ends.ravel().tolist()]).reshape(-1, 2)
+    joined, least = ends.ravel()[np.array([one[along], other[along]])], np.arange(len(numbers))
+    while (least[joined[0]] != least[joined[1]]).any():
+        np.minimum.at(least, joined.ravel(), np.tile(least[joined].min(axis=0), 2))
+    ends = least[ends].reshape(-1, 2)
     lines = shapely.linestrings(segments)
     first, second = _near(lines, reach)
     common = (ends[first][:, :, None] == ends[second][:, None, :]).any(axis=(1, 2))

@@ -2,6 +2,9 @@
 refused.
 """
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from mesh_checks import check_mesh
@@ -366,3 +369,10 @@ def test_geometry_files_that_would_lose_a_part(tmp_path):
     )
     with pytest.raises(ValueError, match="belongs to no physical group"):
         read_gmsh(tmp_path / "two.geo")
+
+
+def test_a_file_is_read_without_scipy():
+    """Which takes longer to load than gmsh: each file is read by a process of its own."""
+    program = "import sys, meshing.gmsh.extraction as reader; reader.load(); print('scipy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300)
+    assert (done.stdout, done.stderr) == ("False\n", "")
