@@ -28,7 +28,7 @@ TRULY = 0.5
 QUASI_PERIODIC_SIZES = (0.05, 0.1, 0.02, 0.2, 0.01)
 
 
-@analysis(SwitchOptions)
+@analysis(SwitchOptions, rubs=True)
 def switch_branch(
     branch: Branch, bifurcation: Bifurcation, *, size: float | None = None, samples: int = 21
 ) -> Orbit | QuasiPeriodic:

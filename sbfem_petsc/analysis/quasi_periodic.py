@@ -31,7 +31,7 @@ from ..errors import SolveError, caller_level, on_all_ranks
 from ..motion.contact_work import MOST, times_more, warn_of_contact_work
 from ..motion.excitation import Excitation
 from ..motion.loading import communicator, loading, serving
-from ..motion.preparation import FAST_STEPS, PeriodSettings, prepare
+from ..motion.preparation import FAST_STEPS, PeriodSettings, prepare, refuse_falling
 from ..motion.step_plan import CONTACT_STEP, warn_if_coarse
 from ..motion.two_tones import drives, highest, tone
 from ..ranks.capacity import require_compiler
@@ -48,7 +48,7 @@ _OTHER = (
 )
 
 
-@analysis(QuasiPeriodicOptions)
+@analysis(QuasiPeriodicOptions, rubs=True)
 def quasi_periodic(
     model: Model | ReducedModel,
     load,
@@ -96,8 +96,8 @@ def quasi_periodic(
     Raises
     ------
     ValueError, TypeError
-        For input that makes no sense, a tone that belongs to neither frequency is named; and if it would take
-        more memory than is free.
+        For input that makes no sense, a tone that belongs to neither frequency is named; if it would take
+        more memory than is free; and for friction that falls where a slip begins (`static_friction`).
     SolveError
         If Newton's method does not converge, neither from the first guess nor behind a history of the curve.
 
@@ -124,8 +124,9 @@ def quasi_periodic(
         ordered = frequencies[::-1] if swapped else frequencies
         driven = drives(loads.signals, ordered)
     if modes is None and guess is not None and isinstance(model, Model):
-        modes = guess.states.shape[1] // 2
+        modes = len(guess.reduced.omega)
     reduced = serving("quasi_periodic", model, loads, modes, highest(driven, ordered))
+    refuse_falling("quasi_periodic", reduced.friction)
     with collective(comm):
         states = None if guess is None else _of_same(guess, reduced, samples)
     more = 1 if steps is not None else MOST
@@ -145,10 +146,20 @@ def quasi_periodic(
     if stability:
         growth = exponents(curve.maps(smooth=True), torus.rotation, EXPONENTS, TURNS) * ordered[0]
     linear = tuple(zip(driven, (torus.base.amplitudes, torus.pumped)))
-    lines, peak = tone_lines(torus.period, curve.motions, torus.rotation, linear, comm)
+    lines = tone_lines(torus.period, curve.motions, torus.rotation, linear, comm)
     steps = torus.period.steps
     found = QuasiPeriodic(
-        frequencies, samples, steps, reduced, curve.states, point.residuals, growth, peak, lines, swapped
+        frequencies,
+        samples,
+        steps,
+        reduced,
+        curve.states - torus.linear,
+        point.residuals,
+        growth,
+        curve.peak,
+        lines,
+        swapped,
+        **curve.rubbed(ordered[0]),
     )
     warn_if_unresolved("quasi_periodic", found)
     return found
@@ -163,21 +174,21 @@ def _solved(
     count, most = steps
     while True:
         torus = make(count)
-        point = torus.solve(states)
+        point = torus.solve(states if states is None else states + torus.linear)
         work = torus.contact_work(point.state.motions)
         times = times_more(work, count, most)
         if times == 1:
             warn_of_contact_work("quasi_periodic", work, count)
             return torus, point
-        states, count = point.state.states, times * count
+        states, count = point.state.states - torus.linear, times * count
 
 
 def _of_same(guess: QuasiPeriodic, reduced: ReducedModel, samples: int) -> np.ndarray:
     """The curve to begin from at the phases wanted, if it is one of the same model."""
     modes = len(reduced.omega)
     same = guess.reduced is reduced or (reduced.model is not None and guess.reduced.model is reduced.model)
-    if not same or guess.states.shape[1] != 2 * modes:
-        raise ValueError(_OTHER.format(guess.states.shape[1] // 2, modes))
+    if not same or len(guess.reduced.omega) != modes:
+        raise ValueError(_OTHER.format(len(guess.reduced.omega), modes))
     return resampled(guess.states, samples)
 
 
@@ -262,12 +273,13 @@ def _with_own_tone(
     comm, old = communicator(model), begin.own.period
     periods = old.excitation.periods
     if modes is None and isinstance(model, Model):
-        modes = begin.states.shape[1] // 2
+        modes = len(begin.reduced.omega)
     settings = PeriodSettings(periods, old.steps // periods if steps is None else steps, modes)
     period = prepare("quasi_periodic", model, load, first * periods, settings=settings)
+    refuse_falling("quasi_periodic", period.friction)
     with collective(comm):
-        if 2 * period.modes != begin.states.shape[1]:
-            raise ValueError(_OTHER.format(begin.states.shape[1] // 2, period.modes))
+        if period.unknowns != begin.states.shape[1]:
+            raise ValueError(_OTHER.format(len(begin.reduced.omega), period.modes))
     own = OwnTone(period, "frequency", None, samples, comm)
     known = resampled(begin.states + begin.own.driven(own_curve(begin)[-1]).linear_state, samples)
     u = np.append(known.ravel(), [begin.frequencies[1] / begin.frequencies[0], first * periods])

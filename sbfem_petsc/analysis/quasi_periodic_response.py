@@ -23,7 +23,7 @@ from .options import QuasiPeriodicResponseOptions
 SAME = 1e-12
 
 
-@analysis(QuasiPeriodicResponseOptions)
+@analysis(QuasiPeriodicResponseOptions, rubs=True)
 def quasi_periodic_response(
     guess: QuasiPeriodic,
     stop: float,

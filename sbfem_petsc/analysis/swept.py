@@ -32,7 +32,7 @@ STEPS = 320
 SAME = 1e-6
 
 
-@analysis(SweptOptions)
+@analysis(SweptOptions, rubs=True)
 def swept_response(
     model: Model | ReducedModel,
     load,
@@ -117,7 +117,8 @@ def swept_response(
     state = initial.states
     assert isinstance(state, ModalStates)
     plan = Steps(count, duration / count, True, "exact", 1)
-    integrator = ReducedIntegrator(reduced, loads.signals, plan, (state.q[0], state.v[0]))
+    begin = state.q[0], state.v[0], state.gap[-1, reduced.gaps :]  # faces remember the instant before
+    integrator = ReducedIntegrator(reduced, loads.signals, plan, begin)
     with progress_bar(comm, "swept response", progress) as report:
         displacements, contact = swept_motion(integrator, report)
     ends = cycle_ends(start, stop, duration)

@@ -48,6 +48,11 @@ class Friction(Record):
         found = [[getattr(laws[k], name, 0.0) for k in rows] for name in ("friction", "static_friction")]
         return cls(rows, *np.array(found, dtype=float).reshape(2, len(rows)))
 
+    @property
+    def falls(self) -> bool:
+        """Whether it falls where a slip begins."""
+        return bool((self.static > self.kinetic).any())
+
     def same(self, other: Friction | None) -> bool:
         """Whether these are the same rows and coefficients."""
         mine = (self.rows, self.kinetic, self.static)
@@ -58,8 +63,9 @@ def refuse_friction(owner: str, rubs: str, why: str) -> None:
     """Raise ValueError, on all ranks, for what rubs, in an analysis with a reason why it cannot."""
     raise on_all_ranks(
         ValueError(
-            f"{owner} {why}, and {rubs}; use transient, periodic, frequency_response or "
-            "load_response in modes, static or load_history, or contact_laws = Unilateral()"
+            f"{owner} {why}, and {rubs}; use transient, periodic, quasi_periodic, swept_response, "
+            "frequency_response or load_response in modes, static or load_history, or contact_laws = "
+            "Unilateral()"
         )
     )
 

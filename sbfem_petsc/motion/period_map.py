@@ -115,7 +115,7 @@ class Period:
     @property
     def jumps(self) -> bool:
         """Whether friction falls where a slip begins."""
-        return self.friction is not None and bool((self.friction.static > self.friction.kinetic).any())
+        return self.friction is not None and self.friction.falls
 
     @property
     def comm(self) -> MPI.Comm:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ..checks import shown
+from ..contact.friction import Friction
 from ..errors import on_all_ranks
 from ..ranks.capacity import require_compiler, require_memory
 from ..ranks.parallel import collective
@@ -204,6 +205,20 @@ def tells_stability(owner: str, period: Period, asked: bool | None) -> bool:
             )
         )
     return asked is not False and not period.jumps
+
+
+def refuse_falling(owner: str, friction: Friction | None) -> None:
+    """Raise ValueError, on all ranks, where friction falls as a slip begins: of motions whose periods differ
+    nothing tells which rows slip on into the next one.
+    """
+    if friction is not None and friction.falls:
+        raise on_all_ranks(
+            ValueError(
+                f"{owner}: friction falls where a slip begins, as static_friction is more than friction, and "
+                "a row that slips is to go on slipping in the next period, which is another one here; leave "
+                "static_friction out, or follow a history by transient"
+            )
+        )
 
 
 def check_guess(owner: str, guess: Orbit, reduced: ReducedModel) -> None:

@@ -48,8 +48,9 @@ class ReducedIntegrator:
         One for each unit load.
     steps : Steps
         Their scheme is "exact" or "newmark".
-    initial : "rest", "equilibrium" or (q, v)
-        Zero; static equilibrium, contact included, under the loads at t = 0; or modal coordinates and rates.
+    initial : "rest", "equilibrium", (q, v) or (q, v, slips)
+        Zero; static equilibrium, contact included, under the loads at t = 0; or modal coordinates and rates,
+        and what faces that rub had slipped (m) just before. Default: they have never been loaded.
 
     Attributes
     ----------
@@ -304,7 +305,7 @@ def _start(
     q, v = np.zeros(len(r.omega)), np.zeros(len(r.omega))
     found = None
     if not isinstance(initial, str):
-        q, v = (np.array(part, dtype=float) for part in initial)
+        q, v = (np.array(part, dtype=float) for part in initial[:2])
         if q.shape != r.omega.shape or v.shape != r.omega.shape or not np.isfinite([q, v]).all():
             raise on_all_ranks(
                 ValueError(
@@ -317,7 +318,10 @@ def _start(
     if not contact:
         return q, v, np.zeros(0), np.zeros(0, dtype=np.int8), np.zeros(0)
     if found is None:
-        found = _contact_at(r, q, amplitude)
+        former = None
+        if r.friction is not None and not isinstance(initial, str) and len(initial) == 3:
+            former = Memory.none(r.contact_laws, r.friction)._replace(slip=initial[2])
+        found = _contact_at(r, q, amplitude, former)
     return q, v, found.force.copy(), found.state.copy(), found.gap[r.gaps :].copy()
 
 

@@ -229,7 +229,7 @@ def swept_motion(
     def keep(at: int, rows: Rows) -> None:
         part = reduced.points(rows["modal_displacement"], rows["amplitudes"], rows["contact_force"])
         displacements[at : at + len(part)] = part[:, :, -displacements.shape[2] :]
-        contact[at : at + len(part), 0] = rows["contact_force"].sum(axis=1)
+        contact[at : at + len(part), 0] = rows["contact_force"][:, : reduced.gaps].sum(axis=1)
 
     keep(0, integrator.first())
     done = 0

@@ -74,7 +74,12 @@ def slider(**given):
 
 
 def jenkins(amplitude, rate, times):
-    """Displacement of the mass and work lost: each state by itself, its end located."""
+    """`pushed` by one tone."""
+    return pushed(lambda t: amplitude * math.sin(rate * t), times)
+
+
+def pushed(push, times, drag=0.0):
+    """Displacement of the mass under a force of time and work lost: each state by itself, its end located."""
     bound = FRICTION * PRESSURE
     t, y, rests, way = 0.0, np.zeros(2), 0.0, 0
     x, lost = np.zeros(len(times)), 0.0
@@ -82,7 +87,7 @@ def jenkins(amplitude, rate, times):
 
         def rates(t, y, way=way, rests=rests):
             pull = -way * bound if way else -SLIDER * (y[0] - rests)
-            return [y[1], amplitude * math.sin(rate * t) - SPRING * y[0] + pull]
+            return [y[1], push(t) - drag * y[1] - SPRING * y[0] + pull]
 
         events = [lambda t, y: y[1]]
         if not way:

@@ -272,15 +272,10 @@ def test_curves(mass):
 
 
 def test_what_is_refused(mass):
-    load = [1.0, sb.Constant(-2.0)]
     with pytest.raises(ValueError, match="in segments knows no friction yet"):
         sb.periodic(mass, shaken(1.0), FREQUENCY, segments=2)
     with pytest.raises(ValueError, match="backbone follows free motions, which friction brings to rest"):
         sb.backbone(mass, 1, 1e-3, 1.0)
-    with pytest.raises(ValueError, match="swept_response knows no friction yet"):
-        sb.swept_response(mass, load, 0.3, 0.4, duration=10.0)
-    with pytest.raises(ValueError, match="quasi_periodic knows no friction yet"):
-        sb.quasi_periodic(mass, load, (FREQUENCY, 0.1))
 
 
 def test_without_friction_nothing_changes():

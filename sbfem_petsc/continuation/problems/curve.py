@@ -10,11 +10,12 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
 from ...errors import SolveError
-from ...motion.period_map import DrivenPeriod, Period, PeriodMotion
+from ...motion.period_map import DrivenPeriod, Period, PeriodMotion, stays
 from ...petsc import MPI
 from ..problem import BaseProblem, Linear, Point
 from .curve_system import (
@@ -127,7 +128,22 @@ class InvariantCurves(BaseProblem):
         if failures:
             raise failures[0]
         comm.Allreduce(MPI.IN_PLACE, ends)
+        stuck = self.stuck(motions)
+        ends[:, stuck] = states[:, stuck].mean(axis=0)
         return ends, motions
+
+    def stuck(self, motions: Sequence[PeriodMotion | None]) -> np.ndarray:
+        """Where a state has the slips that stick along the whole curve: every value that is the same at all
+        phases is one of theirs, and the map takes them to their mean. Collective.
+        """
+        period = self.period
+        if period.friction is None:
+            return np.empty(0, dtype=int)
+        count = len(period.laws)
+        sticks = [stays(motion, count) for motion in motions if motion is not None]
+        everywhere = np.all(sticks, axis=0) if sticks else np.ones(period.pairs - count, dtype=bool)
+        self.comm.Allreduce(MPI.IN_PLACE, everywhere, MPI.LAND)
+        return 2 * period.modes + np.flatnonzero(everywhere)
 
 
 class CurveState:
@@ -193,6 +209,23 @@ class CurveState:
         return self._missed if phase is None else np.append(self._missed, self.problem.off_phase(self.u))
 
     @property
+    def peak(self) -> float:
+        """Largest contact resultant, N. Collective."""
+        rows = len(self.problem.period.laws)
+        mine = [motion.forces[:-1, :rows].sum(axis=1) for motion in self.motions if motion is not None]
+        return self.problem.comm.allreduce(float(np.max(mine, initial=0.0)), MPI.MAX)
+
+    def rubbed(self, frequency: float) -> dict[str, Any]:
+        """Where faces rub: the mean power that they lose at the first tone's frequency, W, and how many slips
+        stick throughout. Collective.
+        """
+        if self.problem.period.friction is None:
+            return {}
+        lost = sum(float(motion.lost.sum()) for motion in self.motions if motion is not None)
+        power = frequency * self.problem.comm.allreduce(lost) / len(self.states)
+        return {"friction_power": power, "sticking": len(self.problem.stuck(self.motions))}
+
+    @property
     def swing(self) -> float:
         """Root mean square distance of the curve from its middle."""
         return float(np.linalg.norm(self.states - self.states.mean(axis=0))) / math.sqrt(len(self.states))
@@ -207,10 +240,16 @@ class CurveState:
         problem, driven = self.problem, self.problem.at_sample(self.value)
         mine, size = range(problem.comm.rank, len(self.states), problem.comm.size), self.states.shape[1]
         found, unit = np.empty((len(mine), size, size)), np.eye(size)
+        stuck = problem.stuck(self.motions)
         for place, i in enumerate(mine):
             motion = self.motions[i]
             assert motion is not None  # this rank's
             found[place] = driven(i).carried(motion, unit, located=smooth)
+            if problem.period.friction is not None:  # elsewhere on the curve they slip
+                kept = 2 * problem.period.modes + np.flatnonzero(stays(motion, len(problem.period.laws)))
+                found[place, kept, kept] = 1.0
+        if stuck.size:
+            found[:, stuck] = 0.0
         return CurveMaps(problem.comm, len(self.states), found)
 
     def linear(self, smooth: bool = False) -> CurveLinear:

@@ -62,7 +62,8 @@ def require_room(
     owner: str, reduced: ReducedModel, comm: MPI.Comm, *, samples: int, steps: int, orders: int
 ) -> None:
     """Refuse a curve whose motions and derivatives would take more memory than is free. Collective."""
-    size, rows = 2 * len(reduced.omega), len(reduced.initial_gap)
+    rows = len(reduced.initial_gap)
+    size = 2 * len(reduced.omega) + rows - reduced.gaps
     mine = math.ceil(samples / comm.size)  # of this rank
     # the derivatives and the preconditioner's factors of two curves and an iteration, and work
     derivatives = 8.0 * mine * size**2 * 7
@@ -73,7 +74,7 @@ def require_room(
         owner,
         comm,
         derivatives + motions + krylov + period,
-        f"{samples:,d} samples of {steps:,d} steps and {size // 2} modes",
+        f"{samples:,d} samples of {steps:,d} steps and {len(reduced.omega)} modes",
         lambda share: "give fewer samples, steps or modes, or take more ranks on more machines",
     )
 

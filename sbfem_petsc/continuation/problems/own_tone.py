@@ -217,7 +217,7 @@ class Curves(InvariantCurves):
 
     def recalled(self, u: np.ndarray, value: float, memory: np.ndarray) -> Point:
         """See `Problem`."""
-        known, samples = 1 + int(memory[0]), (len(u) - 2) // (2 * self.period.modes)
+        known, samples = 1 + int(memory[0]), (len(u) - 2) // self.period.unknowns
         finer = [item for item in self.finer_maps if item.samples > samples]
         problem = Curves(replace(self.tone, samples=samples), u, finer)
         point = beginning(Point(problem, u, problem.at(u), value), memory[1:known] if known > 1 else None)

@@ -57,7 +57,8 @@ class QuasiPeriodic(Record):
     reduced: ReducedModel = quantity(text="the reduced model", part="ReducedModel", detail=True)
     states: np.ndarray = quantity(
         "m sqrt(kg)/s",
-        "differences (Omega q, q') to the linear response at the beginning of a period of the faster tone",
+        "differences (Omega q, q') to the linear response at the beginning of a period of the faster tone, "
+        "and of slips just before it to those at rest, over the root of their compliance",
         "sample state",
         detail=True,
     )
@@ -84,12 +85,20 @@ class QuasiPeriodic(Record):
         repr=False,
     )
 
+    friction_power: float | None = quantity(
+        "W", "mean power lost to friction, where faces rub", kinds="f", default=None, least=0.0, row=True
+    )
+    sticking: int | None = quantity(
+        "1", "slips that stick throughout, on which the motion depends", kinds="iu", default=None, least=0
+    )
+
     def check(self) -> None:
         """Raise ValueError unless curve, lines and model belong together."""
         modes, places = len(self.reduced.omega), len(self.points)
+        slips = len(self.reduced.initial_gap) - self.reduced.gaps
         lines = 2 * (self.samples // 2) + 1, places, self.reduced.points.modes.shape[1]
         if (
-            self.states.shape != (self.samples, 2 * modes)
+            self.states.shape != (self.samples, 2 * modes + slips)
             or self.lines.shape[1:] != lines
             or not len(self.lines)
             or len(self.frequencies) != 2
@@ -223,6 +232,10 @@ class QuasiPeriodic(Record):
         unknown = "stability not asked for" if self.resolved else "not resolved by its samples"
         verdict = {True: "stable", False: "unstable", None: unknown}[self.stable]
         born = " (its own)" if self.own is not None else ""
+        if self.friction_power is not None:
+            verdict += f", {self.friction_power:.6g} W lost to friction"
+        if self.sticking:
+            verdict += f", {self.sticking} slips stick throughout and depend on where the search began"
         return (
             f"QuasiPeriodic({self.frequencies[0]:.6g} and {self.frequencies[1]:.6g} Hz{born}, {self.samples} "
             f"samples, {self.steps} steps, {len(self.reduced.omega)} modes, {len(self.residuals) - 1} "
@@ -236,8 +249,8 @@ def tone_lines(
     rotation: float,
     linear: Sequence[tuple[Excitation, np.ndarray]],
     comm: MPI.Comm,
-) -> tuple[np.ndarray, float]:
-    """(21, k, points, 2) lines of all named points, m, and the largest contact resultant, N. Collective.
+) -> np.ndarray:
+    """(21, k, points, 2) lines of all named points, m. Collective.
 
     Parameters
     ----------
@@ -258,7 +271,6 @@ def tone_lines(
     orders, seen = np.arange(-half, half + 1), r.points.modes.shape[:2]
     found = np.zeros((lines + 1, len(orders), *seen), dtype=complex)
     mine = [(i, motion) for i, motion in enumerate(motions) if motion is not None]
-    peak = max((float(motion.forces[:-1].sum(axis=1).max(initial=0.0)) for _, motion in mine), default=0.0)
     over_samples = np.exp(-2j * np.pi * orders[:, None] * [i for i, _ in mine] / samples) / samples
     for begin in range(0, steps if mine else 0, INSTANTS):
         part = slice(begin, min(begin + INSTANTS, steps))
@@ -271,7 +283,6 @@ def tone_lines(
             turned = np.exp(-2j * np.pi * order * rotation * share)[:, None] * slow[j]
             found[:, j] += (forward @ turned).reshape(-1, *seen)
     comm.Allreduce(MPI.IN_PLACE, found)
-    peak = comm.allreduce(peak, MPI.MAX)
     found *= 2.0
     found[0, half] *= 0.5
     if samples % 2 == 0:  # both ends of the range are the same harmonic of the samples
@@ -283,7 +294,7 @@ def tone_lines(
             place = (order, half) if tone == 0 else (0, half + order)
             if place[0] <= lines and place[1] < len(orders):
                 found[place] += value
-    return found, peak
+    return found
 
 
 def _moved(period: Period, motion: PeriodMotion, part: slice) -> np.ndarray:
@@ -299,7 +310,7 @@ def own_motion(point: Point, stability: bool) -> QuasiPeriodic:
     state, own = point.state, point.problem.tone
     driven = own.driven(state.value)
     linear = ((own.period.excitation.scaled(driven.factor), driven.amplitudes),)
-    lines, peak = tone_lines(own.period, state.motions, state.rotation, linear, own.comm)
+    lines = tone_lines(own.period, state.motions, state.rotation, linear, own.comm)
     growth = np.zeros(0)
     if stability:
         maps, along = state.linearised(smooth=True)[0].maps, tangents(state.states)
@@ -307,7 +318,8 @@ def own_motion(point: Point, stability: bool) -> QuasiPeriodic:
         if growth[0] * driven.duration * TURNS < -1.0 and strays(point, TURNS) > STRAYED:
             growth = np.full_like(growth, np.nan)
     refuted = bool(np.isnan(growth).any())  # a file holds finite numbers
-    numbers = [peak, float(refuted)], np.zeros(len(growth)) if refuted else growth
+    rubbed = state.rubbed(1.0 / driven.duration).values()
+    numbers = [state.peak, float(refuted), *rubbed], np.zeros(len(growth)) if refuted else growth
     parts = (point.residuals, *numbers, np.ascontiguousarray(lines).view(float).ravel())
     state.told = np.concatenate([[len(part) for part in parts], *parts])
     return told_motion(point)
@@ -323,7 +335,7 @@ def told_motion(point: Point) -> QuasiPeriodic:
     state, own = point.state, point.problem.tone
     driven = own.driven(state.value)
     sizes, first = state.told[:4].astype(int), 1.0 / driven.duration
-    residuals, (peak, refuted), growth, lines = np.split(state.told[4:], np.cumsum(sizes)[:-1])
+    residuals, (peak, refuted, *rubbed), growth, lines = np.split(state.told[4:], np.cumsum(sizes)[:-1])
     seen = own.period.reduced.points.modes.shape[:2]
     return QuasiPeriodic(
         (first, state.rotation * first),
@@ -337,6 +349,8 @@ def told_motion(point: Point) -> QuasiPeriodic:
         lines.view(complex).reshape(-1, 2 * (own.samples // 2) + 1, *seen),
         load_factor=driven.factor,
         own=own.at(point.value),
+        friction_power=rubbed[0] if rubbed else None,
+        sticking=int(rubbed[1]) if rubbed else None,
     )
 
 

@@ -24,6 +24,8 @@ from .curve_system import CurveMaps, filtered, shift
 
 # Orbits of the curve's own map, after which Newton's method is tried again.
 SETTLING = (3, 10, 30, 100, 300)
+# How often slips that stick throughout are put back to where they are at rest.
+RESTED = 4
 
 
 class Torus(InvariantCurves):
@@ -74,7 +76,9 @@ class Torus(InvariantCurves):
             float(np.linalg.norm(np.concatenate([p.weights * self.pumped, speeds * self.pumped], axis=1))),
             1e-300,
         )
-        self._units = np.append(np.full(2 * p.modes * samples, self.unit), 1.0)
+        # the linear response itself, with faces that rub as they are at rest
+        self.linear = p.begun(np.zeros(2 * p.modes))
+        self._units = np.append(np.full(p.unknowns * samples, self.unit), 1.0)
 
     def split(self, u: np.ndarray) -> tuple[np.ndarray, float, float]:
         """See `InvariantCurves`."""
@@ -113,19 +117,16 @@ class Torus(InvariantCurves):
         return float(done[0] / done[1])
 
     def solve(self, states: np.ndarray | None = None) -> Point:
-        """The invariant curve near a guess (N, 2 m); by default near the linear response.
+        """The invariant curve near a guess (N, 2 m + k); by default the linear response.
 
         Raises
         ------
         SolveError
             If Newton's method does not converge, neither from the guess nor from where the map has taken it.
         """
-        u = np.zeros(2 * self.samples * self.period.modes + 1)
-        if states is not None:
-            u[:-1] = states.ravel()
-
-        def held(x: np.ndarray) -> tuple[float, np.ndarray]:
-            return float(x[-1]), np.eye(1, len(x), len(x) - 1)[0]
+        given = states is not None
+        states = np.tile(self.linear, (self.samples, 1)) if states is None else states
+        u = np.append(states.ravel(), 0.0)
 
         done, failed = 0, None
         for target in (0, *SETTLING):
@@ -133,7 +134,8 @@ class Torus(InvariantCurves):
                 ends, back = self.at(u).ends, shift(self.samples, -self.rotation)
                 u, done = np.append(filtered(ends, back), 0.0), done + 1
             try:
-                return correct(self, u, held)
+                found = self._corrected(u)
+                return found if given else self._rested(found)
             except PetscFailure:
                 raise
             except SolveError as error:
@@ -142,6 +144,28 @@ class Torus(InvariantCurves):
             f"{named(failed)}; neither from where {done} periods of the first tone take the curve; "
             "take more samples or steps, or smaller loads"
         )
+
+    def _corrected(self, u: np.ndarray) -> Point:
+        """By Newton's method from a guess."""
+        return correct(self, u, lambda x: (float(x[-1]), np.eye(1, len(x), len(x) - 1)[0]))
+
+    def _rested(self, point: Point) -> Point:
+        """The curve whose slips that stick throughout are those at rest, not what Newton's method has made of
+        them on its way, where there is one.
+        """
+        for _ in range(RESTED):
+            stuck = self.stuck(point.state.motions)
+            states = point.state.states.copy()
+            states[:, stuck] = self.linear[stuck]
+            if np.array_equal(states, point.state.states):
+                break
+            try:
+                point = self._corrected(np.append(states.ravel(), 0.0))
+            except PetscFailure:
+                raise
+            except SolveError:
+                break
+        return point
 
 
 def exponents(

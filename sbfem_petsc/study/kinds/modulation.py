@@ -45,6 +45,7 @@ class Modulation(Steady):
     contact: bool = item(True, text="false: crack faces may overlap")
     stability: bool = item(True, text="compute the Floquet multipliers")
     loads_in = ("pump", "probe")
+    rubs = True
     signals = ("constant",)
 
     def contradictions(self) -> Iterator[tuple[str, str]]:

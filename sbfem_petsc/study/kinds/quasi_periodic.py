@@ -35,6 +35,7 @@ class QuasiPeriodic(QuasiPeriodicOptions, Kind):
     loads_in = ("probe", "pump")
     signals = PERIODIC
     saved = "result.h5"
+    rubs = True
     captions = {"lines": "lines of the spectrum"}
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
@@ -98,6 +99,7 @@ class QuasiPeriodic(QuasiPeriodicOptions, Kind):
                 tail=("1", "share of the highest quarter of the samples' harmonics"),
                 samples=("1", "phases of the slower tone"),
                 steps=("1", "time steps a period of the faster tone"),
+                friction_power=("W", "mean power lost to friction"),
             ),
         }
 
@@ -112,6 +114,8 @@ class QuasiPeriodic(QuasiPeriodicOptions, Kind):
         if len(result.exponents):
             values["largest_exponent"] = (float(result.exponents[0]), "1/s")
             values["stable"] = (truth(result.stable), "1")
+        if result.friction_power is not None:
+            values["friction_power"] = (result.friction_power, "W")
         for point in wanted.points:
             values[f"lines/{point}"] = (line_values(result, named, point), "m")
             values[f"modulation_index/{point}"] = (result.modulation_index(point), "1")

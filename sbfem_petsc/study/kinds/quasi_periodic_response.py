@@ -28,6 +28,7 @@ class QuasiPeriodicResponse(TorusCurveOptions, SwitchOptions, FrequencyRange, Lo
     order: int = item(3, text="lines are kept up to this |m| and |n|", ge=1, le=20)
     signals = ("constant",)
     saved = "result.h5"
+    rubs = True
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """A range of one value, samples that are even, lines that they do not resolve."""

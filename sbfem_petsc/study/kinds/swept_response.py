@@ -27,6 +27,7 @@ class SweptResponse(SweptOptions, Loaded):
     )
     signals = ("constant",)
     saved = "result.h5"
+    rubs = True
 
     def solve(self, case: Any, model: Any, run: Run) -> tuple[sb.SweptResponse, ...]:
         load, there = self.acting(case), self.of(SweptOptions)
