@@ -10,8 +10,11 @@ CalculiX (ccx) stores the matrices; reading them is not counted.
 import argparse
 import pathlib
 import resource
+import sys
 import tempfile
 import time
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
 import numpy as np
 from mpi4py import MPI

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import zipfile
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -79,14 +78,16 @@ def read_matrices(
     else:
         matrices = found
         if isinstance(unknowns, (str, os.PathLike)):
-            unknowns = _pairs(path(OWNER, "unknowns", unknowns))
+            unknowns = _entries(path(OWNER, "unknowns", unknowns), 2)
     return FiniteElementModel(
         matrices[1], matrices[0], unknowns, nodes, sets=sets, fixed=held, elements=elements, units=units
     )
 
 
 def _entries(file: str, place: int) -> Any:
-    """A matrix; of Abaqus' text and Ansys' .full pairs of node and direction, two in a row, and values."""
+    """A matrix; of Abaqus' text and Ansys' .full pairs of node and direction, two in a row, and values; of a
+    text of two columns these.
+    """
     try:
         require_regular(file)
         if file.endswith(".full"):
@@ -104,43 +105,30 @@ def _entries(file: str, place: int) -> Any:
         with open(file, encoding="utf-8", errors="replace") as opened:
             lines = [line.replace(",", " ") for line in opened if not line.startswith("*")]
         table = np.loadtxt(lines or [""], ndmin=2)
+        if table.shape[1:] == (2,):
+            return table
         if table.shape[1:] != (5,) or (table[:, :4] != np.round(table[:, :4])).any():
             raise ValueError("lines of node, direction, node, direction, value were expected")
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+    except Exception as error:  # of any kind, by libraries
         why = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
         raise ValueError(
             f"{OWNER}: {file} is missing or cut, or neither Matrix Market, .npz of scipy.sparse, PETSc's "
-            f"binary, text of Abaqus nor .full of Ansys ({why})"
+            f"binary, text of Abaqus nor .full of Ansys, by ansys-mapdl-reader ({why})"
         ) from None
     return table[:, :4].astype(int), table[:, 4]
 
 
 def _ansys(file: str, place: int) -> tuple[np.ndarray, np.ndarray]:
     """Stiffness or mass of Ansys as those of Abaqus' text, what is held by its diagonal."""
-    try:
-        from ansys.mapdl.reader import read_binary
-    except ImportError as error:
-        raise ValueError(f"pip install ansys-mapdl-reader, which reads it: {error}") from None
-    try:
-        full = read_binary(file)
-        labels, *matrices = full.load_km(as_sparse=True)
-    except Exception as error:  # of any kind, by the library
-        raise ValueError(str(error)) from None
+    from ansys.mapdl.reader import read_binary
+
+    full = read_binary(file)
+    labels, *matrices = full.load_km(as_sparse=True)
     entries = sparse.coo_matrix(matrices[place] + sparse.triu(matrices[place], 1).T)
     pairs = np.hstack([labels[entries.row], labels[entries.col]]) + [0, 1, 0, 1]
     held = np.tile(full.const, 2) + [0, 1, 0, 1]
     kept = ~(held[:, None, :2] == pairs[None, :, :2]).all(axis=2).any(axis=0)
     return np.vstack([pairs[kept], held]), np.append(entries.data[kept], np.full(len(held), 2.0 * HELD))
-
-
-def _pairs(file: str) -> np.ndarray:
-    """(n, 2): text of nodes and directions."""
-    try:
-        require_regular(file)
-        table = np.loadtxt(file, ndmin=2)
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{OWNER}: {file} is no text of node and direction ({error})") from None
-    return table
 
 
 def _petsc(file: str) -> sparse.csr_matrix:

@@ -54,5 +54,5 @@ def test_without_the_library(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "ansys.mapdl.reader", None)
     file = tmp_path / "some.full"
     file.write_bytes(b"\x00" * 500)
-    with pytest.raises(ValueError, match="pip install ansys-mapdl-reader"):
+    with pytest.raises(ValueError, match="nor .full of Ansys, by ansys-mapdl-reader"):
         sb.read_matrices(file, file, {1: (0.0, 0.0, 0.0)})
