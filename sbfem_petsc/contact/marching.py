@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .compiled import compiled_apart, compiled_loops, inner_loops, inner_sums, typeof, types
+from .compiled import compiled_apart, compiled_loops, inner_loops, inner_sums, typeof, typeof_impl, types
 from .friction import STICKS
 from .law import FREE, RowLaws, Table
 from .pivoting import Factor, add_rows, contact_forces, empty_factor, products
@@ -288,7 +288,8 @@ class Address(types.WrapperAddressProtocol):
         kinds = tuple(map(typeof, arguments))
         kernel.compile(kinds)
         found = kernel.overloads[kinds]
-        self._kind = found.signature
+        self._signature = found.signature
+        self.kind = types.FunctionType(found.signature)
         self._place = found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name)
 
     def __wrapper_address__(self) -> int:
@@ -296,7 +297,11 @@ class Address(types.WrapperAddressProtocol):
 
     def signature(self) -> Any:
         """What numba calls it with."""
-        return self._kind
+        return self._signature
+
+
+# numba would make it for each call of a kernel, which is as long as half of a short period.
+typeof_impl.register(Address, lambda address, context: address.kind)
 
 
 # numba looks for the kind of arguments for a millisecond, which is as long as a period.

@@ -8,7 +8,9 @@ import sys
 import pytest
 
 import sbfem_petsc as sb
+from sbfem_petsc.contact.ahead import compile_kernels
 from sbfem_petsc.contact.compiled import KernelFiles
+from sbfem_petsc.contact.marching import Address
 from sbfem_petsc.contact.pivoting import contact_forces
 from sbfem_petsc.system import model as model_module
 from tests.parallel import ROOT
@@ -152,6 +154,13 @@ kernels = {f for m in modules for f in vars(m).values() if isinstance(f, numba.c
 print(sum(bool(kernel.stats.cache_hits) for kernel in kernels))
 print(*(kernel.__name__ for kernel in kernels if kernel.stats.cache_misses))
 """
+
+
+def test_the_kind_of_an_address_is_not_looked_for_again(monkeypatch):
+    """By numba, in each call of the steps."""
+    compile_kernels()
+    monkeypatch.delattr(Address, "signature")
+    compile_kernels()
 
 
 @pytest.mark.long
