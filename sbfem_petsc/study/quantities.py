@@ -37,6 +37,8 @@ class Quantity:
 
 
 Tree = dict[str, Any]
+# In texts of a body's results.
+_OWN = "u along the point's own direction"
 
 
 def tree_of(record: Record, points: Sequence[str], details: Sequence[str] = ()) -> Tree:
@@ -83,6 +85,28 @@ def of_points(
 ) -> Tree:
     """A quantity of each point."""
     return {point: Quantity(value(point), unit, text, detail) for point in points}
+
+
+def of_body(tree: Tree, directions: dict[str, str]) -> Tree:
+    """The tree of a body's result: what is said of u_y is of each point's own direction, which it tells."""
+
+    def turned(entry: Any) -> Any:
+        if isinstance(entry, dict):
+            return {name: turned(part) for name, part in entry.items()}
+        if isinstance(entry, list):
+            return [turned(part) for part in entry]
+        told = isinstance(entry, Quantity) and "u_y" in entry.text
+        return dataclasses.replace(entry, text=entry.text.replace("u_y", _OWN)) if told else entry
+
+    text = "directions of the points of a body"
+    return turned(tree) | {"directions": {name: Quantity(d, "1", text) for name, d in directions.items()}}
+
+
+def symbol(tree: Tree, point: str) -> str:
+    """A point's displacement in the heading of a table: u_y, or along its own direction."""
+    own = tree.get("directions")
+    along = "y" if own is None else own[point].value
+    return f"u_{along}({point})" if along else f"u({point})"
 
 
 def intensities(motion: Any) -> Tree:

@@ -169,13 +169,15 @@ def _run(results: RunResults, home: str) -> xml.Element:
 def _analysis(body: xml.Element, kind: type[Kind], tree: Tree) -> None:
     for heading, rows in kind.tables(tree):
         _table(body, [tuple(map(_shown, row)) for row in rows], heading)
-    _table(body, [(_label(key), _with_unit(entry.value, entry.unit)) for key, entry in _small(tree)])
+    _table(body, [(_label(key, entry), _with_unit(entry.value, entry.unit)) for key, entry in _small(tree)])
 
 
-def _label(path: str) -> str:
+def _label(path: str, entry: Quantity) -> str:
     """What a quantity is, in words; `path` is "displacement A"."""
     first, _, rest = path.partition(" ")
     words = _WORDS.get(first, first.replace("_", " "))
+    if first == "displacement" and np.ndim(entry.value) == 0:  # a body's, along one direction
+        words = "displacement of"
     return f"{words} {rest}".rstrip()
 
 

@@ -9,7 +9,7 @@ from .case import objects
 from .case.case import Case
 from .costs import Size
 from .kinds.kind import Run
-from .quantities import Tree
+from .quantities import Tree, of_body
 
 
 class Structure:
@@ -78,7 +78,11 @@ class Structure:
 
     def tree(self, case: Case, name: str, result: Any) -> Tree:
         """Quantities of a result of `solve`. Collective."""
-        return case.tables.analyses[name].tree(result, self.points(case))
+        points = self.points(case)
+        tree = case.tables.analyses[name].tree(result, points)
+        if self.body is None:
+            return tree
+        return of_body(tree, {point: self.body.points[point].direction for point in points})
 
     def release(self, result: Any) -> None:
         """Free the finer model that a result of an accuracy asked for was computed on."""

@@ -18,7 +18,7 @@ from ..case import objects
 from ..case.objects import located
 from ..case.tables import Path
 from ..costs import MULTIPLIERS, STEPS, Cost, Size
-from ..quantities import Quantity, Tree, intensities, of_points
+from ..quantities import Quantity, Tree, intensities, of_points, symbol
 from .kind import PERIODIC, RUBBING, Drawn, Kind, Loaded, Run, Values, Wanted, along, peak_reactions
 
 # Harmonics of a motion kept beside its whole waveform, of each point in a row of a sweep, and in a report.
@@ -138,7 +138,7 @@ class Steady(Kind):
     def tables(cls, tree: Tree) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
         harmonics = {point: entry.value for point, entry in tree["harmonics"].items()}
         orders = range(min([SHOWN, *map(len, harmonics.values())])) if harmonics else range(0)
-        heading = ("harmonic", *(f"|u_y({point})|, µm" for point in harmonics))
+        heading = ("harmonic", *(f"|{symbol(tree, point)}|, µm" for point in harmonics))
         yield heading, [(k, *(1e6 * abs(values[k]) for values in harmonics.values())) for k in orders]
 
 

@@ -14,7 +14,7 @@ from ...options import item
 from ..case.objects import load, located, signals_of
 from ..case.tables import Names, Path
 from ..costs import STEPS, Cost, Size
-from ..quantities import Quantity, Tree, of_points, quantities
+from ..quantities import Quantity, Tree, of_points, quantities, symbol
 from .kind import PERIODIC, Drawn, Kind, Run, Values, Wanted
 from .periodic import truth
 
@@ -142,7 +142,7 @@ class QuasiPeriodic(QuasiPeriodicOptions, Kind):
         numbers, frequencies = tree["line"].value, tree["frequency"].value
         heights = np.abs([entry.value for entry in tree["lines"].values()])
         order = np.argsort(-heights.max(axis=0, initial=0.0), kind="stable")[:_LINES]
-        heading = ("line", "frequency, Hz", *(f"|u_y({point})|, µm" for point in tree["lines"]))
+        heading = ("line", "frequency, Hz", *(f"|{symbol(tree, point)}|, µm" for point in tree["lines"]))
         names = [f"{m} probe {n:+d} pump" for m, n in numbers[order]]
         yield heading, list(zip(names, frequencies[order].tolist(), *(1e6 * heights[:, order]).tolist()))
 
