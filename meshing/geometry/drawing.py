@@ -13,6 +13,8 @@ import shapely
 
 from meshing.cells.complex import CellComplex, Edge, around, divided, edge_key
 
+RIM = 0.77  # edges of a rosette's rim, relative to its radius
+
 
 @dataclass
 class Filled:

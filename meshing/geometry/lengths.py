@@ -10,10 +10,10 @@ import shapely
 from scipy.spatial import cKDTree
 
 from meshing.cells.complex import neighbours
+from meshing.geometry.drawing import RIM
 from meshing.geometry.graph import Graph
 from meshing.vectors import line_length, on_circle, turn
 
-RIM = 0.77  # edges of a rosette's rim, relative to its radius
 ARCS = 8  # of a hole, at least
 _GROWTH = 0.45  # of edges with the distance
 _ROSETTE = 0.4  # radius of a rosette, relative to the distance of the nearest other thing

@@ -6,8 +6,7 @@ import math
 from typing import Any
 
 from meshing.cells.complex import Edge, around, edge_key
-from meshing.geometry.drawing import Drawing, Filled
-from meshing.geometry.lengths import RIM
+from meshing.geometry.drawing import RIM, Drawing, Filled
 from meshing.gmsh.describe import MATERIAL, WHOLE
 
 # Growth of cells with the distance from a rosette: K and T of cracks 400 to 1600 times smaller than a plate

@@ -9,6 +9,7 @@ to a module itself, or a little while.
 
 from __future__ import annotations
 
+import gc
 import importlib
 import pkgutil
 import random
@@ -97,6 +98,7 @@ def main(rounds: int, seed: int) -> None:
             second = faces[turn // 2 % len(faces)]
             first = pick.choice([name for name in names if name.startswith(f"{second}.")])
         pairs.append((first, second))
+    gc.freeze()  # what stays is not looked at for garbage
     turns = Turns()
     sys.meta_path.insert(0, turns)
     for pair in pairs:
