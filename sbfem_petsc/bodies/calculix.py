@@ -18,19 +18,8 @@ from .units import UNITS
 
 OWNER = "read_calculix"
 # What moves or removes unknowns, or closes contact before this program does.
-REFUSED = (
-    "*CONTACT PAIR",
-    "*COUPLING",
-    "*CYCLIC SYMMETRY MODEL",
-    "*DISTRIBUTING COUPLING",
-    "*EQUATION",
-    "*GAP",
-    "*INSTANCE",
-    "*MPC",
-    "*RIGID BODY",
-    "*TIE",
-    "*TRANSFORM",
-)
+REFUSED = {f"*{word}" for word in "COUPLING EQUATION GAP INSTANCE MPC TIE TRANSFORM".split()}
+REFUSED |= {"*CONTACT PAIR", "*CYCLIC SYMMETRY MODEL", "*DISTRIBUTING COUPLING", "*RIGID BODY"}
 # Solid elements by VTK's names, whose nodes stand in the same order.
 SOLIDS = {"C3D4": "tetra", "C3D10": "tetra10", "C3D6": "wedge", "C3D15": "wedge15"}
 SOLIDS |= {"C3D8": "hexahedron", "C3D20": "hexahedron20"}
@@ -77,23 +66,15 @@ def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
             "as many; one is cut, or of another run"
         )
     free = set(map(tuple, unknowns.tolist()))
-    for node in dict.fromkeys(unknowns[:, 0].tolist()):
-        for direction in range(3):
-            if (node, direction) not in free and (node, direction) not in held:
-                raise ValueError(
-                    f"{OWNER}: node {node} has no unknown along {AXES[direction]} in {stem}.dof, and no "
-                    f"*BOUNDARY of {stem}.inp holds it; are they of one run?"
-                )
-    return FiniteElementModel(
-        mass,
-        stiffness,
-        unknowns,
-        nodes,
-        sets=deck.sets,
-        fixed=held - free,
-        elements=deck.elements,
-        units=units,
-    )
+    known = free | held
+    pairs = ((node, d) for node in dict.fromkeys(unknowns[:, 0].tolist()) for d in range(3))
+    if lost := next((pair for pair in pairs if pair not in known), None):
+        raise ValueError(
+            f"{OWNER}: node {lost[0]} has no unknown along {AXES[lost[1]]} in {stem}.dof, and no *BOUNDARY "
+            f"of {stem}.inp holds it; are they of one run?"
+        )
+    given: dict[str, Any] = {"sets": deck.sets, "fixed": held - free, "elements": deck.elements}
+    return FiniteElementModel(mass, stiffness, unknowns, nodes, units=units, **given)
 
 
 def job_files(job: str) -> list[str]:

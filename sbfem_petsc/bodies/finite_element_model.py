@@ -71,8 +71,8 @@ class FiniteElementModel:
         elements: Mapping[str, Any] | None = None,
         units: str = "SI",
     ) -> None:
-        length, stiff, heavy = UNITS[choice(OWNER, "units", units, tuple(UNITS))]
-        self.mass = _matrix("mass", mass, heavy)
+        length, stiff, inert = UNITS[choice(OWNER, "units", units, tuple(UNITS))]
+        self.mass = _matrix("mass", mass, inert)
         self.stiffness = _matrix("stiffness", stiffness, stiff)
         n = self.stiffness.shape[0]
         if self.mass.shape != self.stiffness.shape:
@@ -91,8 +91,7 @@ class FiniteElementModel:
         self._unknown = {(int(a), int(d)): k for k, (a, d) in enumerate(self.unknowns)}
         if len(self._unknown) < n:
             raise ValueError("FiniteElementModel: unknowns has a node and direction twice; each has one row")
-        lost = next((a for a, _ in self._unknown if a not in self._node), None)
-        if lost is not None:
+        if (lost := next((a for a, _ in self._unknown if a not in self._node), None)) is not None:
             raise ValueError(
                 f"FiniteElementModel: unknowns has node {lost}, which nodes has not; is it an internal one, "
                 "as of a Lagrange multiplier?"
@@ -101,17 +100,15 @@ class FiniteElementModel:
         self.elements = checked_cells(OWNER, {} if elements is None else elements, self._node)
         self.fixed = _held(fixed)
         self._hold()
-        idle = np.flatnonzero(self.stiffness.diagonal() <= 0.0)
-        if len(idle):
-            node, direction = self.unknowns[idle[0]]
+        own, heavy = self.stiffness.diagonal(), self.mass.diagonal()
+        if (idle := own <= 0.0).any():
+            node, direction = self.unknowns[idle.argmax()]
             raise ValueError(
                 f"FiniteElementModel: stiffness of node {node}, direction {direction} is "
-                f"{self.stiffness.diagonal()[idle[0]]:g}; leave unknowns out that nothing holds"
+                f"{own[idle.argmax()]:g}; leave unknowns out that nothing holds"
             )
-        if (self.mass.diagonal() < 0.0).any():
-            raise ValueError(
-                f"FiniteElementModel: mass is negative, {self.mass.diagonal().min():g} kg on its diagonal"
-            )
+        if heavy.min() < 0.0:
+            raise ValueError(f"FiniteElementModel: mass is negative, {heavy.min():g} kg on its diagonal")
         warn_of_units(OWNER, units, self._diagonals(), self.places, max(self._masses()))
 
     def _hold(self) -> None:
@@ -276,8 +273,7 @@ class FiniteElementModel:
     def _warn_of_corners(self, labels: list[int]) -> None:
         """Warn of corners of eight-node faces, as far as elements are known."""
         corners = [self.elements[k][:, :n].ravel() for k, n in EIGHT.items() if k in self.elements]
-        found = {self._node[a] for a in labels} & {int(row) for part in corners for row in part}
-        if found:
+        if found := {self._node[a] for a in labels} & {int(row) for part in corners for row in part}:
             warnings.warn(
                 f"contact: {len(found)} nodes are corners of eight-node faces, which carry a negative share "
                 "of a pressure: pairs of them open where faces press, and resultants are off; take "
@@ -360,9 +356,8 @@ class FiniteElementModel:
                         f"{OWNER}: node {label} has no unknown along {AXES[d]} and is not fixed; "
                         "give it in fixed, or free it of its constraint"
                     )
-        values, row, column = np.array(entries).reshape(-1, 3).T
-        shape = (len(labels), len(self.unknowns))
-        return sparse.csr_matrix((values, (row.astype(int), column.astype(int))), shape)
+        values, *places = np.array(entries).reshape(-1, 3).T
+        return sparse.csr_matrix((values, np.array(places, dtype=int)), (len(labels), len(self.unknowns)))
 
 
 def nodal_field(body: FiniteElementModel, owner: str, name: str, given: Any) -> np.ndarray:

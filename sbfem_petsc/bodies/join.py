@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy import sparse
 
@@ -47,14 +49,11 @@ def join(*bodies: FiniteElementModel) -> FiniteElementModel:
         fixed |= {(label + up, d) for label, d in body.fixed}
         for kind, rows in body.elements.items():
             cells.setdefault(kind, []).append(body.labels[rows] + up)
-    found = FiniteElementModel(
-        sparse.block_diag([body.mass for body in bodies]),
-        sparse.block_diag([body.stiffness for body in bodies]),
-        np.concatenate(unknowns),
-        nodes,
-        sets=sets,
-        fixed=fixed,
-        elements={kind: np.concatenate(parts) for kind, parts in cells.items()},
+    mass, stiffness = (
+        sparse.block_diag([getattr(b, name) for b in bodies]) for name in ("mass", "stiffness")
     )
+    elements = {kind: np.concatenate(parts) for kind, parts in cells.items()}
+    given: dict[str, Any] = {"sets": sets, "fixed": fixed, "elements": elements}
+    found = FiniteElementModel(mass, stiffness, np.concatenate(unknowns), nodes, **given)
     found.inertia = np.concatenate([body.inertia for body in bodies])  # of what is held, too
     return found

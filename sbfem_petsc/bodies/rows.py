@@ -89,10 +89,10 @@ class Contact:
     def __add__(self, other: Contact) -> Contact:
         other = _same("contact", self, other)
         held = {_content(row) for row in self.rows}
-        if (
-            again := next((k for k, row in enumerate(other.rows) if _content(row) in held), None)
-        ) is not None:
-            raise ValueError(f"contact: pair {again} of what is added is there already; leave its node out")
+        if again := [k for k, row in enumerate(other.rows) if _content(row) in held]:
+            raise ValueError(
+                f"contact: pair {again[0]} of what is added is there already; leave its node out"
+            )
         return Contact(
             sparse.vstack([self.rows, other.rows]).tocsr(),
             np.concatenate([self.gap, other.gap]),
