@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from benchmarks import peer_siconos
 
 
 def rubbing(mass, stiffness, law, pressure, *, compliance, loads=None, **options):
@@ -147,75 +148,14 @@ def test_cantilever_with_a_slider(ratio, tip, stuck, lost):
 
 
 # ---------------------------------------------------------------------- a peer
-COUNT, COEFFICIENTS = 4, (0.1, 0.2, 0.3, 0.4)
-PRESSURES, PUSH = np.array([2.0, 1.5, 1.0, 1.2]), sb.Harmonic(4.0, 1.3)
-
-
-def chain():
-    """Mass and stiffness of four blocks in a row, of which each rubs and inclined springs press on it."""
-    stiffness = np.zeros((2 * COUNT, 2 * COUNT))
-    for k in range(COUNT):
-        along, inclined = np.zeros(2 * COUNT), np.zeros(2 * COUNT)
-        along[k], inclined[k], inclined[COUNT + k] = 1.0, 0.5, 1.0
-        if k:
-            along[k - 1] = -1.0
-        stiffness += 100.0 * np.outer(along, along) + 20.0 * np.outer(inclined, inclined)
-    return np.diag(np.repeat([1.0, 0.1], COUNT)), stiffness
-
-
-def siconos_history(duration, step):
-    """Displacements along the plane by Moreau and Jean's scheme, with rigid contact and exact friction."""
+def test_chain_against_siconos():
+    """The same M, K and rows; differences fall with Siconos' steps, whose order is the first."""
     kernel = pytest.importorskip(
         "siconos.kernel", reason="Siconos, a peer, is not installed: apt-get install python3-siconos"
     )
-    mass, stiffness = chain()
-    body = kernel.LagrangianLinearTIDS(np.zeros(2 * COUNT), np.zeros(2 * COUNT), mass)
-    body.setKPtr(stiffness)
-    system = kernel.NonSmoothDynamicalSystem(0.0, duration)
-    system.insertDynamicalSystem(body)
-    relations = []
-    for k, coefficient in enumerate(COEFFICIENTS):
-        relations.append(np.zeros((2, 2 * COUNT)))
-        relations[k][0, COUNT + k] = relations[k][1, k] = 1.0
-        law = kernel.NewtonImpactFrictionNSL(0.0, 0.0, coefficient, 2)
-        system.link(kernel.Interaction(law, kernel.LagrangianLinearTIR(relations[k])), body)
-    problem = kernel.FrictionContact(2)
-    options = problem.numericsSolverOptions()
-    options.dparam[0], options.iparam[0] = 1e-10, 10000
-    scheme, clock = kernel.MoreauJeanOSI(0.5), kernel.TimeDiscretisation(0.0, step)
-    simulation = kernel.TimeStepping(system, clock, scheme, problem)
-    found = np.zeros((round(duration / step) + 1, COUNT))
-    for n in range(1, len(found)):
-        force = np.append(np.zeros(COUNT), -PRESSURES)
-        force[COUNT - 1] = PUSH((n - 0.5) * step)
-        body.setFExtPtr(force)
-        simulation.computeOneStep()
-        found[n] = body.q()[:COUNT]
-        simulation.nextStep()
-    return found
-
-
-def test_chain_against_siconos():
-    """The same M, K and rows; differences fall with Siconos' steps, whose order is the first."""
-    expected = {step: siconos_history(2.0, step) for step in (1e-3, 2.5e-4)}
-    mass, stiffness = chain()
-    loads = np.zeros((2 * COUNT, 2))
-    loads[COUNT - 1, 0], loads[COUNT:, 1] = 1.0, -PRESSURES
-    slack = np.full(COUNT, 1e-10)
-    reduced = sb.reduce_matrices(
-        mass,
-        stiffness,
-        np.eye(2 * COUNT)[COUNT:],
-        np.zeros(COUNT),
-        loads=loads,
-        sensors={f"x{k}": k for k in range(COUNT)},
-        compliance=slack,
-        tangent_rows=np.eye(2 * COUNT)[:COUNT],
-        tangent_compliance=slack,
-        contact_laws=[sb.Coulomb(coefficient) for coefficient in COEFFICIENTS],
-    )
-    found = sb.transient(reduced, [PUSH, 1.0], 2.0, 1e-4, initial="equilibrium")
-    x = np.stack([found.displacement(f"x{k}")[:, 1] for k in range(COUNT)], axis=1)
+    expected = {step: peer_siconos.siconos_history(kernel, 2.0, step) for step in (1e-3, 2.5e-4)}
+    found = peer_siconos.history(peer_siconos.reduced_chain(), 2.0, 1e-4)
+    x = peer_siconos.places(found)
     scale = np.abs(x).max()
     errors = [np.abs(x[::10] - expected[1e-3]).max(), np.abs(x[::5] - expected[2.5e-4][::2]).max()]
     assert errors[0] < 2e-3 * scale and errors[1] < 1e-3 * scale and errors[1] < 0.6 * errors[0]
