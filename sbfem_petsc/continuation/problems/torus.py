@@ -8,6 +8,7 @@ is known in closed form.
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -24,8 +25,8 @@ from .curve_system import CurveMaps, filtered, shift
 
 # Orbits of the curve's own map, after which Newton's method is tried again.
 SETTLING = (3, 10, 30, 100, 300)
-# How often slips that stick throughout are put back to where they are at rest.
-RESTED = 4
+# Most periods of the first tone over which a motion is followed before it is tried first.
+LONGEST = 100
 
 
 class Torus(InvariantCurves):
@@ -117,25 +118,29 @@ class Torus(InvariantCurves):
         return float(done[0] / done[1])
 
     def solve(self, states: np.ndarray | None = None) -> Point:
-        """The invariant curve near a guess (N, 2 m + k); by default the linear response.
+        """The invariant curve near a guess (N, 2 m + k). By default near the linear response, where faces rub
+        near where two periods of the second tone take the structure from rest, as a history does: they keep
+        what they have slipped.
 
         Raises
         ------
         SolveError
             If Newton's method does not converge, neither from the guess nor from where the map has taken it.
         """
-        given = states is not None
-        states = np.tile(self.linear, (self.samples, 1)) if states is None else states
-        u = np.append(states.ravel(), 0.0)
+        if states is None and self.period.friction is not None:
+            u = self._followed(self._at_rest(), min(math.ceil(2.0 / self.rotation), LONGEST))
+        else:
+            begin = np.tile(self.linear, (self.samples, 1)) if states is None else states
+            u = np.append(begin.ravel(), 0.0)
+
+        def held(x: np.ndarray) -> tuple[float, np.ndarray]:
+            return float(x[-1]), np.eye(1, len(x), len(x) - 1)[0]
 
         done, failed = 0, None
         for target in (0, *SETTLING):
-            while done < target:
-                ends, back = self.at(u).ends, shift(self.samples, -self.rotation)
-                u, done = np.append(filtered(ends, back), 0.0), done + 1
+            u, done = self._followed(u, target - done), target
             try:
-                found = self._corrected(u)
-                return found if given else self._rested(found)
+                return correct(self, u, held)
             except PetscFailure:
                 raise
             except SolveError as error:
@@ -145,27 +150,21 @@ class Torus(InvariantCurves):
             "take more samples or steps, or smaller loads"
         )
 
-    def _corrected(self, u: np.ndarray) -> Point:
-        """By Newton's method from a guess."""
-        return correct(self, u, lambda x: (float(x[-1]), np.eye(1, len(x), len(x) - 1)[0]))
+    def _followed(self, u: np.ndarray, periods: int) -> np.ndarray:
+        """Where the map takes a curve in so many periods of the first tone."""
+        back = shift(self.samples, -self.rotation)
+        for _ in range(periods):
+            u = np.append(filtered(self.at(u).ends, back), 0.0)
+        return u
 
-    def _rested(self, point: Point) -> Point:
-        """The curve whose slips that stick throughout are those at rest, not what Newton's method has made of
-        them on its way, where there is one.
-        """
-        for _ in range(RESTED):
-            stuck = self.stuck(point.state.motions)
-            states = point.state.states.copy()
-            states[:, stuck] = self.linear[stuck]
-            if np.array_equal(states, point.state.states):
-                break
-            try:
-                point = self._corrected(np.append(states.ravel(), 0.0))
-            except PetscFailure:
-                raise
-            except SolveError:
-                break
-        return point
+    def _at_rest(self) -> np.ndarray:
+        """The structure at rest under the constant loads, at all phases."""
+        p = self.period
+        phases = np.exp(2j * np.pi * np.arange(self.samples)[:, None] / self.samples * self.drives[1].orders)
+        second = [(phases @ part).real for part in (p.weights * self.pumped, self.pump_speeds * self.pumped)]
+        states = np.tile(p.rest, (self.samples, 1))
+        states[:, : 2 * p.modes] -= self.base.linear_state[: 2 * p.modes] + np.concatenate(second, axis=1)
+        return np.append(states.ravel(), 0.0)
 
 
 def exponents(
