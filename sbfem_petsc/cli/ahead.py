@@ -12,7 +12,7 @@ from meshing.beam import Beam
 from meshing.shapes.features import VNotch
 
 from ..analysis.basins import basins
-from ..analysis.periodic import periodic
+from ..analysis.response import load_response
 from ..analysis.transient import transient
 from ..contact.ahead import compile_kernels
 from ..contact.law import Coulomb
@@ -34,7 +34,7 @@ def compile_all() -> None:
     )
     rubs: dict[str, Any] = {"contact_laws": Coulomb(0.1), "tangent_rows": one, "tangent_compliance": stop}
     slider = reduce_matrices(one, one, one, stop, loads=one, sensors={"x": 0}, compliance=stop, **rubs)
-    periodic(slider, [Harmonic(0.1, 0.2)], 0.2, steps=64, progress=None)
+    load_response(slider, [Harmonic(0.1, 0.2)], 0.2, 1.0, stop=1.001, steps=64, progress=None)
     basins(mass, [Harmonic(0.1, 0.2)], 0.2, (one, one), steps=64)
     product_eigenvalues(np.ones((2, 2, 2)) + np.eye(2))
     beam = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.0)]).mesh(order=1)
