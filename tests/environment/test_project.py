@@ -34,12 +34,14 @@ def split(requirement: str) -> tuple[str, str]:
 
 
 def test_conda_and_pip_ask_for_the_same():
-    """Every requirement of pyproject.toml stands in environment.yml with the same oldest version."""
+    """Every requirement of pyproject.toml stands in environment.yml with the same oldest version, but for the
+    reader of Ansys' files, which conda has not and pip builds for some Pythons alone.
+    """
     lines = (ROOT / "environment.yml").read_text().split("dependencies:\n")[1].splitlines()
     conda = dict(split(line.strip()[2:]) for line in lines if line.strip().startswith("- "))
     asked = [
         *PROJECT["dependencies"],
-        *(r for extra in PROJECT["optional-dependencies"].values() for r in extra),
+        *(r for name, extra in PROJECT["optional-dependencies"].items() if name != "ansys" for r in extra),
     ]
     for requirement in asked:
         name, condition = split(requirement)
