@@ -379,10 +379,6 @@ def test_what_takes_no_friction_says_so():
             lambda: sb.transient(model, load, duration=1e-3, scheme="paper"),
             lambda: sb.periodic(model, load, 100.0, reduction=None),
             lambda: sb.frequency_response(model, sb.PointForce("A", fy=1.0), 90.0, 110.0, reduction=None),
-            lambda: sb.swept_response(
-                sb.reduce(model, load, modes=5), sb.PointForce("A", fy=1.0), 90.0, 110.0, duration=1.0
-            ),
-            lambda: sb.swept_response(rubbing_mass(), 1.0, 0.9, 1.1, duration=10.0),
             lambda: sb.static(model, sb.PointForce("A", fy=1.0), method="one_pass_tie"),
         ]
         for call in calls:

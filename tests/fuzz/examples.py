@@ -714,7 +714,13 @@ CALLS |= {
     "plot.plot_modes": [lambda: {"modal": modal(), "modes": [0], "columns": 1, "ax": None}],
     "plot.plot_multipliers": [lambda: {"subject": orbit(), **LABELS}],
     "plot.plot_quasi_periodic": [
-        lambda: {"branches": quasi_periodic_branch(), "point": "1", "direction": "y", **LABELS}
+        lambda: {
+            "branches": quasi_periodic_branch(),
+            "point": "1",
+            "direction": "y",
+            "harmonic": 1,
+            **LABELS,
+        }
     ],
     "plot.plot_orbit": [
         lambda: {"orbit": orbit(), "point": "A", "direction": "y", "pairs": {"first": 0}, **LABELS}
