@@ -184,7 +184,7 @@ def curves(reduced):
         asked = f"   (asked: at most {ASKED_CURVES[force]:g} s)" if force in ASKED_CURVES else ""
         print(
             f"{force:10g}{len(curve.value):9d}{int(curve.iterations.sum()):20d}"
-            f"{int((~curve.stable).sum()):11d}"
+            f"{int(curve.unstable.sum()):11d}"
             f"{len(curve.bifurcations):15d}{seconds:10.2f}{plain:12.2f}         "
             f"{', '.join(f'{part:.2f}' for part in spent.values())}{asked}"
         )

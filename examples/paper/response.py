@@ -120,7 +120,7 @@ def over_force(bench: Bench):
     for name, force, contact in (("no contact", 300.0, False), *((f"{f:g} N", f, True) for f in FORCES)):
         found = curve(bench, force, MIDDLE, contact)
         frequency, amplitude = shape(bench, force, MIDDLE, contact)
-        peak, unstable = find_peak(frequency, amplitude), ~found.stable
+        peak, unstable = find_peak(frequency, amplitude), found.unstable
         second = float((np.abs(found.harmonics("A")[:, 2]) / np.abs(found.harmonics("A")[:, 1])).max())
         touching = found.orbit(int(found.amplitude("A").argmax())).contact_force > 0.0
         numbers[name] = {
@@ -210,9 +210,9 @@ def over_damping(bench: Bench):
                 "peak_frequency": (find_peak(*close) if close else found.peak("A")).frequency,
                 "end": found.frequency[-1],
                 "complete": found.complete,
-                "unstable_points": int((~found.stable).sum()),
+                "unstable_points": int(found.unstable.sum()),
                 "points": len(found.frequency),
-                "unstable": runs(found.frequency, ~found.stable),
+                "unstable": runs(found.frequency, found.unstable),
                 "bifurcations": {
                     kind: sum(b.kind == kind for b in found.bifurcations)
                     for kind in sorted({b.kind for b in found.bifurcations})
@@ -421,7 +421,7 @@ def beyond(bench: Bench, force: float, damping: float, found) -> dict:
     drive; strongest line found below the drive, over the drive's, and its frequency over the drive's. No line
     if all are stable or nothing grows within the history.
     """
-    unstable = np.flatnonzero(~found.stable)
+    unstable = np.flatnonzero(found.unstable)
     if not len(unstable):
         return {"frequency": None, "growth": 0.0, "announced": None, "line": 0.0, "line_over_drive": None}
     orbit = most_unstable(force, found)

@@ -156,6 +156,7 @@ def two_ranks():
         }
 
 
+@pytest.mark.long
 def test_alike_on_two_ranks():
     one, two = alone(PROGRAM), answer(on_ranks(2, PROGRAM))
     assert one["rows"] == two["rows"] and np.diff(one["rows"]).tolist() == [4, 5, 4]
@@ -165,7 +166,9 @@ def test_alike_on_two_ranks():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["history", "unreduced history", "steady state"])
+@pytest.mark.parametrize(
+    "kind", ["history", pytest.param("unreduced history", marks=pytest.mark.long), "steady state"]
+)
 def test_histories_and_steady_states(kind):
     """A slow load over a preload that keeps the notch closed to its tip: K_I stays below 1e-4 of K_II, and
     the motion goes through the static states.

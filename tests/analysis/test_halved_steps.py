@@ -41,7 +41,7 @@ def test_contact_of_lightly_damped_bodies_does_no_work(damping, shortest):
     assert np.abs(energy.balance).max() < 5e-4 * energy.external.max()  # of damping's trapezoidal rule
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_contact_of_unreduced_bodies_gives_no_energy():
     """Each step takes energy or none, and half as long ones hardly less in all; what is taken is no error of
     the account, for the balance holds.

@@ -176,7 +176,12 @@ def test_both_placements_are_met():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("end", "reduced"), [(SENSES[0], True), (SENSES[1], True), (SENSES[4], True), (SENSES[0], False)]
+    ("end", "reduced"),
+    [
+        (SENSES[0], True),
+        *(pytest.param(SENSES[k], True, marks=pytest.mark.long) for k in (1, 4)),
+        pytest.param(SENSES[0], False, marks=pytest.mark.long),
+    ],
 )
 @pytest.mark.parametrize("kind", ["plate", pytest.param("gmsh", marks=pytest.mark.long)])
 def test_histories_and_steady_states(end, reduced, kind, tmp_path):

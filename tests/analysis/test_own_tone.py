@@ -215,7 +215,7 @@ def test_its_own_branch(curve, tori, tmp_path):
 LOCKED = 0.09586  # Hz; from here down histories repeat after five periods of the load
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_where_the_tone_locks(system):
     """A branch towards 0.0955 Hz with few samples and steps ends before histories, by SciPy, begin to repeat
     after five periods of the load. With 21 samples alone Newton's method finds "stable" curves all the way.

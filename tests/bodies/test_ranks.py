@@ -41,6 +41,7 @@ if told is not None:
 """
 
 
+@pytest.mark.long
 def test_two_ranks_beside_dense():
     """Frequencies and flexibility of the gaps by SciPy; statics and harmonics of dense matrices; another
     body on rank 1 is told of on both.

@@ -206,7 +206,7 @@ def chains(modes):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("modes", [5, 3])
+@pytest.mark.parametrize("modes", [pytest.param(5, marks=pytest.mark.long), 3])
 def test_against_two_rows(modes):
     """The same history, orbit, derivative and response curve to rounding: the rows never act together."""
     one, two = chains(modes)

@@ -54,6 +54,7 @@ def multipliers(u):
     return np.linalg.eigvals(np.array(columns).T), np.abs(end(u[:-1]) - u[:-1]).max()
 
 
+@pytest.mark.long
 def test_files_resumed_runs_and_events(tmp_path):
     """Killed and resumed to the same points bit by bit; a multiplier is 1 at the fold, -1 at the doubling."""
     line, folds, doublings = follow_forced(Forced(right, slope), FIRST, WITHIN, str(tmp_path / "whole.h5"))

@@ -19,7 +19,8 @@ from tests.systems import beside_another
 KILLED = """
 import os, sys
 from tests.continuation.families import body, curve, killed, motion
-curve(), motion(), body()
+for case in sys.argv[2:]:
+    {"locus": curve, "tori": motion, "unreduced": body}.get(case.split("-")[0], int)()
 for case in sys.argv[2:]:
     kind, after = case.split("-")
     child = os.fork()
@@ -28,9 +29,9 @@ for case in sys.argv[2:]:
         os._exit(0)
     print(case, os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
-CASES = [("locus", 3), ("locus", 9), ("response", 6), ("damping", 6), ("unreduced", 3)]
-CASES += [("backbone", 7), ("backbone", 11), ("leaps", 9), ("tori", 2), ("tori", 5)]
-TO_THEIR_ENDS = ["backbone", "response", "damping"]
+CASES = [("response", 6), ("backbone", 7)]
+LONG_CASES = [("locus", 3), ("locus", 9), ("damping", 6), ("unreduced", 3), ("backbone", 11)]
+LONG_CASES += [("leaps", 9), ("tori", 2), ("tori", 5)]
 
 
 @functools.cache
@@ -42,11 +43,11 @@ def uninterrupted(kind):
 
 
 @pytest.fixture(scope="module")
-def left(tmp_path_factory):
-    """The files that killed runs leave."""
+def left(tmp_path_factory, request):
+    """The files that killed runs leave, of the kinds that are asked for."""
     folder = tmp_path_factory.mktemp("left")
-    cases = [f"{kind}-{after}" for kind, after in CASES]
-    cases += [f"{kind}-{uninterrupted(kind)[2]}" for kind in TO_THEIR_ENDS]
+    asked = [item.callspec.params for item in request.session.items if "left" in item.fixturenames]
+    cases = [f"{given['kind']}-{given.get('after') or uninterrupted(given['kind'])[2]}" for given in asked]
     run = [sys.executable, "-c", KILLED, str(folder), *cases]
     done = subprocess.run(run, cwd=ROOT, capture_output=True, text=True)
     assert done.stdout.splitlines() == [f"{case} {-signal.SIGKILL}" for case in cases], done.stderr
@@ -56,7 +57,9 @@ def left(tmp_path_factory):
 @pytest.mark.filterwarnings(
     "ignore::meshing.warnings.BranchWarning", "ignore::meshing.warnings.IncompleteBranch"
 )
-@pytest.mark.parametrize(("kind", "after"), CASES)
+@pytest.mark.parametrize(
+    ("kind", "after"), CASES + [pytest.param(*case, marks=pytest.mark.long) for case in LONG_CASES]
+)
 def test_killed_and_resumed(kind, after, left):
     """SIGKILL on either side of the first point, or of a change of samples: what the file holds is read, and
     gone on with to the same points, bit by bit.
@@ -189,7 +192,9 @@ def test_largest_step_of_a_locus():
     assert np.abs(np.diff(line.value)).max() < 0.0041 and len(line) >= 15
 
 
-@pytest.mark.parametrize("kind", TO_THEIR_ENDS)
+@pytest.mark.parametrize(
+    "kind", ["response", *(pytest.param(kind, marks=pytest.mark.long) for kind in ("backbone", "damping"))]
+)
 def test_a_line_that_had_come_to_its_end(kind, left):
     """Killed at the last point of the range: what is left is what lies between the points."""
     expected, reasons, last = uninterrupted(kind)
@@ -237,7 +242,7 @@ if MPI.COMM_WORLD.rank == 0:
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_backbone_on_two_ranks(tmp_path):
     """The same points to 1e-12 of their size: the model is another run's, reduced again."""
     path, found = str(tmp_path / "line.h5"), str(tmp_path / "found.npy")

@@ -39,7 +39,7 @@ def test_every_public_name_stands_in_the_reference(face):
     assert all(vars(importlib.import_module(place))[name] is getattr(home, name) for place, name in named)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_built_without_a_warning(tmp_path):
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)

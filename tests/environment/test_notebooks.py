@@ -18,6 +18,7 @@ from tests.systems import one_mass
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
+@pytest.mark.long
 def test_pictures_are_shown():
     """One of several panels, and one of a single one; those in axes of the user's are the user's to show."""
     mesh = Beam(0.4, 0.005).mesh(order=2)

@@ -10,15 +10,20 @@ from tests.numbers.__main__ import main
 from tests.numbers.table import Group, Number, compare
 from tests.parallel import on_ranks
 
+# Groups that take more than three seconds.
+DEAR = ("basins", "curves", "fields", "orbits")
+
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", GROUPS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.long if name in DEAR else ()) for name in GROUPS]
+)
 def test_stored_numbers(name):
     moved = [text for distance, text in compare(GROUPS[name], GROUPS[name].compute()) if distance > 1.0]
     assert not moved, "\n".join(moved)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_ranks():
     """The same to the same tolerances."""
     program = "import sys; from tests.numbers.__main__ import main; sys.exit(main())"

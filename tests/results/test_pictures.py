@@ -159,7 +159,7 @@ def on_rank() -> None:
         print(f"rank {comm.rank}: {error}", flush=True)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_place_on_two_ranks():
     done = on_ranks(2, __file__, check=True, timeout=300)
     first = next(line for line in done.stdout.splitlines() if line.startswith("["))

@@ -75,6 +75,7 @@ def test_a_loop_and_power_are_what_is_lost(loads):
             plot.plot_hysteresis(loads, **wrong)
 
 
+@pytest.mark.long
 def test_a_case_draws_them(loads):
     """Beside the history, where faces rub alone."""
     drawn = Drawn("slow", ("P",), MPI.COMM_SELF)

@@ -220,7 +220,7 @@ def test_starter_cases_run(kind, tmp_path):
         assert found["sidebands"]["modulation_index"] > 1e-3
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_nonlinear_starter_case_runs(tmp_path):
     """With a coarse mesh, few modes, a short sweep: lines of bifurcations lead through those of the curve,
     the backbone begins at its mode's frequency.

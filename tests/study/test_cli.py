@@ -173,7 +173,7 @@ class Tags(html.parser.HTMLParser):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("results", ["out", "swept"])
+@pytest.mark.parametrize("results", ["out", pytest.param("swept", marks=pytest.mark.long)])
 def test_report(folder, tmp_path, results):
     """One file that refers to nothing outside itself, with numbers and pictures."""
     path = tmp_path / "report.html"
@@ -302,7 +302,7 @@ def test_texts_of_a_strangers_file_stay_texts(folder, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("missing", ["petsc4py", "mpi4py"])
+@pytest.mark.parametrize("missing", ["petsc4py", pytest.param("mpi4py", marks=pytest.mark.long)])
 def test_package_that_is_missing(missing, tmp_path):
     """One sentence with a remedy, no traceback; `doctor` lists what is there."""
     (tmp_path / f"{missing}.py").write_text(f"raise ModuleNotFoundError('none here', name={missing!r})")
@@ -366,7 +366,7 @@ def test_interrupted_while_modules_are_imported():
     assert (process.returncode, out, err) == (130, "", "interrupted\n")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_interrupt_and_termination(tmp_path):
     """SIGINT: 130, SIGTERM: 143, and the sentence that tells how to go on."""
     path = written(

@@ -256,6 +256,7 @@ def test_plots_reports_and_exports_replace_nothing_of_the_users(folder, index):
     }
 
 
+@pytest.mark.long
 def test_commands_that_are_repeated_replace_their_own(folder):
     out, elsewhere = folder / "out", folder / "elsewhere"
     for _ in range(2):

@@ -526,7 +526,7 @@ def test_keys_of_a_backbone(monkeypatch):
     assert all(value == options[name].default for name, value in given.items())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_steady_state_of_the_unreduced_model():
     """It has no multipliers, and is not asked for them unless the case does."""
     text = CASE.replace("damping = 0.01", "damping = 0.01\nrayleigh = [0.0, 1e-6]")

@@ -267,7 +267,7 @@ def test_row_files(tmp_path):
     np.testing.assert_array_equal(rows.read(str(tmp_path))[2].values["a/b"], [0, 1j, 2j])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_killed_and_resumed(found, tmp_path):
     """kill -9 in the middle: the rows are those of an undisturbed sweep, and none is computed twice."""
     path, out = written(tmp_path, CASE + SWEEP), tmp_path / "out"

@@ -114,7 +114,10 @@ NAMES = {"error": "ArithmeticError", "Ctrl-C": "KeyboardInterrupt"}
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "ranks, kinds",
-    [(1, ["error", "Ctrl-C"]), (2, ["error"]), pytest.param(2, ["Ctrl-C"], marks=pytest.mark.long)],
+    [
+        (1, ["error", "Ctrl-C"]),
+        *(pytest.param(2, [kind], marks=pytest.mark.long) for kind in ("error", "Ctrl-C")),
+    ],
 )
 def test_errors_inside_calls(ranks, kinds):
     """Nothing replaces the error, what is computed afterwards is right, and what the traceback keeps does not

@@ -111,14 +111,10 @@ ENDS = [
     for k, kind in enumerate(("branch", "history", "unreduced"))
     for n, number in enumerate(SIGNALS)
 ]
-ORDINARY = [("branch", 1, signal.SIGKILL)]  # those of histories stand beside their files
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "kind, ranks, number",
-    [pytest.param(*end, marks=() if end in ORDINARY else pytest.mark.long) for end in ENDS],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("kind, ranks, number", ENDS)
 def test_ended_and_continued(kind, ranks, number, undisturbed, tmp_path):
     """On two ranks one of them gets the signal: both end. What is on disk is read, and the run goes on to the
     same numbers.

@@ -97,7 +97,7 @@ def test_every_collective_method_compares_its_arguments():
                 assert two_ranks.compares(call), f"{name}.{method}"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_every_argument_on_one_rank(tmp_path):
     """Another and a wrong value of each: both ranks have the sentence that names it, and go on."""
     mixtures, hangs, first, told, functions = [], [], 0, 0, set()
