@@ -128,7 +128,9 @@ CASES = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.long if k % 2 else ()) for k, name in enumerate(CASES)]
+)
 def test_pressure_next_to_each_tip(name, tmp_path):
     """The pressure inside each tip's S-element is the normal stress of the field at the same places, where a
     crack is not loaded alike along its course: 1e-3 of the pressure, of an S-element's angular resolution.

@@ -59,7 +59,7 @@ def test_contact_of_unreduced_bodies_gives_no_energy():
         assert np.abs(energy.balance).max() < 1e-9 * supplied
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_energy_of_free_vibration_is_kept():
     """20,000 default steps without damping, about 63 periods of the first mode: equal steps ended with 1.6e6
     J of the 0.3 J that were there.

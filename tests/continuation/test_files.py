@@ -46,7 +46,8 @@ def uninterrupted(kind):
 def left(tmp_path_factory, request):
     """The files that killed runs leave, of the kinds that are asked for."""
     folder = tmp_path_factory.mktemp("left")
-    asked = [item.callspec.params for item in request.session.items if "left" in item.fixturenames]
+    same = (item for item in request.session.items if item.path == request.path)
+    asked = [item.callspec.params for item in same if "left" in item.fixturenames]
     cases = [f"{given['kind']}-{given.get('after') or uninterrupted(given['kind'])[2]}" for given in asked]
     run = [sys.executable, "-c", KILLED, str(folder), *cases]
     done = subprocess.run(run, cwd=ROOT, capture_output=True, text=True)
