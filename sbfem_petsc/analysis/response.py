@@ -20,7 +20,6 @@ from ..continuation.orbit import Orbit
 from ..continuation.problems.driven_orbits import Orbits, ParameterRange
 from ..continuation.problems.unreduced import UnreducedOrbits, UnreducedSteady
 from ..continuation.search import find_steady_state
-from ..continuation.shooting import shoot
 from ..motion.contact_work import MOST, StepsTooLong
 from ..motion.loading import amplitudes_only, communicator
 from ..motion.period_map import Period
@@ -265,9 +264,7 @@ def _first(period: Period, over: ParameterRange, guess: Orbit | None) -> np.ndar
     """State of the first motion of a curve."""
     driven = over.at(period, over.start)
     state = period.begun(driven.linear_state if guess is None else guess.state)
-    if over.name == "frequency":
-        return find_steady_state(driven, state, multiples=False)[0].state
-    return shoot(driven, state).state
+    return find_steady_state(driven, state, multiples=False)[0].state
 
 
 def _with_room(what: str, period: Period | UnreducedPeriod, settings: BranchSettings) -> BranchSettings:

@@ -121,13 +121,15 @@ def find_steady_state(
     except SolveError as error:
         first = error
     tried = _Attempts(driven, guess, jacobian, multiples, search or Search())
-    ways = (
+    ways = [
         (tried.settle_first, "history"),
         (tried.raise_load, "ramp of the load"),
         (tried.lower_damping, "ramp of the damping"),
         (tried.from_neighbours, "neighbouring frequency"),
         (tried.settle, "history"),
-    )
+    ]
+    if driven.factor != 1.0:  # branches go to the whole load
+        ways = [ways[0], ways[-1]]
     with progress_bar(driven.period.reduced.comm, "search for a steady state", progress) as report:
         whole = _Share(report)
         for k, (attempt, path) in enumerate(ways):
@@ -209,6 +211,7 @@ class _Attempts:
         self, driven: DrivenPeriod, guess: np.ndarray, jacobian: str, multiples: bool, search: Search
     ):
         self.period, self.frequency, self.guess = driven.period, driven.frequency, guess
+        self.factor = driven.factor
         self.jacobian, self.multiples, self.search = jacobian, multiples, search
         self.notes: list[str] = []
         self.share = _Share()
@@ -219,7 +222,8 @@ class _Attempts:
     ) -> FixedPoint | None:
         """The fixed point near a state, or None."""
         try:
-            return shoot(period.at(frequency, factor), state, self.jacobian, self.search.attempt)
+            driven = period.at(frequency, factor * self.factor)
+            return shoot(driven, state, self.jacobian, self.search.attempt)
         except SolveError:
             return None
 

@@ -314,6 +314,31 @@ def test_load_response_keeps_the_preload():
     )
 
 
+@pytest.mark.parametrize("start", [0.0, 0.4])
+def test_curve_begins_where_a_constant_load_presses(start):
+    """Newton's method does not come there from the motion without contact; a history does. Faces that stay
+    together are springs, of which the response is known, at the load's own factor.
+    """
+    damping, frequency = 0.05, 0.175
+    stiffness = np.array([[2.0, -1.0, 0.0], [-1.0, 3.0, 0.5], [0.0, 0.5, 6.0]])
+    held = stiffness + np.diag([0.0, 0.0, 60.0])
+    system = reduce_matrices(
+        np.eye(3),
+        stiffness,
+        np.eye(3)[[2]],
+        np.array([0.02]),
+        loads=np.eye(3)[:, [0, 2]],
+        sensors={"x": 0},
+        rayleigh=(damping, 0.0),
+        compliance=[1.0 / 60.0],
+    )
+    curve = sb.load_response(system, [0.8, sb.Constant(-1.5)], frequency, start, steps=256)
+    rate = 2.0 * np.pi * frequency
+    expected = 0.8 * np.linalg.inv(held - (rate**2 - 1j * damping * rate) * np.eye(3))[0, 0]
+    assert curve.value[0] == start and curve.complete
+    assert curve.amplitude("x") == pytest.approx(curve.value * abs(expected), rel=1e-3, abs=1e-9)
+
+
 @pytest.mark.parametrize("zeta", [0.05, 0.005])
 @pytest.mark.parametrize("ends", [(0.5, 1.5), (1.5, 0.5)])
 def test_chords_are_near_the_curve(zeta, ends):
