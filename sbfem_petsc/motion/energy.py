@@ -214,7 +214,7 @@ class MovedLedger(Ledger):
         drives, moved, stored, lost, rates = super()._instants(
             q - w @ self.inertia, v - rate @ self.inertia, self._pushing(amplitudes), forces
         )
-        follows = self.inertia @ r.load_modes + r.load_flexibility[edges]
+        follows = -self.static[:, : self.loads]  # by reciprocity, what is held where loads act included
         moved += w @ follows
         rates += rate @ follows
         stored[:, 0] = 0.5 * ((v**2).sum(axis=1) + np.einsum("ni,ij,nj->n", rate, self.mass, rate))

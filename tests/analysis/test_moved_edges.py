@@ -207,6 +207,14 @@ def held_plate(damping=0.05):
     return sb.Model(mesh, ALUMINIUM, clamped=LOWER, supports=[sb.Support("top", x=False)], damping=damping)
 
 
+def test_work_on_what_is_held():
+    """Inertia acts on the nodes of a moved edge, too, and works on them: the energies are in balance."""
+    load = sb.EdgeMotion(LOWER, uy=sb.Step(1e-5, rise=2e-4)) + sb.SupportMotion(ay=sb.Step(1e4, rise=2e-4))
+    with held_plate() as model:
+        found = sb.transient(model, load, 4e-4, 1e-6, modes=40, contact=False)
+    assert found.energy_error < 1e-3
+
+
 def test_slow_motion():
     """Under slow motions of both supports and a force, with contact, it is load_history's."""
     with held_plate(0.3) as model:

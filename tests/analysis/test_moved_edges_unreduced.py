@@ -140,6 +140,17 @@ def test_begun_at_rest():
         assert np.abs(found.velocity("top")).max() < 1e-9
 
 
+def test_weight_at_rest():
+    """From equilibrium under a weight nothing moves: the insides of S-elements are at rest, too."""
+    model, weight = cracked(), sb.SupportMotion(ay=1e3)
+    resting = sb.static(model, weight)
+    found = sb.transient(model, weight, 1e-4, 1e-5, modes=6, reduction=None, initial="equilibrium")
+    for point in found.points:
+        apart = found.displacement(point) - resting.displacement(point)
+        assert np.abs(apart).max() < 1e-9 * np.abs(resting.displacement("A")).max()
+    assert found.energy.kinetic.max() < 1e-12 * found.energy.strain.max()
+
+
 def test_goes_on(tmp_path, monkeypatch):
     """From a file bit by bit, with reactions, which it keeps."""
     monkeypatch.setattr("sbfem_petsc.motion.unreduced.history.CHUNK", 16)

@@ -271,6 +271,7 @@ class UnreducedIntegrator:
             columns = model.load_columns(units)
             found = equilibrium(model, columns.combined(march.amplitudes), self.steps.contact)
             march.u[: self.pencil.owned] = found.owned
+            march.u[self.pencil.owned :] = march.resting_insides()
             force = found.force[: march.pairs].copy()
         ground = march.ground
         march.u[: self.pencil.owned] -= ground.owned @ march.amplitudes[ground.edges]

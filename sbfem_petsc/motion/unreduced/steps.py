@@ -221,6 +221,11 @@ class UnreducedSteps:
         """Probes of the displacement."""
         return self.at_u + self.probe_modes @ (self.q - self.q0)
 
+    def resting_insides(self) -> np.ndarray:
+        """This rank's auxiliary unknowns at rest under the loads: a moving base pushes them, too."""
+        rows = self.probes[self.pairs + self.pushing][:, self.pencil.owned :]
+        return rows.T @ self.amplitudes[self.pushing] / self.pencil.auxiliary_diagonal(0.0)
+
     def owned(self) -> np.ndarray:
         """This rank's displacement unknowns."""
         return self._against_supports() + self.ground.owned @ self._moved
