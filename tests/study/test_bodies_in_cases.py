@@ -203,6 +203,7 @@ LATER = [
     ('normal = "x"\n', "", r"body.contacts\[0\] is refused: .*coincident faces do not tell their side"),
     ("gap = 5e-6", 'law = { kind = "tied", compliance = 1.0 }', r"body.contacts\[0\].law is refused"),
     (r"at = \[0.08", "at = [0.8", r"body.points.tip is refused: .*coordinates are in m"),
+    ('less = "LEFT"', 'less = "RIGHT"', r"body.points.mouth.less is refused: .*moves as at does"),
     ("modes = 10", "modes = 100", "body.*modes = 100"),
 ]
 

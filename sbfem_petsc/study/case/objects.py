@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import sbfem_petsc as sb
 from meshing.boundary_mesh import BoundaryMesh
 
+from ...checks import shown
 from ...loads import separate
 from ...signals.signal import as_signal
 from .names import clamped, named_places
@@ -213,6 +214,8 @@ def body(case: Case) -> BodyParts:
             points[name] = found.at(point.at, point.direction)
             if point.less is not None:
                 points[name] = points[name] - found.at(point.less, point.direction)
+                if not points[name].weights.count_nonzero():
+                    raise ValueError(f"at: less = {shown(point.less)} moves as at does; choose another place")
     loads = {
         name if key == "force" else f"{name} {key}": points[case.tables.loads[name].point]
         if key == "force"
