@@ -69,7 +69,7 @@ class SupportMotion(_Load):
 
 
 class EdgeMotion(_Load):
-    """A prescribed displacement of what a support holds; the unreduced model takes it at rest alone."""
+    """A prescribed displacement of what a support holds."""
 
     made: ClassVar = loads.EdgeMotion
 
