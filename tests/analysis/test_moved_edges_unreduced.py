@@ -15,7 +15,6 @@ from tests.analysis.test_moved_edges import (
     RIGHT,
     ROD,
     SPEED,
-    amplitude,
     burst,
     cracked,
     held_plate,
@@ -55,30 +54,6 @@ def test_pulse_in_a_rod():
     work = ROD.young * HEIGHT / SPEED * np.sum(rate**2) * found.step
     assert found.energy.external[-1] == pytest.approx(work, rel=1e-5)
     assert found.energy_error < 1e-10
-
-
-@pytest.mark.long
-def test_steady_state_of_a_rod():
-    """Both ends moved, as that of the reduced model in `test_moved_edges`, to the steps' (omega h)^2 / 12."""
-    b, frequency = 1e-6, 9000.0
-    omega, right = 2.0 * np.pi * frequency, 0.5j * MOVE
-    loss = 1.0 + 1j * omega * b
-    wave = omega / (SPEED * np.sqrt(loss))
-    stress = ROD.young * loss * wave
-    with rod(True, rayleigh=(0.0, b)) as model:
-        load = sb.EdgeMotion(LEFT, ux=sb.Harmonic(MOVE, frequency))
-        load += sb.EdgeMotion(RIGHT, ux=sb.Harmonic(abs(right), frequency, 0.5 * np.pi))
-        orbit = sb.periodic(model, load, frequency, reduction=None, steps=256)
-    c, s = np.cos(wave * LENGTH), np.sin(wave * LENGTH)
-    other = (right - MOVE * c) / s  # u = MOVE cos(wave x) + other sin(wave x)
-    for name, x in (("middle", 0.5 * LENGTH), ("end", LENGTH)):
-        exact = MOVE * np.cos(wave * x) + other * np.sin(wave * x)
-        assert abs(amplitude(orbit, orbit.displacement(name)[:, 0]) - exact) < 1e-3 * MOVE
-    forces = {LEFT: -HEIGHT * stress * other}
-    forces[RIGHT] = HEIGHT * stress * (other * c - MOVE * s)
-    for name, force in forces.items():
-        found = amplitude(orbit, orbit.reaction(name)[:, 0])
-        assert abs(found - force) < 1e-3 * abs(HEIGHT * stress * MOVE)
 
 
 @pytest.mark.long
