@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextvars
 import sys
 from collections.abc import Iterable
 
@@ -9,6 +10,8 @@ from .checks import shown
 
 # Modules between a line that warns and the user's: this package, and wrappers of its functions.
 INSIDE = (__package__, "contextlib", "functools")
+# The analysis that a user has called, while it is under way.
+ANALYSIS: contextvars.ContextVar[str] = contextvars.ContextVar("analysis", default="")
 
 
 class UnknownName(KeyError):
@@ -40,6 +43,11 @@ def caller_level() -> int:
     while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] in INSIDE:
         level, frame = level + 1, frame.f_back
     return level
+
+
+def called(own: str = "periodic") -> str:
+    """The analysis that a user has called, for sentences of what several of them do; `own` beside any."""
+    return ANALYSIS.get() or own
 
 
 def on_all_ranks(error: Exception) -> Exception:

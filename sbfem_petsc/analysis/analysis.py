@@ -5,7 +5,6 @@ checked, once, so that the function itself goes from input to problem to result.
 from __future__ import annotations
 
 import contextlib
-import contextvars
 import functools
 import inspect
 from collections.abc import Callable, Mapping
@@ -13,6 +12,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from ..checks import flag, path
 from ..checks import progress as check_progress
+from ..errors import ANALYSIS, called
 from ..options import Options
 from ..ranks.parallel import agreed, collective, ranks_of
 from ..reduction.reduced_model import ReducedModel
@@ -21,8 +21,6 @@ from ..system.model import Model
 
 Result = TypeVar("Result")
 Parameters = ParamSpec("Parameters")
-# Whether another analysis is under way.
-_within: contextvars.ContextVar[bool] = contextvars.ContextVar("within", default=False)
 
 
 def analysis(
@@ -59,11 +57,11 @@ def analysis(
             if not rubs and isinstance(system, (Model, ReducedModel)):
                 system.require_frictionless(owner)
             body = _body(system)
-            outermost, token = not _within.get(), _within.set(True)
+            outermost, token = not ANALYSIS.get(), ANALYSIS.set(called(owner))
             try:
                 result = function(*bound.args, **bound.kwargs)
             finally:
-                _within.reset(token)
+                ANALYSIS.reset(token)
             if outermost:
                 warn_if_large(owner, body, result)
             return result

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Callable
@@ -13,11 +14,13 @@ from ..motion.files import run_file
 from ..motion.files.run_file import RunFile
 from ..motion.period_map import Period
 from ..motion.unreduced.period import UnreducedPeriod
+from ..motion.unreduced.ranks import Layout, kept_layouts, layout_of, layouts_in, moved_whole
 from ..petsc import MPI
 from ..ranks.parallel import collective
 from ..record.files import image
 from ..record.journal import Kept
 from ..reduction.reduced_model import ReducedModel
+from ..system.solve.pencil import Pencil
 from .branch import Branch
 from .follow import Line
 from .problem import Point
@@ -32,7 +35,8 @@ class BranchFile(RunFile):
     writes.
 
     A frame holds points, and from which one on they take the place of former ones; the state beside the
-    journal is the branch that was made of them, at most two seconds ago.
+    journal is the branch that was made of them, at most two seconds ago. Whose the unknowns of an unreduced
+    model are stands in the head, and in the first frame of a run on another number of ranks.
 
     Parameters
     ----------
@@ -49,6 +53,8 @@ class BranchFile(RunFile):
         super().__init__(comm, path, "branch", resume=resume)
         self.former: tuple[np.ndarray, np.ndarray, float, str, bool] | None = None
         self._head: dict[str, Any] = {}
+        self._layouts: dict[str, np.ndarray] = {}  # those that are to stand in the next frame; on rank 0
+        self._elsewhere = False  # whether the newest points are of another number of ranks
         self._told: list[Point] = []
         self._finished, self._begun, self._written = False, -1, -np.inf
 
@@ -85,27 +91,43 @@ class BranchFile(RunFile):
     def begin_unreduced(
         self, period: UnreducedPeriod, over: ParameterRange, largest_step: float = math.inf
     ) -> None:
-        """The same of motions of an unreduced model, on as many ranks as the run that is gone on with began
-        with. Collective.
+        """The same of motions of an unreduced model: on as many ranks bit by bit, on others to 1e-6.
+        Collective.
         """
         march, own = period.march(over.frequency or over.start), _conditions(period, over, largest_step)
-        own |= {"contact": period.contact, "ranks": self.comm.size, "fingerprint": march.fingerprint()}
-        self._begin(own)
+        own |= {"contact": period.contact, "fingerprint": march.fingerprint()}
+        layouts = kept_layouts(self.comm, layout_of(period.pencil))
+        self._begin(own, pencil=period.pencil)
+        if self.comm.rank == 0:
+            self._head |= layouts
+            if self._elsewhere:
+                self._layouts = layouts
 
-    def _begin(self, conditions: dict[str, Any], any_steps: bool = False) -> int:
+    def _begin(
+        self, conditions: dict[str, Any], any_steps: bool = False, pencil: Pencil | None = None
+    ) -> int:
         """Compare with a former run, and take up its points; its steps, 0 if there is none."""
         self._head, found = {"kept": self.kept, **conditions}, None
         with collective(self.comm):
             if self._former is not None:
                 given = {name: v for name, v in conditions.items() if not (any_steps and name == "steps")}
                 self.require_same(given)
-                points, state = _points(self._former), self._former.state
+                state = self._former.state
                 finished = bool(state) and state["reason"] == FINISHED
-                found = (points if points[0].size else None), finished, self._former.head["steps"]
+                found = *_points(self._former), finished, self._former.head["steps"]
         found = self.comm.bcast(found)
         if found is None:
             return 0
-        self.former, self._finished, self._begun = found
+        pieces, end, self._finished, self._begun = found
+        points = []
+        for layouts, rows in pieces:
+            self._elsewhere = len(layouts) != self.comm.size
+            if pencil is not None and self._elsewhere:
+                rows = np.column_stack([moved_whole(pencil, layouts, rows[:, :-1]), rows[:, -1]])
+            points.append(rows)
+        if points:
+            whole = np.concatenate(points)
+            self.former = whole[:, :-1], whole[:, -1], *end
         return self._begun
 
     def update(self, branch: Callable[[], Branch], line: Line, last: bool = False) -> None:
@@ -127,7 +149,8 @@ class BranchFile(RunFile):
             if self._journal is not None:
                 facts = {"first": first, "length": line.length, "reason": line.reason}
                 facts["complete"] = line.complete
-                self._journal.append({**facts, "unknowns": new})
+                self._journal.append({**facts, **self._layouts, "unknowns": new})
+                self._layouts = {}
                 if found is not None:
                     asked = found.map is None or found.multipliers.shape[1] > 0
                     ended = last and found.complete and asked
@@ -148,7 +171,7 @@ class BranchFile(RunFile):
 
     def _anew(self, steps: int) -> None:
         """Begin the journal, again where the steps have changed."""
-        self._begun, self._told = steps, []
+        self._begun, self._told, self._layouts = steps, [], {}
         with collective(self.comm):
             if self._journal is not None:
                 self._journal.former = None
@@ -172,14 +195,14 @@ def _conditions(
     }
 
 
-def _points(kept: Kept) -> tuple[np.ndarray, np.ndarray, float, str, bool]:
-    """States and values of all points, the length of the next step, why the line ended, and whether it is
-    complete.
+def _points(kept: Kept) -> tuple[list[tuple[list[Layout], np.ndarray]], tuple[float, str, bool]]:
+    """All points, state and value in a row, of each run whose ranks differ from those of the one before, with
+    the ranks' layouts; the length of the next step, why the line ended, and whether it is complete.
     """
-    points, length, reason, complete = np.zeros((0, 1)), 0.0, "", False
+    layouts, points, end = layouts_in(kept.head), list[tuple[list[Layout], np.ndarray]](), (0.0, "", False)
     for frame in kept.frames():
-        new, first = frame["unknowns"], frame["first"]
-        parts = [part for part in (points[:first], new) if part.size]
-        points = np.concatenate(parts) if parts else points
-        length, reason, complete = float(frame["length"]), str(frame["reason"]), bool(frame["complete"])
-    return points[:, :-1], points[:, -1], length, reason, complete
+        layouts = layouts_in(frame) or layouts
+        points[frame["first"] :] = [(layouts, row) for row in frame["unknowns"]]
+        end = float(frame["length"]), str(frame["reason"]), bool(frame["complete"])
+    runs = [list(run) for _, run in itertools.groupby(points, lambda point: id(point[0]))]
+    return [(run[0][0], np.array([row for _, row in run])) for run in runs], end

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import choice
-from ..errors import SolveError, at_point, on_all_ranks
+from ..errors import SolveError, at_point, called, on_all_ranks
 from ..motion.excitation import one_sided
 from ..motion.history import Motion
 from ..motion.period_map import DrivenPeriod, FixedPoint, PeriodMotion, stays
@@ -321,7 +321,8 @@ def make_orbit(
     if not (np.isfinite(q).all() and np.isfinite(forces).all()):
         raise on_all_ranks(
             SolveError(
-                "periodic: the motion leaves the range of numbers; are the loads of usual size, in N and Pa?"
+                f"{called()}: the motion leaves the range of numbers; are the loads of usual size, in N "
+                "and Pa?"
             )
         )
     return Orbit(

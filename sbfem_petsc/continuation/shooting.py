@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from ..errors import PetscFailure, SolveError, on_all_ranks
+from ..errors import PetscFailure, SolveError, called, on_all_ranks
 from ..motion.period_map import DrivenPeriod, FixedPoint, PeriodMotion
 from ..petsc import PETSc, configure, finite, require_thread, scripted
 from .linear import PREFIX, Factors
@@ -175,7 +175,7 @@ class Shooting:
                 why = f"PETSc's error {error.ierr}" if isinstance(error, PETSc.Error) else error
                 raise on_all_ranks(
                     SolveError(
-                        f"periodic: the linear system of Newton's method cannot be solved ({why}): an "
+                        f"{called()}: the linear system of Newton's method cannot be solved ({why}): an "
                         "undamped resonance, or a motion as a rigid body, leaves the periodic motion "
                         "undetermined"
                     )
@@ -279,14 +279,14 @@ class Shooting:
         if reason == PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT and PETSc.Options().hasName(option):
             raise on_all_ranks(
                 PetscFailure(
-                    f"periodic: Newton's method has taken the {snes.getIterationNumber()} iterations that "
+                    f"{called()}: Newton's method has taken the {snes.getIterationNumber()} iterations that "
                     f"-{option} {PETSc.Options().getInt(option)} allows: {missed}; allow more, or leave the "
                     "option out"
                 )
             )
         raise on_all_ranks(
             SolveError(
-                f"periodic: Newton's method did not converge ({snes_reason(reason)} after "
+                f"{called()}: Newton's method did not converge ({snes_reason(reason)} after "
                 f"{snes.getIterationNumber()} iterations): {missed}; start from a neighbour, take more "
                 f"steps, or see -{PREFIX}snes_..."
             )

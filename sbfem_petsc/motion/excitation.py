@@ -10,6 +10,7 @@ from fractions import Fraction
 import numpy as np
 from scipy.linalg import block_diag
 
+from ..errors import called
 from ..record.record import Record, described, quantity
 from ..reduction.reduced_model import ReducedModel
 from ..signals.samples import Samples
@@ -80,7 +81,7 @@ class Excitation(Record):
         instants = max(128.0, 8.0 * periods * highest / frequency)
         if not instants <= INSTANTS:
             raise ValueError(
-                f"periodic: {periods} period{'s' * (periods > 1)} of {frequency:g} Hz with loads up to "
+                f"{called()}: {periods} period{'s' * (periods > 1)} of {frequency:g} Hz with loads up to "
                 f"{highest:g} Hz take {instants:.3g} instants, more than {INSTANTS:,d}; give fewer periods "
                 "or frequencies nearer to each other"
             )
@@ -91,7 +92,7 @@ class Excitation(Record):
             least = 2 ** math.ceil(math.log2(instants))
             orders, found, jumps = _by_samples(signals, frequency, periods, least)
         if not np.isfinite(found).all():
-            raise ValueError("periodic: the loads leave the range of numbers; give them in N and Pa")
+            raise ValueError(f"{called()}: the loads leave the range of numbers; give them in N and Pa")
         return cls(orders, found, periods, jumps)._audible()
 
     def _audible(self) -> Excitation:
@@ -225,12 +226,12 @@ class Excitation(Record):
             order, mode = np.argwhere(at_resonance)[0]
             if r.omega[mode] == 0.0 and self.orders[order] == 0:
                 raise ValueError(
-                    f"periodic: the constant load pushes the rigid-body motion of mode {mode + 1}; hold the "
-                    "structure or leave the constant load out"
+                    f"{called()}: the constant load pushes the rigid-body motion of mode {mode + 1}; hold "
+                    "the structure or leave the constant load out"
                 )
             raise ValueError(
-                f"periodic: mode {mode + 1} at {r.frequencies[mode]:.6g} Hz has no damping and is driven at "
-                "its own frequency, so that the linear response is infinite; give the model a damping "
+                f"{called()}: mode {mode + 1} at {r.frequencies[mode]:.6g} Hz has no damping and is driven "
+                "at its own frequency, so that the linear response is infinite; give the model a damping "
                 "ratio or move the frequency"
             )
         dynamic = np.where(np.abs(dynamic) == 0.0, 1.0, dynamic)
@@ -298,7 +299,7 @@ def common_periods(signals: Sequence[Signal], frequency: float, periods: int | N
     for tone in tones:
         if not _whole(periods * tone / frequency):
             raise ValueError(
-                f"periodic: the tone of {tone:g} Hz makes {periods * tone / frequency:.6g} cycles in "
+                f"{called()}: the tone of {tone:g} Hz makes {periods * tone / frequency:.6g} cycles in "
                 f"{periods} period{'s' * (periods > 1)} of {frequency:g} Hz; "
                 f"a steady state needs a whole number: {_neighbours(tone, frequency, (periods,))}"
             )
@@ -392,7 +393,7 @@ def _refuse_passing(signal: Signal) -> None:
             instead = (
                 "Constant for what it settles at" if kind == "Step" else "periodic signal (Harmonic, Custom)"
             )
-            raise ValueError(f"periodic: {part!r} is not periodic; give a {instead}, or use transient")
+            raise ValueError(f"{called()}: {part!r} is not periodic; give a {instead}, or use transient")
 
 
 def _repeats(signal: Signal, row: np.ndarray, period: float) -> bool:
@@ -415,7 +416,7 @@ def _repeats(signal: Signal, row: np.ndarray, period: float) -> bool:
 
 def _not_periodic(signal: Signal, periods: int, frequency: float) -> str:
     return (
-        f"periodic: the signal {signal!r} does not repeat after {periods} "
+        f"{called()}: the signal {signal!r} does not repeat after {periods} "
         f"period{'s' * (periods > 1)} of {frequency:g} Hz; give a periodic signal, or use transient"
     )
 
@@ -443,7 +444,7 @@ def _neighbours(tone: float, frequency: float, periods: Iterable[int]) -> str:
 def _no_common_period(tones: Iterable[float], frequency: float, bound: int) -> str:
     bad = next(t for t in tones if not any(_whole(n * t / frequency) for n in range(1, bound + 1)))
     return (
-        f"periodic: the tone of {bad:g} Hz has no common period with {frequency:g} Hz within {bound} "
+        f"{called()}: the tone of {bad:g} Hz has no common period with {frequency:g} Hz within {bound} "
         f"periods; choose {_neighbours(bad, frequency, range(1, min(bound, 16) + 1))}, "
         "raise longest, or use transient with a coherent record"
     )

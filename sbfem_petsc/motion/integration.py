@@ -89,7 +89,7 @@ class OfOtherRanks(NamedTuple):
     """Checkpoints of all ranks of a former run, of which there were more or fewer, and their layouts."""
 
     parts: list[np.ndarray]
-    layouts: list[dict[str, np.ndarray]]
+    layouts: Sequence[Mapping[str, np.ndarray]]
 
 
 class Integrator(Protocol):

@@ -27,7 +27,7 @@ from ..contact.pivoting import contact_forces, empty_factor
 from ..contact.rubbing import empty_sets, rubbing_forces, rubbing_of
 from ..contact.rubbing_tangent import rubbing_contacts
 from ..contact.tangent import Derivative, Propagation
-from ..errors import SolveError, on_all_ranks
+from ..errors import SolveError, called, on_all_ranks
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
 from .excitation import LINES, Excitation
@@ -334,7 +334,7 @@ class DrivenPeriod:
         if reached < steps:
             raise on_all_ranks(
                 SolveError(
-                    f"periodic: the contact problem of step {reached} of {steps} at {self.frequency:g} Hz "
+                    f"{called()}: the contact problem of step {reached} of {steps} at {self.frequency:g} Hz "
                     "was not solved; use more steps, or pairs of like size"
                 )
             )

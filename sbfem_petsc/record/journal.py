@@ -68,6 +68,14 @@ def packed(frame: Mapping[str, Any]) -> list[Any]:
     return [HEAD.pack(size, zlib.crc32(struct.pack("<Q", size)), crc), *parts]
 
 
+def write(file: int, parts: list[Any]) -> None:
+    """Buffers, one behind the other."""
+    for part in parts:
+        view = memoryview(part).cast("B")
+        while view:
+            view = view[os.write(file, view) :]
+
+
 def _number(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
@@ -249,7 +257,7 @@ class Journal:
             os.truncate(self._file, 0)
             os.lseek(self._file, 0, os.SEEK_SET)
             self._id = os.urandom(8).hex()
-            self._write([MAGIC, *packed({**head, "id": self._id})])
+            write(self._file, [MAGIC, *packed({**head, "id": self._id})])
 
     def append(self, frame: Mapping[str, Any]) -> None:
         """Add a frame; it is in the system's hands when this returns: a kill of the process leaves it."""
@@ -258,7 +266,7 @@ class Journal:
                 os.fstat(self._file), os.stat(self.path)
             ):
                 raise OSError("it has been removed or replaced during the run")
-            self._write(packed(frame))
+            write(self._file, packed(frame))
         self._count += 1
 
     def checkpoint(self, state: Mapping[str, Any]) -> None:
@@ -279,12 +287,6 @@ class Journal:
                 f"{self.what} {self.path!r} cannot be written any more ({reason(error)}); what it holds "
                 "stays readable, and resume=True continues from there"
             ) from None
-
-    def _write(self, parts: list[Any]) -> None:
-        for part in parts:
-            view = memoryview(part).cast("B")
-            while view:
-                view = view[os.write(self._file, view) :]
 
     def close(self) -> None:
         """Give it up to others; nothing is left of one that has not begun."""

@@ -96,8 +96,10 @@ def adopted(stored: ReducedModel, given: ReducedModel) -> ReducedModel:
 
 
 def close(one, other) -> bool:
-    """Whether two settings are the same: numbers to 1e-9, arrays to `SAME` of their largest value."""
-    if isinstance(one, str) or isinstance(other, str):
+    """Whether two settings are the same: numbers to 1e-9, arrays to `SAME` of their largest value, texts and
+    lists of them in each letter.
+    """
+    if isinstance(one, (str, list)) or isinstance(other, (str, list)):
         return bool(one == other)
     one, other = 1.0 * np.asarray(one), 1.0 * np.asarray(other)
     scale = SAME * np.abs(other).max(initial=0.0) if one.ndim else 0.0

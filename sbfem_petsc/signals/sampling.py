@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..errors import called
 from .signal import STEPS_A_PERIOD, Custom, Signal, Sum
 
 # Samples of a span of time: at first, so that what is a hundred thousandth of it is seen, and at most.
@@ -88,7 +89,7 @@ def known(signal: Signal, duration: float) -> Signal:
         return signal
     found, given = sampled(signal, 0.0, duration), signal.highest_frequency
     if found is None:
-        raise _changing("transient", signal, duration)
+        raise _changing(called("transient"), signal, duration)
     band = max(found.intervals / (STEPS_A_PERIOD * duration), given or 0.0)
     return replace(signal, highest_frequency=band, breaks=tuple(found.breaks.tolist()))
 
@@ -108,7 +109,7 @@ def resolved(signal: Signal, start: float, stop: float, breaks: np.ndarray) -> S
     """
     found = sampled(signal, start, stop)
     if found is None and not _holds(signal, start, stop, breaks):
-        raise _changing("periodic", signal, stop - start)
+        raise _changing(called(), signal, stop - start)
     return found
 
 

@@ -17,7 +17,7 @@ from meshing.folder_index import claim, open_regular
 from meshing.whole_file import reason
 
 from ..output_folder import hold
-from ..record.journal import HEAD, MAGIC, packed, unpacked
+from ..record.journal import HEAD, MAGIC, packed, unpacked, write
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +79,12 @@ def append(path: str, row: Row) -> None:
     values = {f"/{name}": np.asarray(value) for name, value in row.values.items()}
     claim(path, "rows of the sweep")
     try:
-        with os.fdopen(open_regular(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT), "ab") as file:
-            file.write(b"".join([MAGIC, *packed(facts | values)]))
-            file.flush()
-            os.fsync(file.fileno())
+        file = open_regular(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+        try:
+            write(file, [b"".join([MAGIC, *packed(facts | values)])])
+            os.fsync(file)
+        finally:
+            os.close(file)
     except OSError as error:
         raise ValueError(f"rows of the sweep in {path!r} cannot be written: {reason(error)}") from None
 

@@ -529,6 +529,9 @@ def test_undamped_at_a_resonance():
     resonance = sb.modal(model, 3).frequencies[2]
     with pytest.raises(ValueError, match="mode 3 at .* Hz has no damping and is driven at its own frequency"):
         sb.periodic(model, FORCE, resonance)
+    for curve, asked in ((sb.frequency_response, (1.1 * resonance,)), (sb.load_response, ())):
+        with pytest.raises(ValueError, match=f"^{curve.__name__}: mode 3 at .* has no damping"):
+            curve(model, FORCE, resonance, *asked)
     assert sb.periodic(model, sb.PointForce("A", fy=1e-3), 1.05 * resonance).iterations == 0
 
 

@@ -2,6 +2,7 @@
 
 import functools
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -82,8 +83,9 @@ import json, sys
 from sbfem_petsc.petsc import MPI
 from tests.continuation.families import killed, unreduced
 if len(sys.argv) > 2:
-    killed("unreduced", sys.argv[1], 2, points=3)
-tables = [unreduced(3, **file)[0].tolist() for file in ({}, {"file": sys.argv[1], "resume": True})]
+    killed("unreduced", sys.argv[1], 1, points=3)
+files = ({}, {"file": sys.argv[1], "resume": True}, {"file": f"{sys.argv[1]}.moved", "resume": True})
+tables = [unreduced(3 + ("moved" in str(file)), **file)[0].tolist() for file in files]
 if MPI.COMM_WORLD.rank == 0:
     print(json.dumps({"tables": tables}))
 """
@@ -91,14 +93,19 @@ if MPI.COMM_WORLD.rank == 0:
 
 @pytest.mark.long
 def test_killed_and_resumed_on_two_ranks(tmp_path):
-    """The unreduced model's curve, whose states are distributed; not on another number of ranks."""
+    """The unreduced model's curve, whose states are distributed; what two have left goes on on one, and with
+    that on two again, to 1e-6.
+    """
     path = str(tmp_path / "line.h5")
     assert on_ranks(2, RANKS, path, "killed", check=False, timeout=900).returncode != 0
-    tables = answer(on_ranks(2, RANKS, path, timeout=900))["tables"]
-    np.testing.assert_allclose(tables[1], tables[0], rtol=1e-12)
-    np.testing.assert_allclose(unreduced(3)[0], tables[0], rtol=1e-6)
-    with pytest.raises(ValueError, match="was written with ranks = 2, not 1"):
-        unreduced(file=path, resume=True)
+    for ending in ("", ".state"):
+        shutil.copy(f"{path}{ending}", f"{path}.moved{ending}")
+    assert 0 < len(values(path)) < 3
+    whole = unreduced(4)[0]
+    np.testing.assert_allclose(unreduced(3, file=f"{path}.moved", resume=True)[0], whole[:3], rtol=1e-6)
+    resumed = answer(on_ranks(2, RANKS, path, timeout=900))["tables"]
+    np.testing.assert_allclose(resumed[1], resumed[0], rtol=1e-12)
+    np.testing.assert_allclose(resumed[2], whole, rtol=1e-6)
 
 
 SHARED = """

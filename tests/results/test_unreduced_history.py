@@ -2,6 +2,7 @@
 runs' files.
 """
 
+import contextlib
 import pathlib
 import shutil
 import signal
@@ -214,10 +215,23 @@ def test_another_runs_file_is_refused(model, tmp_path):
         ({"load": sb.PointForce("A", fx=sb.ToneBurst(3000.0, 3000, 3))}, "another model"),
         ({"reduction": "modes"}, "that of an unreduced model, not of a reduced one"),
         ({"initial": "equilibrium"}, "initial"),
+        ({"load": [LOAD, sb.EdgeMotion("left", uy=sb.Harmonic(1e-6, 500.0))]}, "model or other loads"),
     ):
         with pytest.raises(ValueError, match=words):
             sb.transient(**{"model": model, "load": LOAD, "file": path, "resume": True, **RUN, **options})
     assert path.read_bytes() == content
+
+
+@pytest.mark.parametrize("reduction", ["modes", None])
+def test_another_motion_of_a_support_is_told_as_another_load(reduction, tmp_path):
+    """Its velocity at the beginning makes another initial state too."""
+    model = sb.Model(Beam(0.1, 0.01).mesh(order=2), sb.Material(70e9, 0.33, 2700))
+    for amplitude, resume in ((1e-6, False), (2e-6, True)):
+        load = sb.EdgeMotion("left", uy=sb.Harmonic(amplitude, 500.0))
+        told = pytest.raises(ValueError, match="other load signals") if resume else contextlib.nullcontext()
+        with told:
+            run = {"reduction": reduction, "file": tmp_path / "h.h5", "resume": resume}
+            sb.transient(model, load, 1e-4, 1e-5, **run)
 
 
 @pytest.mark.slow

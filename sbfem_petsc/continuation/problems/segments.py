@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...errors import PetscFailure, SolveError, on_all_ranks
+from ...errors import PetscFailure, SolveError, called, on_all_ranks
 from ...motion.period_map import DrivenPeriod, FixedPoint, Period, PeriodMotion
 from ...motion.states import ModalStates
 from ..linear import Cyclic
@@ -176,8 +176,8 @@ def shoot_segments(
     except SolveError as error:
         raise on_all_ranks(
             SolveError(
-                f"periodic: over {count} segments {error}; start from a neighbour, or take more segments or "
-                "steps"
+                f"{called()}: over {count} segments {error}; start from a neighbour, or take more segments "
+                "or steps"
             )
         ) from None
     return point.state.joined(tuple(point.state.scale * missed for missed in point.residuals)), point.state

@@ -24,7 +24,8 @@ from ..history import History
 from ..integration import Column, FormerRun, OfOtherRanks, Rows, UnreducedFacts
 from ..reduced_history import recorded_exchanges, reduced_columns, reduced_history
 from ..unreduced.history import SampledRun, sampled_columns, unreduced_history
-from .run_file import RunFile
+from ..unreduced.ranks import kept_layouts, layouts_in
+from .run_file import OF_MODEL, OF_START, RunFile
 
 WHAT = "history file"
 # Instants at which the signals of a resumed run are compared with the former run's.
@@ -114,7 +115,7 @@ class HistoryFile(RunFile):
             If the file was written otherwise, or is that of a longer run.
         """
         self._count = int(settings["count"])
-        layouts = self.comm.gather({} if unreduced is None else unreduced.layout)
+        layouts = kept_layouts(self.comm, {} if unreduced is None else unreduced.layout)
         with collective(self.comm):
             if self._journal is None:
                 return
@@ -124,15 +125,11 @@ class HistoryFile(RunFile):
                 names |= {"supports": unreduced.supports}
                 head |= {name: list(found) for name, found in names.items()}
                 head["fingerprint"] = unreduced.fingerprint
-            self._layouts = {
-                f"layout/{rank}/{name}": values
-                for rank, own in enumerate(layouts or [])
-                for name, values in own.items()
-            }
+            self._layouts = layouts
             former = self._journal.former
             if former is not None:
                 self._require_same(former, head, signals)
-                if self.comm.size == len(_layouts_in(former.head)):
+                if self.comm.size == len(layouts_in(former.head)):
                     self._layouts = {}  # partitions are the same of as many ranks
                 self._journal.begin({}, former.vouched)
                 return
@@ -147,15 +144,9 @@ class HistoryFile(RunFile):
     def _require_same(self, former: Kept, mine: Mapping[str, Any], signals: Sequence[Signal]) -> None:
         """Refuse a file of another model, other settings or signals, and one that reaches further."""
         theirs, path = former.head, self.path
-        of_model = {"points", "tip_names", "supports", "fingerprint"}
-        self.require_same({name: v for name, v in mine.items() if name not in of_model | {"count"}})
-        for name in of_model & mine.keys():
-            one, other = theirs.get(name, ""), mine[name]
-            if not (close(one, other) if name == "fingerprint" else one == other):
-                raise ValueError(
-                    f"{WHAT} {path!r} was written for another model or other loads; give those, or "
-                    "name another file"
-                )
+        later = OF_MODEL | OF_START
+        self.require_same({name: v for name, v in mine.items() if name not in later | {"count"}})
+        self.require_same({name: v for name, v in mine.items() if name in OF_MODEL})
         end, asked = former.state["count"] * theirs["step"], mine["count"] * mine["step"]
         if former.state["count"] > mine["count"]:
             raise ValueError(
@@ -167,6 +158,8 @@ class HistoryFile(RunFile):
                 f"{WHAT} {path!r} was written for other load signals; give the same loads, or "
                 "name another file"
             )
+        # last, for other loads make it another one
+        self.require_same({name: v for name, v in mine.items() if name in OF_START})
 
     # ------------------------------------------------------------------ an integration.Recorder
     def resume(self) -> tuple[int, Rows, np.ndarray | OfOtherRanks] | None:
@@ -182,7 +175,7 @@ class HistoryFile(RunFile):
                 rows = rows_of(former, self.in_memory) if self.in_memory else {}
                 state = former.state
                 parts = np.split(state["state"], np.cumsum(state["sizes"])[:-1])
-                layouts = _layouts_in(state) or _layouts_in(former.head)
+                layouts = layouts_in(state) or layouts_in(former.head)
                 found = state["done"], parts, layouts if len(parts) != comm.size else []
         done, parts, layouts = comm.bcast(found)
         rows = {name: comm.bcast(rows.get(name)) for name in comm.bcast(list(rows))}
@@ -210,16 +203,6 @@ class HistoryFile(RunFile):
                     f"transient: rank {self.comm.rank} cannot read {WHAT} {self.path!r} ({reason(error)}); "
                     "in_memory = False needs a folder that all ranks share"
                 ) from None
-
-
-def _layouts_in(frame: Mapping[str, Any]) -> list[dict[str, np.ndarray]]:
-    """The layouts of the ranks' unknowns in a head or state."""
-    found: dict[str, dict[str, np.ndarray]] = {}
-    for name, values in frame.items():
-        if name.startswith("layout/"):
-            _, rank, own = name.split("/", 2)
-            found.setdefault(rank, {})[own] = values
-    return list(found.values())
 
 
 def rows_of(kept: Kept, in_memory: bool) -> Rows:

@@ -16,6 +16,9 @@ from ...reduction.comparison import adopted, close, difference, in_rows
 from ...reduction.reduced_model import ReducedModel
 
 Self = TypeVar("Self", bound="RunFile")
+# What tells of the structure and its loads, and of the state a run began in: users have other names for them.
+OF_MODEL = {"points", "tip_names", "supports", "fingerprint"}
+OF_START = {"initial_norms"}
 # Seconds between two updates of the result beside a journal's frames.
 PAUSE = 2.0
 
@@ -105,6 +108,12 @@ class RunFile:
         for name, value in given.items():
             if name in stored and close(stored[name], value):
                 continue
+            if name in OF_MODEL | OF_START:
+                told = "model or other loads" if name in OF_MODEL else "initial displacement or velocity"
+                raise ValueError(
+                    f"{self.what} {self.path!r} was written for another {told}; give the same, or name "
+                    "another file"
+                )
             if np.ndim(value):
                 raise ValueError(
                     f"{self.what} {self.path!r} was written for other {name}; resume with the same {name}, "

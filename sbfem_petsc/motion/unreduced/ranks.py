@@ -8,12 +8,30 @@ number of terms of the continued fraction, and of that a state is found again.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
+from ...petsc import MPI
 from ...system.solve.pencil import Pencil
 
 Layout = Mapping[str, np.ndarray]
+
+
+def kept_layouts(comm: MPI.Comm, layout: Layout) -> dict[str, np.ndarray]:
+    """The layouts of all ranks for a file, on rank 0. Collective."""
+    found = comm.gather(layout) or []
+    return {f"layout/{rank}/{name}": values for rank, own in enumerate(found) for name, values in own.items()}
+
+
+def layouts_in(frame: Mapping[str, Any]) -> list[Layout]:
+    """The ranks' layouts in a file's head, frame or state."""
+    found: dict[str, dict[str, np.ndarray]] = {}
+    for name, values in frame.items():
+        if name.startswith("layout/"):
+            _, rank, own = name.split("/", 2)
+            found.setdefault(rank, {})[own] = values
+    return list(found.values())
 
 
 def layout_of(pencil: Pencil) -> dict[str, np.ndarray]:
@@ -69,6 +87,17 @@ def moved(pencil: Pencil, layouts: Sequence[Layout], states: Sequence[np.ndarray
             on_nodes = np.concatenate(there).reshape(-1, given.shape[1])
             result[pencil.owned + piece["numbers"][k]] = back @ on_nodes
     return result
+
+
+def moved_whole(pencil: Pencil, layouts: Sequence[Layout], states: np.ndarray) -> np.ndarray:
+    """(n, N): states of n motions in the order of all ranks, one behind the other, of those of other ranks.
+    Collective.
+    """
+    auxiliary = [sum(piece["numbers"].size for piece in _pieces(layout)) for layout in layouts]
+    sizes = [2 * (len(layout["labels"]) + more) for layout, more in zip(layouts, auxiliary)]
+    parts = np.split(states, np.cumsum(sizes)[:-1], axis=1)
+    own = moved(pencil, layouts, [part.reshape(2 * len(states), -1).T for part in parts])
+    return np.concatenate(pencil.model.comm.allgather(own.T.reshape(len(states), -1)), axis=1)
 
 
 def _pieces(layout: Layout) -> Iterator[dict[str, np.ndarray]]:

@@ -66,8 +66,9 @@ class SweptResponse(SweptOptions, Loaded):
             yield "swept", drawn.plot.plot_swept(None, result, point, **options, comm=drawn.comm)
 
     def cost(self, size: Size) -> Cost:
-        modes, (low, high) = size.modes(self.modes), sorted((self.start, self.stop))
-        cycles = 0.5 * (low + high) * self.duration * (1 + self.back)
-        count = cycles * (self.steps or 320) * high / low
-        disk = 16.0 * cycles * (size.points + 2)
-        return Cost(size.extracting(modes), count * size.stepping(modes), 8.0 * count * size.points, disk)
+        modes, ways = size.modes(self.modes), 1 + self.back
+        count = self.duration * max(self.start, self.stop) * (self.steps or 320)
+        cycles = 0.5 * (self.start + self.stop) * self.duration * ways
+        numbers = 2 * size.points + 1  # the points' displacements along x and y, and contact
+        memory, disk = 8.0 * count * numbers, 16.0 * cycles * (numbers + 1)
+        return Cost(size.extracting(modes), ways * count * size.stepping(modes), memory, disk)
