@@ -11,7 +11,6 @@ import stat
 import struct
 import subprocess
 import sys
-import time
 import warnings
 import zlib
 from dataclasses import replace
@@ -140,43 +139,6 @@ def test_killed_and_restarted(model, whole, small_chunks, tmp_path, kind):
     )
     same(sb.transient(model, LOAD, file=path, resume=True, **RUN), whole)
     assert sb.read(path).complete
-
-
-@pytest.mark.slow
-def test_killed_at_any_moment(small_chunks, tmp_path):
-    """A writer that does nothing but write, killed at four moments: always readable, and the rows are those
-    of the state.
-    """
-    program = """
-import sys, numpy as np, sbfem_petsc as sb
-from sbfem_petsc.motion import reduced_history as module
-module.CHUNK = 4
-stiffness, load = np.diag([1.0, 4.0, 9.0]), np.eye(3)[:, :1]
-gap = np.zeros((0, 3)), np.zeros(0)
-r = sb.reduce_matrices(np.eye(3), stiffness, *gap, loads=load, sensors={"x": 0}, modes=2)
-def tell(done):
-    if done < 1e-4:
-        print(flush=True)
-sb.transient(r, [sb.Harmonic(1.0, 0.1)], 10_000.0, 0.01, file=sys.argv[1], progress=tell)
-"""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
-    runs = [
-        subprocess.Popen(
-            [sys.executable, "-c", program, str(tmp_path / f"{k}.h5")],
-            env=environment,
-            stdout=subprocess.PIPE,
-        )
-        for k in range(4)
-    ]
-    for k, run in enumerate(runs):
-        run.stdout.readline()
-        time.sleep(0.0317 * k)
-        run.kill()
-        run.wait()
-        run.stdout.close()
-        with pytest.warns(IncompleteHistory):
-            found = sb.read(tmp_path / f"{k}.h5")
-        assert len(found.time) > 1 and np.array_equal(found.time, np.arange(len(found.time)) * 0.01)
 
 
 @pytest.mark.parametrize("step", [1e-6, None])
