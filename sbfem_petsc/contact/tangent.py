@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy import linalg
+from scipy.linalg.blas import dgemm, dtrsm
 
 from .closed_sets import Contacts
 
@@ -167,6 +167,7 @@ class Derivative:
             np.multiply(contacts.factors, free, out=self._rows[:, part])
             np.multiply(contacts.pushes, effects[owner, k], out=self._effects[:, part])
         self._owner = owner
+        self._remember = contacts.reads.any(axis=1) | contacts.writes.any(axis=1)
         self._blocks = [self._blocks_of(frame) for frame in range(len(self._first))]
 
     def _frames(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -184,9 +185,9 @@ class Derivative:
         numbers = np.array(first, dtype=int)
         return numbers, instants[numbers], np.zeros(len(numbers), dtype=bool)
 
-    def _blocks_of(self, frame: int) -> list[tuple[int, int, np.ndarray, np.ndarray]]:
-        """Rows from .. to, the coupling, and what is remembered that they read or write, of the blocks of a
-        frame.
+    def _blocks_of(self, frame: int) -> list[tuple[int, int, np.ndarray, bool]]:
+        """Rows from .. to, the coupling transposed, and whether they read or write what is remembered, of the
+        blocks of a frame.
         """
         last = self._first[frame + 1] if frame + 1 < len(self._first) else len(self.contacts.instants)
         counts, reads, writes = self.contacts.counts, self.contacts.reads, self.contacts.writes
@@ -195,15 +196,16 @@ class Derivative:
         for count in [*counts[self._first[frame] : last].tolist(), None]:
             if count is None or (place + count - begin > BLOCK and place > begin):
                 if place > begin:
-                    owner = self._owner[begin:place]
-                    coupling = self._rows[begin:place] @ self._effects[begin:place].T
                     part = slice(begin, place)
-                    memory = np.flatnonzero((reads[part] != 0.0).any(axis=0) | writes[part].any(axis=0))
-                    if len(memory):
-                        coupling += reads[part, memory] @ writes[part, memory].T
+                    owner, remembers = self._owner[part], bool(self._remember[part].any())
+                    coupling = dgemm(1.0, self._effects[part].T, self._rows[part].T, trans_a=1)
+                    if remembers:
+                        coupling = dgemm(
+                            1.0, writes[part].T, reads[part].T, 1.0, coupling, trans_a=1, overwrite_c=1
+                        )
                     # an instant does not act on itself
                     coupling[owner[:, None] == owner] = 0.0
-                    result.append((begin, place, coupling, memory))
+                    result.append((begin, place, coupling, remembers))
                 begin = place
             place += count or 0
         return result
@@ -222,23 +224,25 @@ class Derivative:
         """
         x, moving = x.copy(), 2 * self.contacts.factors.shape[1]
         first = x.shape[1] - self.contacts.shifts.shape[1]
+        reads, writes = self.contacts.reads, self.contacts.writes
         shifts, added = self._of_parameters(sources)
         now = 0
         for frame, begin in enumerate(self._begin.tolist()):
             x = self._moved(x, begin - now)
             now = begin
-            for one, other, coupling, memory in self._blocks[frame]:
-                forces = self._rows[one:other] @ x[:moving]
-                if len(memory):
-                    forces += self.contacts.reads[one:other, memory] @ x[moving + memory]
-                forces[:, first:] += shifts[one:other]
-                # the diagonal, ones, is not referred to; transposed, these are LAPACK's own layout
-                linalg.blas.dtrsm(1.0, coupling.T, forces.T, side=1, lower=0, diag=1, overwrite_b=1)
+            for one, other, coupling, remembers in self._blocks[frame]:
+                # transposed, these are BLAS' own layout: no copies are made
+                forces = dgemm(1.0, x[:moving].T, self._rows[one:other].T)
+                if remembers:
+                    forces = dgemm(1.0, x[moving:].T, reads[one:other].T, 1.0, forces, overwrite_c=1)
+                forces[first:] += shifts[one:other].T
+                # the diagonal, ones, is not referred to
+                dtrsm(1.0, coupling, forces, side=1, lower=0, diag=1, overwrite_b=1)
                 if self._onward[frame]:
                     x, now = self._moved(x, 1), begin + 1
-                x[:moving] -= self._effects[one:other].T @ forces
-                if len(memory):
-                    x[moving + memory] -= self.contacts.writes[one:other, memory].T @ forces
+                dgemm(-1.0, forces, self._effects[one:other].T, 1.0, x[:moving].T, trans_b=1, overwrite_c=1)
+                if remembers:
+                    dgemm(-1.0, forces, writes[one:other].T, 1.0, x[moving:].T, trans_b=1, overwrite_c=1)
             if added is not None:
                 x[:moving, first:] += added[frame]
         x = self._moved(x, self.steps - now)
