@@ -78,7 +78,7 @@ mesh = plate_mesh(plate(10, 0, 0), 25_000, 5)
 
 def ready():
     model = sb.Model(mesh, aluminium, clamped="edge1")
-    model.stiffness, model.gap_operator, model.tips
+    model.stiffness, model.contact, model.tips.intensities
     return model
 
 for name, pressure, shear in (("pressed", 1e6, 2e5), ("sheared", 0.0, 1e6), ("pulled open", -1e6, 0.0)):

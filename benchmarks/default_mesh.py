@@ -119,7 +119,9 @@ def history_floor(load) -> float:
     with model() as fresh:
         with mock.patch.object(pencil.CondensedSolve, "apply", counted):
             reduced = sb.reduce(fresh, load)
-        matrices = pencil.Pencil(fresh, pencil.top_of_band(fresh, len(reduced.omega)), modes.TOLERANCE)
+        matrices = pencil.Pencil(
+            fresh.statics, pencil.top_of_band(fresh.cells, len(reduced.omega)), modes.TOLERANCE
+        )
         factorisation, solve = seconds(
             lambda: pencil.CondensedSolve(matrices, 0.0, "modal_st_", "benchmark"), 1
         )

@@ -151,12 +151,12 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     )
     model = stages("model, kernel", lambda: sb.Model(mesh, MATERIAL, clamped=clamped))
     stages("assembly", lambda: model.stiffness)
-    stages("contact rows", lambda: (model.gap_operator, model.tips))
+    stages("contact rows", lambda: (model.contact, model.tips.intensities))
     solved = stages("static", lambda: sb.static(model, load))
     if arguments.flexibility:
         stages("flexibility W", lambda: model.compliance)
     if arguments.modes:
-        stages("inertia", lambda: model.moving_groups)
+        stages("inertia", lambda: model.cells.moving)
         stages("modes", lambda: sb.modal(model, arguments.modes))
     return {
         "versions": version_line(),

@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from meshing import BoundaryMesh
-from meshing.boundary_mesh import ContactPairs, Crack, Tip
 from meshing.gll import gll_nodes
+from meshing.mesh_arrays import ContactPairs, Crack, Tip
 
 
 def structured_plate(

@@ -88,7 +88,7 @@ def parts(model, step, repeats=400):
     """
     from sbfem_petsc.system.solve.pencil import CondensedSolve, Pencil
 
-    pencil = Pencil(model, 1.0, 0.0)
+    pencil = Pencil(model.statics, 1.0, 0.0)
     solve = CondensedSolve(pencil, -4.0 / step**2, prefix="newmark_", what="benchmark")
     left, right = pencil.mass.createVecs()
     left.setRandom()

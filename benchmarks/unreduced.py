@@ -64,7 +64,7 @@ def main() -> None:
         "ranks": comm.size,
         "boundary_unknowns": model.boundary_unknowns,
         "unknowns": model.unknowns,
-        "contact_rows": len(model.gap_operator),
+        "contact_rows": len(model.contact),
         "steps": len(whole.time) - 1,
         "most_rows_in_contact": int((whole.contact_force > 0.0).sum(axis=1).max()),
         "history_displacement": difference(whole.displacement("P"), beside.displacement("P")),

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from meshing.input_checks import shown
-
-if TYPE_CHECKING:
-    from meshing.boundary_mesh import BoundaryMesh
+from meshing.mesh_arrays import MeshArrays
 
 # A number, a function of arrays x and y, or one value for each of the crack's pairs, m.
 Gap = float | Callable[[np.ndarray, np.ndarray], Any] | np.ndarray
 
 
-def gaps_with(mesh: BoundaryMesh, crack: str, gap: Gap) -> np.ndarray:
+def gaps_with(mesh: MeshArrays, crack: str, gap: Gap) -> np.ndarray:
     """(pairs,): the mesh's initial gaps with those of one crack replaced, m.
 
     Parameters

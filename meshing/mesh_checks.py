@@ -6,15 +6,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
 from meshing.gll import gll_nodes, lagrange_slopes
+from meshing.mesh_arrays import MeshArrays
 from meshing.vectors import cross
-
-if TYPE_CHECKING:
-    from meshing.boundary_mesh import BoundaryMesh
 
 _UNIT = 1e-6  # how far a unit vector's length may be from one
 _PLACE = 1e-6  # how far a tip may be from its element's centre, relative to the mesh's extent
@@ -25,7 +23,7 @@ class BadMesh(ValueError):
     """Arrays that do not describe a boundary mesh."""
 
 
-def check_mesh(mesh: BoundaryMesh) -> None:
+def check_mesh(mesh: MeshArrays) -> None:
     """Check that a mesh's arrays describe one.
 
     Raises
@@ -56,7 +54,7 @@ def _fail(what: str) -> NoReturn:
     raise BadMesh(f"boundary mesh: {what}.")
 
 
-def _arrays(mesh: BoundaryMesh) -> Iterator[tuple[str, np.ndarray, str, str]]:
+def _arrays(mesh: MeshArrays) -> Iterator[tuple[str, np.ndarray, str, str]]:
     """Name, numbers, shape ("any" for any length) and what they refer to."""
     for owner, prefix in ((mesh, ""), (mesh.pairs, "pairs.")):
         for item in fields(owner):
@@ -91,7 +89,7 @@ def _check_array(name: str, values: np.ndarray, shape: str, of: str, sizes: dict
         _fail(f"{name} refers to number {number}, 0 to {sizes[of] - 1} exist")
 
 
-def _check_chains(mesh: BoundaryMesh) -> None:
+def _check_chains(mesh: MeshArrays) -> None:
     """The edges of an element follow one another, and end where they began if it is closed."""
     start, flat = mesh.element_start, mesh.element_edges
     if start[0] != 0 or start[-1] != len(flat) or (np.diff(start) < 1).any():
@@ -111,7 +109,7 @@ def _check_chains(mesh: BoundaryMesh) -> None:
         _fail(f"S-element {wrong[0]} is marked closed but its edges are no loop, or the other way round")
 
 
-def _check_uses(mesh: BoundaryMesh) -> None:
+def _check_uses(mesh: MeshArrays) -> None:
     """An edge is one element's, or two elements' in opposite directions."""
     uses = np.bincount(mesh.element_edges, minlength=len(mesh.edges))
     direction = np.where(mesh.element_reversed, -1.0, 1.0)
@@ -121,7 +119,7 @@ def _check_uses(mesh: BoundaryMesh) -> None:
         _fail(f"edge {wrong[0]} is used {uses[wrong[0]]} times or twice in the same direction")
 
 
-def _check_centres(mesh: BoundaryMesh) -> None:
+def _check_centres(mesh: MeshArrays) -> None:
     """Each edge is passed counter-clockwise as seen from the scaling centre."""
     element = np.repeat(np.arange(mesh.elements), np.diff(mesh.element_start))
     edges = mesh.edges[mesh.element_edges]
@@ -138,7 +136,7 @@ def _check_centres(mesh: BoundaryMesh) -> None:
         )
 
 
-def _check_pairs(mesh: BoundaryMesh) -> None:
+def _check_pairs(mesh: MeshArrays) -> None:
     pairs = mesh.pairs
     same = np.flatnonzero(pairs.nodes[:, 0] == pairs.nodes[:, 1])
     if len(same):
@@ -156,7 +154,7 @@ def _check_pairs(mesh: BoundaryMesh) -> None:
             _fail(f"the {name} of contact pair {wrong[0]} is {value:.6g}, not {least:.6g} to {most:.6g}")
 
 
-def _check_tips(mesh: BoundaryMesh) -> None:
+def _check_tips(mesh: MeshArrays) -> None:
     names = [crack.name for crack in mesh.cracks]
     for what, items in (("cracks", names), ("tips", [tip.name for tip in mesh.tips])):
         if len(set(items)) < len(items):
@@ -173,7 +171,7 @@ def _check_tips(mesh: BoundaryMesh) -> None:
                 _fail(f"tip {tip.name!r} has the face {face!r}, which is no edge set")
 
 
-def _check_tip(mesh: BoundaryMesh, what: str, tip, axis, opening: float, element: int) -> None:
+def _check_tip(mesh: MeshArrays, what: str, tip, axis, opening: float, element: int) -> None:
     for name, vector in (("tip", tip), ("axis", axis)):
         _check_two(f"{name} of {what}", vector)
     if abs(np.hypot(*axis) - 1.0) > _UNIT:

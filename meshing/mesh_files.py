@@ -9,15 +9,13 @@ import re
 from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, TypeVar
 
 import numpy as np
 
 from meshing.input_checks import path as checked_path
+from meshing.mesh_arrays import ContactPairs, Crack, MeshArrays, Tip
 from meshing.whole_file import read_whole, replaced
-
-if TYPE_CHECKING:
-    from meshing.boundary_mesh import BoundaryMesh
 
 _FORMAT = "sbfem boundary mesh"
 _VERSION = 6
@@ -25,16 +23,10 @@ _BLOCK = 512  # bytes ahead of the HDF5 content; the least that HDF5 knows
 _SETS = {"edge_sets": "edge set", "points": "point"}
 
 
-class Kinds(NamedTuple):
-    """Classes of what a file holds: the mesh, its `pairs`, each of its `cracks` and `tips`."""
-
-    mesh: type[BoundaryMesh]
-    pairs: type
-    cracks: type
-    tips: type
+Mesh = TypeVar("Mesh", bound=MeshArrays)
 
 
-def save(mesh: BoundaryMesh, path: str | os.PathLike[str]) -> None:
+def save(mesh: MeshArrays, path: str | os.PathLike[str]) -> None:
     """Write a mesh to an HDF5 file.
 
     The file describes itself (every data set has a "description"). Ahead of the HDF5 content stands a block
@@ -52,7 +44,7 @@ def save(mesh: BoundaryMesh, path: str | os.PathLike[str]) -> None:
         Path(temporary).write_bytes(_head(content) + content)
 
 
-def _packed(mesh: BoundaryMesh) -> bytes:
+def _packed(mesh: MeshArrays) -> bytes:
     """The HDF5 content of a file, without the block ahead of it."""
     import h5py
 
@@ -98,7 +90,7 @@ def _head(content: bytes) -> bytes:
     return text.encode().ljust(_BLOCK, b"\n")
 
 
-def load(path: str | os.PathLike[str], kinds: Kinds) -> BoundaryMesh:
+def load(path: str | os.PathLike[str], kind: type[Mesh]) -> Mesh:
     """Read a mesh that `save` has written.
 
     Raises
@@ -126,14 +118,14 @@ def load(path: str | os.PathLike[str], kinds: Kinds) -> BoundaryMesh:
             "damaged; save the mesh again."
         )
     try:
-        return kinds.mesh(**_unpacked(stored, kinds))
+        return kind(**_unpacked(stored))
     except (OSError, KeyError, RuntimeError, TypeError, AttributeError) as error:
         raise ValueError(f"{path}: it is no boundary mesh of this version ({error}).") from error
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
 
 
-def _unpacked(stored: bytes, kinds: Kinds) -> dict[str, Any]:
+def _unpacked(stored: bytes) -> dict[str, Any]:
     """Fields of the mesh in a file's bytes."""
     import h5py
 
@@ -149,8 +141,7 @@ def _unpacked(stored: bytes, kinds: Kinds) -> dict[str, Any]:
             names = [f"{title}/{i}" for i in range(len(file[title]))]
             return {_own(file, name, len(stored)).attrs["name"]: values(name) for name in names}
 
-        def parts(title: str) -> tuple[Any, ...]:
-            kind = getattr(kinds, title)
+        def parts(title: str, kind: type[Any]) -> tuple[Any, ...]:
             found = (file[title][str(i)].attrs for i in range(len(file[title])))
             return tuple(
                 kind(**{item.name: _plain(attrs[item.name]) for item in fields(kind)}) for attrs in found
@@ -159,16 +150,16 @@ def _unpacked(stored: bytes, kinds: Kinds) -> dict[str, Any]:
         return {
             "order": int(file.attrs["order"]),
             "clamped": str(file.attrs["clamped"]) or None,
-            **arrays(kinds.mesh),
+            **arrays(MeshArrays),
             "material_names": tuple(name.decode() for name in values("material_names").tolist()),
             "sector_materials": {
                 int(element): values(f"sector_materials/{element}") for element in file["sector_materials"]
             },
             "edge_sets": named("edge_sets"),
             "points": {name: int(node) for name, node in named("points").items()},
-            "pairs": kinds.pairs(**arrays(kinds.pairs, "pairs/")),
-            "cracks": parts("cracks"),
-            "tips": parts("tips"),
+            "pairs": ContactPairs(**arrays(ContactPairs, "pairs/")),
+            "cracks": parts("cracks", Crack),
+            "tips": parts("tips", Tip),
         }
 
 
@@ -184,7 +175,7 @@ def _own(file, name: str, size: int):
     return dataset
 
 
-def export(mesh: BoundaryMesh, path: str | os.PathLike[str]) -> None:
+def export(mesh: MeshArrays, path: str | os.PathLike[str]) -> None:
     """Write the edges in a format of meshio, chosen by the file's ending.
 
     Edges become polylines through their GLL nodes: p straight "line" cells each, so that curved edges keep

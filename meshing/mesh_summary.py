@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from meshing.gll import gll_nodes, lagrange_slopes
-
-if TYPE_CHECKING:
-    from meshing.boundary_mesh import BoundaryMesh
+from meshing.mesh_arrays import MeshArrays
 
 
-def edge_lengths(mesh: BoundaryMesh) -> np.ndarray:
+def edge_lengths(mesh: MeshArrays) -> np.ndarray:
     """Lengths of the polynomial edges, m, (n_edges,)."""
     at, weight = np.polynomial.legendre.leggauss(mesh.order + 2)
     tangents = lagrange_slopes(gll_nodes(mesh.order), at) @ mesh.nodes[mesh.edges]
     return np.hypot(tangents[..., 0], tangents[..., 1]) @ weight
 
 
-def summary(mesh: BoundaryMesh) -> str:
+def summary(mesh: MeshArrays) -> str:
     """Extent, S-elements, unknowns, materials, edge sets, points, cracks with their tips and pairs.
 
     Parameters

@@ -8,9 +8,9 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from meshing.boundary_mesh import ContactPairs
 from meshing.cells.complex import CrackFaces, FacePath
 from meshing.gll import gll_nodes, lagrange_slopes, lagrange_values
+from meshing.mesh_arrays import ContactPairs
 from meshing.vectors import turn
 
 FRACTION_TOLERANCE = 1e-6

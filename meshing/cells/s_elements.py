@@ -6,10 +6,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from meshing.boundary_mesh import BoundaryMesh, Crack, Recipe, Tip
+from meshing.boundary_mesh import BoundaryMesh, Recipe
 from meshing.cells.complex import Cell, CellComplex, CrackFaces, Edge, edge_key
 from meshing.cells.contact_faces import crack_pairs, join_pairs, without_doubles
 from meshing.gll import gll_nodes, lagrange_slopes, lagrange_values
+from meshing.mesh_arrays import Crack, Tip
 from meshing.vectors import cross
 
 # Distance of the scaling centre from the nearest tangent of the outline, relative to the square root of the

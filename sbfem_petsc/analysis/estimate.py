@@ -265,7 +265,7 @@ def refined(
     first = start if isinstance(start, Model) else None
     if isinstance(start, Model):
         make_model, mesh = start.remade, {"order": start.order, **start.mesh_options(owner)}
-        options = {"continued_fraction": start.continued_fraction, "tip_modes": start.tip_modes}
+        options = {"continued_fraction": start.continued_fraction, "tip_modes": start.tips.modes}
     else:
         make_model, mesh, options = start.make_model, dict(start.mesh), dict(start.options)
     done: list[Level] = []
@@ -364,7 +364,7 @@ def _sizes(model: Model) -> tuple[float, float]:
     """The longest straight edge, and the least reach of an S-element on a tip; inf without one.
     Collective.
     """
-    part, order = model.part, model.order
+    part, order = model.layout.part, model.order
     longest, reach = 0.0, math.inf
     for chain, closed, centre in zip(part.chains, part.closed, part.centres):
         corners = part.coordinates[chain[::order]]

@@ -257,10 +257,10 @@ def _state_size(model: Model) -> float:
     and by unknowns, what belongs to the contact rows, and Python's own.
     """
     nodes, unknowns = (
-        len(model.part.nodes),
-        int(model.ranges[model.comm.rank + 1] - model.ranges[model.comm.rank]),
+        len(model.layout.part.nodes),
+        model.layout.owned.stop - model.layout.owned.start,
     )
-    return 8.0 * (4 * nodes + 2 * unknowns + 6 * model.gap_operator.pairs) + 6000.0
+    return 8.0 * (4 * nodes + 2 * unknowns + 6 * model.contact.pairs) + 6000.0
 
 
 def _checked(time) -> np.ndarray:

@@ -141,7 +141,7 @@ def state(
     """The solution on the model's own mesh, of faces that rub after a former one. Collective."""
     _prepare(model, load)
     found = _solved(model, load, contact, solve, former)
-    warn_of_tips("static", model)
+    warn_of_tips("static", model.tips)
     _warn_of_springs(found)
     if contact:
         _warn_of_contact(found)
@@ -206,7 +206,7 @@ def _warn_of_closing(found: Static) -> None:
     """Warn where faces that rub have come together in one step: what they slid while they were apart does not
     resist.
     """
-    gaps, friction = found.model.gap_operator, found.model.gap_operator.friction
+    gaps, friction = found.model.contact, found.model.contact.friction
     if friction is None:
         return
     rows = friction.rows[friction.static > 0.0]
@@ -226,32 +226,33 @@ def _solved(model: Model, load, contact: bool, solve, former: Static | None = No
     columns = model.load_columns([load])
     found = equilibrium(model, columns, contact, solve, None if former is None else former.equilibrium.memory)
     _judge(found.residual)
-    model.refinement.judge("static")
+    model.statics.refinement.judge("static")
     model.solver.judge("static")
-    points, field = model.at_points(found.owned), model.nodal(found.owned)
+    points, field = model.layout.at_points(found.owned), model.nodal(found.owned)
     if columns.lift is not None:
         points = {name: u + lift[:, 0] for (name, u), lift in zip(points.items(), columns.lift.points)}
         field = field + columns.lift.nodal[..., 0]
+    pressed = contact_nodal_forces(model.contact, model.tips, found.force)
     return Static(
         points,
-        found.force[: model.gap_operator.pairs],
-        found.gap[: model.gap_operator.pairs],
-        found.active[: model.gap_operator.pairs],
-        float(found.force[: len(model.gap_operator.laws)].sum()),
+        found.force[: model.contact.pairs],
+        found.gap[: model.contact.pairs],
+        found.active[: model.contact.pairs],
+        float(found.force[: len(model.contact.laws)].sum()),
         field,
         found.iterations,
         model.solver.name,
         found.residual,
         found.intensities,
-        energy_release_rates(model, found.intensities),
-        t_stresses(model, field, found.force, columns.tip_forces),
-        model.support_forces(field, columns.nodal[..., 0] + contact_nodal_forces(model, found.force)),
+        energy_release_rates(model.tips, found.intensities),
+        t_stresses(model.tips, field, found.force, columns.tip_forces),
+        model.support_forces(field, columns.nodal[..., 0] + pressed),
         as_loads(load),
         model,
         columns,
         found,
-        notes=notes(model, found.force, columns.tip_forces),
-        tip_facts=model.tips.facts,
+        notes=notes(model.tips, found.force, columns.tip_forces),
+        tip_facts=model.tips.intensities.facts,
         pair_cracks=tuple(model.cracks[k].name for k in model.pairs.crack),
         **_rubbed(model, found),
     )
@@ -261,7 +262,7 @@ def _rubbed(model: Model, found: Equilibrium) -> dict[str, Any]:
     """What faces that rub have beside the others."""
     if found.memory is None:
         return {}
-    pairs = model.gap_operator.pairs
+    pairs = model.contact.pairs
     return dict(
         slip=found.memory.slip[:pairs],
         friction_force=found.memory.force[:pairs],
@@ -273,7 +274,7 @@ def _warn_of_springs(found: Static) -> None:
     """Warn where a body gives way as a whole so much more than its faces do that the compliance of contact
     has few digits of theirs.
     """
-    compliance = found.model.kept_compliance  # none where larger problems are solved without it
+    compliance = found.model.contact.kept_compliance  # none where larger problems are solved without it
     touching = np.flatnonzero(found.active)
     one, row, other = touching[:-2], touching[1:-1], touching[2:]
     pairs = found.model.pairs

@@ -16,11 +16,11 @@ from ..petsc import MPI
 from ..ranks.parallel import agreed
 from ..record.gather import whole
 from ..record.record import Record, derived, described, quantity
-from ..system.boundary import LoadColumns
 from ..system.fields.fracture import contact_pressure, unresolved_contact
 from ..system.fields.places import PlaceRows, Places, checked_line, checked_place
 from ..system.fields.sampling import Field
 from ..system.fields.tip_facts import TipFacts
+from ..system.loads import LoadColumns
 from ..system.model import Model
 from ..system.solve.equilibrium import Equilibrium
 
@@ -118,7 +118,7 @@ class Static(Record):
         """The field, on rank 0. Collective."""
         if self.model is None:
             return {"field": self.field}
-        part = self.model.part
+        part = self.model.layout.part
         return {"field": whole(self.model.comm, part.nodes, self.field)}
 
     @property
@@ -196,7 +196,7 @@ class Static(Record):
     def _at(self, forms: PlaceRows, components: int) -> np.ndarray:
         """(places, components) of displacement or stress."""
         found = self.equilibrium
-        direct = forms.direct(self._solved, self.columns)[:, 0]
+        direct = forms.direct(self.columns)[:, 0]
         flat = forms.rows(found.owned) + forms.contact @ found.force + direct
         return flat.reshape(-1, components)
 
@@ -204,7 +204,7 @@ class Static(Record):
     def interior(self) -> Field:
         """What determines displacement and stress inside the S-elements of this rank."""
         loads = {number: forces[:, 0] for number, forces in self.columns.tip_forces.items()}
-        return Field.of_forces(self._solved, self.field, self.equilibrium.force, loads)
+        return Field.of_forces(self._solved.tips, self.field, self.equilibrium.force, loads)
 
     def contact_pressure(self, crack: str | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Contact pressure along a crack, the first one by default: positions (m from its tip, of several
@@ -214,13 +214,13 @@ class Static(Record):
         Forces of the pairs over the length of face that each stands for, and the traction on the faces inside
         the tip element.
         """
-        return contact_pressure(self._solved, self.equilibrium.force, crack)
+        return contact_pressure(self._solved.tips, self.equilibrium.force, crack)
 
     @functools.cached_property
     @agreed()
     def strain_energy(self) -> float:
         """J, that of elastic supports included. Collective."""
-        found, columns, gap = self.equilibrium, self.columns, self._solved.gap_operator
+        found, columns, gap = self.equilibrium, self.columns, self._solved.contact
         # the forces on the free unknowns are in balance with K u
         by_loads = self._solved.comm.allreduce(float(columns.forces[:, 0] @ found.owned))
         by_contact = float(found.force @ gap.rows(found.owned))
@@ -239,7 +239,7 @@ class Static(Record):
         form from the K_I that they leave. `contact_resultant` is too small by about their sum; a negative one
         stands for modes that carry too much, where the contact ends inside a tip's S-element. Collective.
         """
-        return unresolved_contact(self._solved, self.stress_intensity, self.equilibrium.force)
+        return unresolved_contact(self._solved.tips, self.stress_intensity, self.equilibrium.force)
 
     def __repr__(self) -> str:
         points = ", ".join(f"{n}: ({u[0]:.6g}, {u[1]:.6g})" for n, u in self.point_displacements.items())

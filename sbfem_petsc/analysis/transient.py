@@ -226,7 +226,7 @@ class _Unreduced:
     def of(
         cls, model: Model, loads: Loading, initial: Any, modes: int | None, contact: bool, given: bool
     ) -> _Unreduced:
-        touching = contact and len(model.gap_operator) > 0
+        touching = contact and len(model.contact) > 0
         limited = (touching or loads.jumps) and not given
         needed = model.damping or limited
         damped = (modes or default_modes(model, loads.highest_frequency)) if needed else 0

@@ -14,7 +14,7 @@ from ..motion.files import run_file
 from ..motion.files.run_file import RunFile
 from ..motion.period_map import Period
 from ..motion.unreduced.period import UnreducedPeriod
-from ..motion.unreduced.ranks import Layout, kept_layouts, layout_of, layouts_in, moved_whole
+from ..motion.unreduced.ranks import Labels, kept_layouts, layout_of, layouts_in, moved_whole
 from ..petsc import MPI
 from ..ranks.parallel import collective
 from ..record.files import image
@@ -195,11 +195,11 @@ def _conditions(
     }
 
 
-def _points(kept: Kept) -> tuple[list[tuple[list[Layout], np.ndarray]], tuple[float, str, bool]]:
+def _points(kept: Kept) -> tuple[list[tuple[list[Labels], np.ndarray]], tuple[float, str, bool]]:
     """All points, state and value in a row, of each run whose ranks differ from those of the one before, with
     the ranks' layouts; the length of the next step, why the line ended, and whether it is complete.
     """
-    layouts, points, end = layouts_in(kept.head), list[tuple[list[Layout], np.ndarray]](), (0.0, "", False)
+    layouts, points, end = layouts_in(kept.head), list[tuple[list[Labels], np.ndarray]](), (0.0, "", False)
     for frame in kept.frames():
         layouts = layouts_in(frame) or layouts
         points[frame["first"] :] = [(layouts, row) for row in frame["unknowns"]]

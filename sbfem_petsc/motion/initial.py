@@ -13,11 +13,11 @@ from ..reduction.reduced_model import ReducedModel
 from ..selement.basis import shape_functions
 from ..selement.coefficients import edge_nodes
 from ..selement.interior_motion import interior_fields
-from ..system.boundary import owned_values
+from ..system.elements.elements import Elements
 from ..system.elements.shapes import Group
+from ..system.layout.layout import Layout
 from ..system.solve.modal_result import Modal
 from ..system.solve.pencil import Pencil
-from ..system.structure import Structure
 
 # Gauss points along the radius, for functions that cells resolve.
 RADIAL_POINTS = 8
@@ -26,7 +26,7 @@ RADIAL_POINTS = 8
 LEAST_INERTIA = 0.1
 
 
-def nodal_field(model: Structure, function: Callable | None, what: str) -> np.ndarray:
+def nodal_field(layout: Layout, function: Callable | None, what: str) -> np.ndarray:
     """(m, 2): values at this rank's nodes of a function of x and y, zero for None.
 
     Raises
@@ -34,10 +34,10 @@ def nodal_field(model: Structure, function: Callable | None, what: str) -> np.nd
     ValueError
         If it does not give two finite values a place; on all ranks.
     """
-    places = model.part.coordinates
+    places = layout.part.coordinates
     if function is None:
         return np.zeros(places.shape)
-    with collective(model.comm):
+    with collective(layout.comm):
         return _values(function, places, what)
 
 
@@ -58,26 +58,26 @@ def momentum(
     less : (m, 2) array, optional
         Displacements of this rank's nodes whose static field is taken off the function.
     """
-    model = pencil.model
-    nodal, inside = np.zeros(model.part.coordinates.shape), np.zeros(len(pencil.auxiliary_inertia()))
+    layout = pencil.layout
+    nodal, inside = np.zeros(layout.part.coordinates.shape), np.zeros(len(pencil.auxiliary_inertia()))
     if function is None:
         return np.zeros(pencil.owned + len(inside))
-    with collective(model.comm):
+    with collective(layout.comm):
         known: dict[int, _Weights] = {}  # one for each shape
         for group, scale, numbers in pencil.placed():
-            weights = known.setdefault(id(group.solution), _Weights(model, group))
+            weights = known.setdefault(id(group.solution), _Weights(pencil.elements, group))
             on_nodes, on_auxiliary = weights.integrals(
                 group, function, what, None if less is None else less[group.nodes]
             )
             np.add.at(nodal, group.nodes, scale * on_nodes)
             inside[numbers] = scale * on_auxiliary
-    return np.concatenate([model.summed_nodal(nodal), inside])
+    return np.concatenate([layout.summed(nodal), inside])
 
 
 class _Weights:
     """Quadrature over S-elements of one shape, and the fields of their unknowns there."""
 
-    def __init__(self, model: Structure, group: Group):
+    def __init__(self, elements: Elements, group: Group):
         eta, along = np.polynomial.legendre.leggauss(group.order + 3)
         xi, inwards = np.polynomial.legendre.leggauss(RADIAL_POINTS)
         self._levels = 0.5 * (xi + 1.0)
@@ -87,14 +87,12 @@ class _Weights:
         (x, y), (dx, dy) = (np.moveaxis(table @ outline, -1, 0) for table in (self._values, slopes))
         self._places = np.stack([x, y], axis=-1)
         area = (x * dy - y * dx) * along  # on the boundary; xi dxi of it inside
-        densities = model.materials[group.material].densities
+        densities = elements.materials[group.material].densities
         if densities is not None:
             area = area * densities[:, None]
         self._area = 0.5 * np.einsum("l,eq->leq", self._levels * inwards, area)
-        self._static, self._auxiliary = interior_fields(
-            group.solution, self._levels, model.continued_fraction
-        )
-        self._centres = model.part.centres
+        self._static, self._auxiliary = interior_fields(group.solution, self._levels, elements.terms)
+        self._centres = elements.layout.part.centres
 
     def integrals(
         self, group: Group, function: Callable, what: str, less: np.ndarray | None
@@ -179,7 +177,7 @@ def modal_start(reduced: ReducedModel, initial: tuple) -> tuple[np.ndarray, np.n
                 "transient: initial by functions of x and y needs a model; give modal coordinates (q, v)"
             )
         )
-    pencil = Pencil(model, 1.0, 0.0)
+    pencil = Pencil(model.statics, 1.0, 0.0)
     try:
         shapes, result = full_shapes(pencil, found), []
         for function, what in zip(initial, ("displacement", "velocity")):
@@ -196,12 +194,11 @@ def unreduced_state(pencil: Pencil, function: Callable | None, what: str) -> np.
     the nodes, and inside the S-elements the nearest field, in the mean square, that the auxiliary unknowns
     add. Collective.
     """
-    model = pencil.model
     state = np.zeros(pencil.owned + len(pencil.auxiliary_inertia()))
     if function is None:
         return state
-    nodal = nodal_field(model, function, what)
-    state[: pencil.owned] = owned_values(model, nodal)
+    nodal = nodal_field(pencil.layout, function, what)
+    state[: pencil.owned] = pencil.layout.owned_values(nodal)
     left = momentum(pencil, function, what, nodal)[pencil.owned :]
     inertia = pencil.auxiliary_inertia()
     for _, _, numbers in pencil.placed():

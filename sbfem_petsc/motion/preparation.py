@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from ..checks import shown
 from ..contact.friction import Friction
@@ -20,9 +20,6 @@ from .loading import Loading, communicator, loading, serving
 from .period_map import Period
 from .step_plan import CONTACT_STEP, warn_if_coarse
 
-if TYPE_CHECKING:
-    from ..continuation.orbit import Orbit
-
 # Steps a forcing period, and most forcing periods that a common period of tones is looked for in.
 STEPS, LONGEST = 512, 64
 # Default steps a period of the loads' highest frequency, with contact: with 64, 32, 16 of them the sidebands
@@ -30,6 +27,14 @@ STEPS, LONGEST = 512, 64
 FAST_STEPS = 32
 # Directions of contact at an instant that the derivative keeps: of some twenty rows about so many remain.
 DIRECTIONS = 6
+
+
+class Begun(Protocol):
+    """A motion to begin from, such as an orbit."""
+
+    @property
+    def reduced(self) -> ReducedModel | None:
+        """Its model, None where it was not reduced."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +77,7 @@ def prepare(
     frequency: float,
     *,
     settings: PeriodSettings,
-    guess: Orbit | None = None,
+    guess: Begun | None = None,
 ) -> Period:
     """The period map of checked input. Collective.
 
@@ -221,7 +226,7 @@ def refuse_falling(owner: str, friction: Friction | None) -> None:
         )
 
 
-def check_guess(owner: str, guess: Orbit, reduced: ReducedModel) -> None:
+def check_guess(owner: str, guess: Begun, reduced: ReducedModel) -> None:
     """A motion's state has a meaning in the modes of its own model alone."""
     if guess.reduced is None:
         raise ValueError(f"{owner}: the motion to begin from is that of an unreduced model")

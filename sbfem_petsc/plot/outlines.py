@@ -51,13 +51,13 @@ def gather_outline(model: Model, fields: list[Any], subdivisions: int | None = N
     -------
     list of Piece on rank 0, None elsewhere
     """
-    part = model.part
+    part = model.layout.part
     pieces: dict[tuple, Piece] = {}
     at = np.linspace(-1.0, 1.0, (model.order if subdivisions is None else subdivisions) + 1)
     values, _ = shape_functions(model.order, at)
     stacked = np.stack([part.coordinates, *(as_field(state).nodal for state in fields)])
     for chain in range(len(part.chains)):
-        for nodes in outline_edges(model, chain):
+        for nodes in outline_edges(model.layout, chain):
             ends = (int(part.nodes[nodes[0]]), int(part.nodes[nodes[-1]]))
             inner = sorted(int(n) for n in part.nodes[nodes[1:-1]][[0, -1]]) if model.order > 1 else []
             key = (min(ends), max(ends), *inner)
@@ -83,14 +83,14 @@ def _open_faces(model: Model, fields: list[Any]) -> list[Piece]:
     """
     pieces = []
     names = {str(k): field for k, field in enumerate(fields)}
-    for patch in sample(model, names, stress=False, keep=~model.part.closed):
+    for patch in sample(model.tips, names, stress=False, keep=~model.layout.part.closed):
         for row, element in enumerate(patch.elements):
-            chain = model.part.nodes[model.part.chains[element]]
+            chain = model.layout.part.nodes[model.layout.part.chains[element]]
             arrays = [patch.positions[row]] + [patch.displacements[name][row] for name in names]
             lines = [np.concatenate([a[:, -1, -1], a[-2::-1, 0, 0]]) for a in arrays]
             if patch.mirrored[row]:
                 lines = [line[::-1] for line in lines]
-            key = (-1 - int(model.part.elements[element]),)
+            key = (-1 - int(model.layout.part.elements[element]),)
             pieces.append(
                 Piece(
                     key,
@@ -149,14 +149,14 @@ def gather_region(
     subdivisions, refine
         See `sample`. Default: twice the order, six at least.
     """
-    part = model.part
+    part = model.layout.part
     keep = np.zeros(len(part.chains), dtype=bool)
     for k, chain in enumerate(part.chains):
         corners = np.vstack([part.coordinates[chain], part.centres[k]])
         keep[k] = (corners.min(axis=0) < centre + half).all() and (corners.max(axis=0) > centre - half).all()
     pieces, offset = [], 0
     pieces_an_edge = subdivisions or max(2 * model.order, 6)
-    for patch in sample(model, {"u": field}, keep=keep, subdivisions=pieces_an_edge, refine=refine):
+    for patch in sample(model.tips, {"u": field}, keep=keep, subdivisions=pieces_an_edge, refine=refine):
         quadrilaterals, triangles = (cells.reshape(-1, cells.shape[-1]) for cells in point_grid_cells(patch))
         cells = np.concatenate([quadrilaterals[:, [0, 1, 2]], quadrilaterals[:, [0, 2, 3]], triangles])
         points = patch.positions.reshape(-1, 2)
@@ -188,12 +188,12 @@ def contact_lengths(model: Model) -> np.ndarray:
 
     The force of a pair divided by this length (and by the thickness) is the contact pressure there.
     """
-    part = model.part
+    part = model.layout.part
     result = np.zeros(len(model.pairs))
     pair_of = {int(node): k for k, node in enumerate(model.pairs.nodes[:, 0])}
     values, derivatives, weights = tabulated(model.order, model.order + 2)
     for chain in range(len(part.chains)):
-        for nodes in outline_edges(model, chain):
+        for nodes in outline_edges(model.layout, chain):
             pairs = [pair_of.get(int(n), -1) for n in part.nodes[nodes]]
             if min(pairs) >= 0:
                 speed = np.linalg.norm(derivatives @ part.coordinates[nodes], axis=1)

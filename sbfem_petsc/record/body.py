@@ -85,9 +85,11 @@ class Body(Record):
             ranks=model.comm.size,
             boundary_unknowns=int(model.boundary_unknowns),
             unknowns=int(model.unknowns),
-            materials=tuple(f"{n}: {_exact(m)}" for n, m in zip(model.material_names, model.materials)),
+            materials=tuple(
+                f"{n}: {_exact(m)}" for n, m in zip(model.layout.material_names, model.materials)
+            ),
             supports=tuple(map(_exact, model.supports)),
-            edge_sets=tuple(model.edge_set_names),
+            edge_sets=tuple(model.layout.edge_sets),
             points={name: np.array(at, dtype=float) for name, (at, *_) in model.points.items()},
             cracks=tuple(crack.name for crack in cracks),
             crack_tip=np.array([crack.tip for crack in cracks]).reshape(-1, 2),
@@ -118,9 +120,9 @@ def _exact(item: Any) -> str:
 
 def _mesh(model: Any) -> dict[str, np.ndarray] | None:
     """Nodes and S-elements of all ranks, on rank 0. Collective."""
-    part = model.part
+    part = model.layout.part
     chains = [part.nodes[chain] for chain in part.chains]
-    numbers = np.array([model.named_materials(int(k))[0] for k in part.materials], dtype=np.int64)
+    numbers = np.array([model.cells.named_materials(int(k))[0] for k in part.materials], dtype=np.int64)
     parts = model.comm.gather(
         (part.nodes, part.coordinates, part.elements, part.centres, part.closed, numbers, chains)
     )

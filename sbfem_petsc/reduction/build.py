@@ -223,16 +223,16 @@ def reduced(model: Model, units: tuple[Load, ...], modes: int) -> ReducedModel:
 
 def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel:
     model.require_support("the reduction")
-    warn_of_tips("reduce", model)
-    gap, compliance = model.gap_operator, model.compliance
+    warn_of_tips("reduce", model.tips)
+    gap, tips, compliance = model.contact, model.tips.intensities, model.compliance
     gap_modes = gap.rows(found.shapes)
-    point_modes = model.point_rows(found.shapes).reshape(len(model.points), 2, len(found.frequencies))
-    tip_modes = model.tips.rows(found.shapes).reshape(len(model.tips.names), 2, len(found.frequencies))
+    point_modes = model.layout.point_rows(found.shapes).reshape(len(model.points), 2, len(found.frequencies))
+    tip_modes = tips.rows(found.shapes).reshape(len(tips.names), 2, len(found.frequencies))
     translation = _translation(model, found)
 
     columns = model.load_columns(units)
     forces = columns.forces
-    width = block_width(model)
+    width = block_width(model.layout)
     solved = np.concatenate(
         [model.solver.columns(forces[:, k : k + width], "reduction") for k in range(0, len(units), width)]
         or [forces],
@@ -274,14 +274,20 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
         gap.pairs,
         load_modes,
         0.5 * (work + work.T),
-        output(tuple(model.points), model.point_rows, point_modes, compliance.points, points),
-        output(model.tips.names, model.tips.rows, tip_modes, compliance.tips, columns.tips),
+        output(tuple(model.points), model.layout.point_rows, point_modes, compliance.points, points),
+        output(
+            model.tips.intensities.names,
+            model.tips.intensities.rows,
+            tip_modes,
+            compliance.tips,
+            columns.tips,
+        ),
         translation,
         units,
         model,
         found,
         gap.laws,
-        model.tips.facts,
+        model.tips.intensities.facts,
         gap.friction,
         supports=supports,
     )

@@ -227,10 +227,10 @@ class ReducedModel(Record):
         answers = model.solver.columns(form.rows.columns(slice(None)), kind)
         by_loads = np.ascontiguousarray(answers.T @ columns.forces)
         model.comm.Allreduce(MPI.IN_PLACE, by_loads)
-        modes = form.modes(model, found.shapes, self.omega)
+        modes = form.modes(found.shapes, self.omega)
         static = 1.0 / self.omega**2
-        loads = by_loads + form.direct(model, columns)
-        contact = model.gap_operator.rows(answers).T + form.contact
+        loads = by_loads + form.direct(columns)
+        contact = model.contact.rows(answers).T + form.contact
         return LinearOutput(
             (),
             modes,
@@ -273,7 +273,7 @@ class ReducedModel(Record):
         try:
             columns = model.load_columns(self.loads)
             right.array = columns.forces @ amplitudes
-            model.gap_operator.rows.add_to(right, force)
+            model.contact.rows.add_to(right, force)
             model.solver.solve(right, solution, "field")
             static = (self.load_modes @ amplitudes + force @ self.gap.modes) / self.omega**2
             owned = solution.array_r + found.shapes @ (q - static)
@@ -283,7 +283,7 @@ class ReducedModel(Record):
         nodal = model.nodal(owned)
         if columns.lift is not None:
             nodal += columns.lift.nodal @ amplitudes
-        return Field.of_forces(model, nodal, force, loads)
+        return Field.of_forces(model.tips, nodal, force, loads)
 
     def __repr__(self) -> str:
         return (

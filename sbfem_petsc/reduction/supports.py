@@ -10,7 +10,8 @@ import numpy as np
 from ..loads import EdgeMotion, Load
 from ..petsc import MPI
 from ..record.record import Record, described, quantity
-from ..system.boundary import LoadColumns, inertia_forces, owned_values
+from ..system.contact.rows import rows_on
+from ..system.loads import LoadColumns
 from ..system.model import Model
 from ..system.solve.modal_result import Modal
 
@@ -119,9 +120,10 @@ class StaticShares(NamedTuple):
     ) -> StaticShares:
         """See `Supports.of`. Collective."""
         forces = model.support_forces
-        names, following = forces.names, forces.following(model.solver)
-        own, held = (owned_values(part, following) for part in (model, model.held))
-        contact = model.gap_operator.rows(own) + model.held.gap_operator.rows(held)
+        names, following = forces.names, forces.following()
+        held = model.layout.held
+        contact = model.contact.rows(model.layout.owned_values(following))
+        contact += rows_on(held, model.tips)(held.owned_values(following))
         loads, mass = (
             np.einsum("nis,nil->sl", -following, columns.nodal),
             np.zeros((2 * len(names), len(units))),
@@ -132,7 +134,7 @@ class StaticShares(NamedTuple):
             assert columns.lift is not None  # it moves
             field = model.nodal(solved[:, k]) + columns.lift.nodal[..., k]
             loads[:, k] = np.ravel(list(forces(field, np.zeros_like(field)).values()))
-            mass[:, k] = np.einsum("nis,ni->s", following, inertia_forces(model, field))
+            mass[:, k] = np.einsum("nis,ni->s", following, model.cells.inertia_forces(field))
         model.comm.Allreduce(MPI.IN_PLACE, mass)
         return cls(names, following, moved, loads, -contact.T, mass)
 

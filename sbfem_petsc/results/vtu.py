@@ -135,7 +135,7 @@ def _write(
         if isinstance(model, FiniteElementModel):
             _write_piece(piece, _of_body(model, fields, per))
             return piece
-        patches = sample(model, dict(fields), subdivisions, stress)
+        patches = sample(model.tips, dict(fields), subdivisions, stress)
         if patches:
             _write_piece(piece, _mesh(model, patches, per))
         else:
@@ -173,7 +173,7 @@ def sampled_mesh(
     model: Model, fields: Mapping[str, Any], subdivisions: int | None, stress: bool
 ) -> dict[str, Any]:
     """Fields at the points of all cells of a model on one rank, as the arguments of a meshio mesh."""
-    return _mesh(model, sample(model, dict(fields), subdivisions, stress), "")
+    return _mesh(model, sample(model.tips, dict(fields), subdivisions, stress), "")
 
 
 def _mesh(model: Model, patches: list[Patches], per: str) -> dict:
@@ -189,7 +189,7 @@ def _mesh(model: Model, patches: list[Patches], per: str) -> dict:
         points.append(flat)
         for kind, corners in zip(blocks, point_grid_cells(patch)):
             blocks[kind].append(corners.reshape(-1, corners.shape[-1]) + offset)
-            elements = np.repeat(model.part.elements[patch.elements], corners.shape[1])
+            elements = np.repeat(model.layout.part.elements[patch.elements], corners.shape[1])
             facts[kind].append(
                 np.stack(
                     [
@@ -222,7 +222,7 @@ def _mesh(model: Model, patches: list[Patches], per: str) -> dict:
 
 def _materials(model: Model, patch: Patches, count: int) -> np.ndarray:
     """(count,): material of each cell, numbered ring by ring, edge by edge."""
-    named = np.array(model.named_materials(patch.material))
+    named = np.array(model.cells.named_materials(patch.material))
     if len(named) == 1:
         return np.full(count, named[0])
     pieces = patch.positions.shape[3] - 1

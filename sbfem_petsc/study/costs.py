@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from .case.case import Case
+from .case.given import Given
 
 # Modes of a reduction, steps of a period, and points of a curve, where a case does not say.
 FEWEST_MODES, STEPS, CURVE_POINTS = 80, 512, 60
@@ -22,7 +20,7 @@ class Size:
     the case for its loads.
     """
 
-    case: Case
+    case: Given
     unknowns: int
     pairs: int
     points: int

@@ -26,7 +26,7 @@ from ..record.body import Body
 from ..record.record import Entry, Record, entries, record_class
 from .case.analyses import KINDS
 from .case.body import BODIES, BodyContact, BodyPoint
-from .case.case import CaseTables, Output
+from .case.case import CaseTables
 from .case.geometry import (
     GEOMETRIES,
     BeamGeometry,
@@ -43,6 +43,7 @@ from .case.geometry import (
     RayleighBand,
     Support,
 )
+from .case.given import Output
 from .case.laws import LAWS
 from .case.loads import EdgeLoad, EdgeMotion, Force, PointForce, SupportMotion
 from .case.signals import SIGNALS

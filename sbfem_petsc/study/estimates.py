@@ -41,7 +41,7 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
     if structure.body is None:
         model = structure.model
         facts["cracks"] = [crack.name for crack in model.cracks]
-        facts |= {"edge_sets": list(model.edge_set_names), "regions": list(model.material_names)}
+        facts |= {"edge_sets": list(model.layout.edge_sets), "regions": list(model.layout.material_names)}
     size = structure.size(case)
     outer = facts.get("boundary_unknowns", facts["unknowns"])
     structure.destroy()

@@ -46,7 +46,7 @@ def warn_of_idle_loads(owner: str, model: Model, units: Iterable[Load]) -> None:
 def _warn_of_held_faces(owner: str, model: Model) -> None:
     """Warn of pairs of nodes of which supports hold both along their normal."""
     moved = np.repeat(np.abs(model.pairs.normal[:, None]) > ROUNDED, 2, axis=1)
-    held = ~(moved & (model.pair_unknowns.reshape(-1, 2, 2) >= 0)).any(axis=(1, 2))
+    held = ~(moved & (model.layout.pair_unknowns.reshape(-1, 2, 2) >= 0)).any(axis=(1, 2))
     if held.any():
         names = sorted({model.cracks[crack].name for crack in model.pairs.crack[held]})
         warnings.warn(
@@ -66,13 +66,8 @@ def _idle(model: Model, unit: Load) -> tuple[bool, list[str]]:
     free, given = np.max(model.comm.allgather(local), axis=0)
     if free > ROUND_OFF * given or columns.gaps.any() or columns.tips.any():
         return False, []
-    here = [support.where for support in model.supports if loaded[_nodes(model, support.where)].any()]
+    here = [
+        support.where for support in model.supports if loaded[model.layout.own_nodes_of(support.where)].any()
+    ]
     found = sorted({name for names in model.comm.allgather(here) for name in names})
     return True, found
-
-
-def _nodes(model: Model, where: str) -> np.ndarray:
-    """This rank's numbers of the nodes of an edge set or a point."""
-    if where in model.edge_set_names:
-        return np.unique(model.part.edge_sets[where]).astype(int)
-    return np.flatnonzero(model.part.nodes == model.points[where][2])

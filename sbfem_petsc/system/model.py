@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,14 +24,12 @@ from ..damping import (
 from ..errors import UnknownName, listed, on_all_ranks
 from ..material import Material, OrthotropicMaterial
 from ..petsc import MPI, collect
-from ..ranks.parallel import agreed, alone, checked_communicator, collective
+from ..ranks.parallel import agreed, checked_communicator, collective
 from ..supports import as_supports
 from .elements.plausibility import warn_of_wave_speeds
 from .layout.distribution import declared_clamp
-from .solve.demand import require_factor
 from .solve.modal_result import Modal
 from .solve.modes import lowest_modes
-from .solve.static_solver import Compliance, StaticSolver, compliance
 from .structure import Named, Numbers, Structure
 
 # Stands for "what the mesh declares".
@@ -144,9 +142,8 @@ class Model(Structure):
             Numbers(terms, thickness, tip_modes),
         )
         self._number = comm.bcast(next(_NUMBERS))
-        warn_of_wave_speeds(self)
+        warn_of_wave_speeds(self.cells)
         self._modes: Modal | None = None
-        self._kept: dict[Hashable, Any] = {}
 
     def _fingerprint(self) -> object:
         """What tells it from others, the same on all ranks."""
@@ -159,23 +156,6 @@ class Model(Structure):
         self.destroy()
 
     # ------------------------------------------------------------------ what analyses share
-    @property
-    def solver(self) -> StaticSolver:
-        """Solver of the stiffness, factorised once, when it is asked for a solution (prefix ``static_``).
-        Collective.
-        """
-        if self.kept_solver is None:
-            require_factor(self)
-            self.kept_solver = StaticSolver(self)
-        return self.kept_solver
-
-    @property
-    def compliance(self) -> Compliance:
-        """Response to unit contact forces, solved for once. Collective."""
-        if self.kept_compliance is None:
-            self.kept_compliance = compliance(self)
-        return self.kept_compliance
-
     @agreed()
     def modes(self, count: int) -> Modal:
         """The lowest modes by the defaults of `modal`, computed once for the largest count asked for.
@@ -185,12 +165,6 @@ class Model(Structure):
         if self._modes is None or len(self._modes.frequencies) < count:
             self._modes = lowest_modes(self, max(count, 1))  # none are taken from one
         return self._modes.selected(np.arange(count))
-
-    def keep(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        """The result of `make()`, made once for a key and kept until `destroy`."""
-        if key not in self._kept:
-            self._kept[key] = make()
-        return self._kept[key]
 
     def mesh_options(self, owner: str) -> dict[str, Any]:
         """Options that the mesh was made with, those left to their defaults not among them. Collective.
@@ -236,18 +210,9 @@ class Model(Structure):
         return Model(
             made,
             continued_fraction=self.continued_fraction if continued_fraction is None else continued_fraction,
-            tip_modes=self.tip_modes if tip_modes is None else tip_modes,
+            tip_modes=self.tips.modes if tip_modes is None else tip_modes,
             **self._given,
         )
-
-    def destroy(self) -> None:
-        """Free the PETSc objects now instead of at garbage collection, which ranks reach at different
-        times.
-        """
-        if alone(self.comm):
-            return
-        self._kept.clear()
-        super().destroy()
 
     def damping_ratios(self, omega: np.ndarray) -> np.ndarray:
         """Damping ratios of the lowest modes by their angular frequencies `omega` (rad/s): the modal ratios

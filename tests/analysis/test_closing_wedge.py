@@ -35,7 +35,7 @@ def test_other_numbers_of_polynomials(modes):
     found = sb.static(sb.Model(tilted_notch(), ALUMINIUM, tip_modes=modes), CLOSING)
     first, second = found.stress_intensity["crack1"]
     assert abs(first) < (1e-2 if modes == 1 else 1e-4) * abs(second)
-    assert len(found.model.gap_operator) == len(found.contact_force) + modes + 1
+    assert len(found.model.contact) == len(found.contact_force) + modes + 1
 
 
 # Crack of the half-length C in a wide plate, whose faces stand SLOPE (C - |x|) apart next to the tips, beyond
@@ -104,7 +104,7 @@ def test_open_faces_have_their_t_stress():
         mesh = plate.mesh() if gap is None else plate.mesh().with_gap("c", gap)
         model = sb.Model(mesh, ALUMINIUM, clamped="edge1")
         found.append(sb.static(model, sb.EdgeLoad("edge3", pressure=-1e6)))
-    assert [len(case.model.gap_operator) - len(case.gap) for case in found] == [8, 10]
+    assert [len(case.model.contact) - len(case.gap) for case in found] == [8, 10]
     closed, gaping = ([*case.t_stress.values(), *case.stress_intensity.values()] for case in found)
     for one, other in zip(closed, gaping):
         assert np.array_equal(one, other)
@@ -125,8 +125,8 @@ def test_which_tips_have_the_row(law, gap, rows):
     """Where faces that are not tied stand apart, but not at the tip."""
     mesh = Beam(0.1, 0.04, [VNotch(0.05, 0.02, 0.0), VNotch(0.08, 0.01, 0.1)]).mesh().with_gap("crack1", gap)
     model = sb.Model(mesh, ALUMINIUM, contact_laws={"crack1": law})
-    assert np.diff(model.tip_rows).tolist() == [rows, 5]
-    assert len(model.gap_operator) == len(mesh.pairs) + rows + 5
+    assert np.diff(model.tips.first_rows).tolist() == [rows, 5]
+    assert len(model.contact) == len(mesh.pairs) + rows + 5
     assert sb.static(model, sb.PointForce("A", fy=1e3)).contact_force.shape == (len(mesh.pairs),)
 
 
@@ -148,7 +148,7 @@ def two_ranks():
         found = sb.static(model, sb.PointForce("A", fy=3e4))
         stress = found.stress((0.1, 0.0199))
         return {
-            "rows": model.tip_rows.tolist(),
+            "rows": model.tips.first_rows.tolist(),
             "force": found.equilibrium.force.tolist(),
             "K": [list(factors) for factors in found.stress_intensity.values()],
             "pressure": found.contact_pressure("crack2")[1].tolist(),

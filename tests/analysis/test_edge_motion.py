@@ -7,6 +7,7 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate, VNotch
+from sbfem_petsc.system.contact.rows import rows_on
 from tests.parallel import answer, on_ranks
 
 STEEL = sb.Material(210e9, 0.3, 7800)
@@ -101,8 +102,9 @@ def test_all_supports_moved_alike():
     with sb.Model(mesh, STEEL, clamped=ends) as model:
         motions = [sb.EdgeMotion(end, ux=PULL, uy=-PULL) for end in ends]
         moved = sb.static(model, motions, contact=False)
-        initial = model.gap_operator.initial[: len(moved.gap)]
-        assert model.held.gap_operator.rows.matrix.nnz and model.held.tips.rows.matrix.nnz
+        initial = model.contact.initial[: len(moved.gap)]
+        held = model.layout.held
+        assert rows_on(held, model.tips).matrix.nnz and model.tips.intensities.rows_on(held).matrix.nnz
         assert np.abs(moved.field - [PULL, -PULL]).max() < 1e-9 * PULL
         assert np.abs(moved.gap - initial).max() < 1e-9 * PULL
         unit = STEEL.young * PULL / 0.01 * np.sqrt(0.01)
@@ -218,7 +220,7 @@ def test_a_crack_that_ends_in_a_support():
         pytest.warns(sb.LoadWarning, match="both faces of 'crack1' at 1 of"),
     ):
         found = sb.static(model, press)
-    assert found.contact_force[found.active].min() > 0.0 and not model.gap_operator.flexible().all()
+    assert found.contact_force[found.active].min() > 0.0 and not model.contact.flexible().all()
     with sb.Model(mesh, STEEL, clamped=LEFT) as model, warnings.catch_warnings():
         warnings.simplefilter("error", sb.LoadWarning)
         sb.static(model, press)

@@ -77,7 +77,7 @@ def test_memory_of_many_contact_rows(monkeypatch):
     """
     notches = [VNotch(x, 0.005, 0.0) for x in (0.02, 0.04, 0.06, 0.08)]
     model = sb.Model(Beam(0.1, 0.01, notches).mesh(order=3), ALUMINIUM)
-    rows, pencil = len(model.gap_operator), Pencil(model, 1.0, 0.0)
+    rows, pencil = len(model.contact), Pencil(model.statics, 1.0, 0.0)
     march = UnreducedSteps(model, pencil, [], Steps(1, 1e-6, True, "implicit", 1), None)
     monkeypatch.setattr(unreduced_steps, "block_width", lambda _: 8)
 

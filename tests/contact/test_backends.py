@@ -38,12 +38,12 @@ def test_sequences(structure, kind, count):
     other. Each row is trusted to 1e-9 of the largest, and moves the others.
     """
     model, w = structure
-    laws, unit = model.gap_operator.laws, np.sqrt(np.diag(w))
+    laws, unit = model.contact.laws, np.sqrt(np.diag(w))
     generator, problems, unsolved, states = np.random.default_rng(3), 0, 0, set()
     for seed in range(count):
         start = None
         for gap in gaps(len(w), unit, np.random.default_rng(seed)):
-            with closing(kind(model)) as backend:
+            with closing(kind(model.statics, model.contact)) as backend:
                 found, _ = active_set(backend, gap, laws, start)
             problems += 1
             if found is None:  # a cycle, or borders that are not solved to round-off: left to the flexibility
@@ -70,8 +70,8 @@ def test_faces_of_many_edges_that_close(edges):
     crack = CrackLine([(0.06, 0.005), (0.0615, 0.0025)])
     mesh = Plate([(0, 0), (0.2, 0), (0.2, 0.005), (0, 0.005)], cracks=[crack]).mesh(order=2, face_edges=edges)
     with sb.Model(mesh, ALUMINIUM, clamped="edge4") as model:
-        count = len(model.gap_operator)
-        with closing(Bordered(model)) as backend:
+        count = len(model.contact)
+        with closing(Bordered(model.statics, model.contact)) as backend:
             force, moved = backend.closed(np.ones(count, dtype=bool), np.full(count, -1e-8), None)
         np.testing.assert_allclose(moved, 1e-8, rtol=1e-9)
         np.testing.assert_allclose(model.compliance.gaps @ force, moved, rtol=1e-7)

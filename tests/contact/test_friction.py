@@ -231,8 +231,8 @@ def test_cracks_that_meet_in_a_history(name, coefficient):
     loads = [sb.EdgeLoad("edge3", pressure=sb.Samples(time, levels)), sb.EdgeLoad("edge2", pressure=2e5)]
     with square(LINES[name], sb.Coulomb(coefficient), order=3) as model:
         found = sb.load_history(model, loads, time)
-        friction, count = model.gap_operator.friction, len(model.gap_operator.laws)
-        memory = Memory.none(model.gap_operator.laws, friction)
+        friction, count = model.contact.friction, len(model.contact.laws)
+        memory = Memory.none(model.contact.laws, friction)
         for state in found.states:
             force, gap = state.equilibrium.force, state.equilibrium.gap
             rows = np.concatenate([friction.rows, count + np.arange(len(friction.rows))])
@@ -320,7 +320,7 @@ def test_layers_give_way_before_they_slip():
     with sb.Model(beam.mesh(order=3), ALUMINIUM, contact_laws=law) as model:
         load = [sb.EdgeLoad("right", tx=-1e6), sb.PointForce("A", fy=-50.0)]
         found = sb.static(model, load)
-        operator, count = model.gap_operator, len(model.gap_operator.laws)
+        operator, count = model.contact, len(model.contact.laws)
         assert found.active.any()
         pairs = operator.pairs
         sticks = found.active & (np.abs(found.friction_force) < 0.499 * found.contact_force)

@@ -34,7 +34,7 @@ def dense(model):
     """K, G, and the initial gaps of the undeformed faces as plain arrays."""
     return (
         array_of(model.stiffness),
-        model.gap_operator.rows.matrix.toarray(),
+        model.contact.rows.matrix.toarray(),
         model.pairs.gap,
     )
 
@@ -66,7 +66,7 @@ def test_tied_statics(fy, compliance):
     np.testing.assert_allclose(found.contact_force, solved[n:], atol=1e-7 * np.abs(solved[n:]).max())
     np.testing.assert_allclose(
         found.displacement("A"),
-        model.point_rows(solved[:n]).reshape(-1, 2)[list(model.points).index("A")],
+        model.layout.point_rows(solved[:n]).reshape(-1, 2)[list(model.points).index("A")],
         rtol=1e-7,
     )
     assert (np.sign(found.contact_force) == np.sign(fy)).all() and found.active.all()
@@ -205,10 +205,12 @@ def test_a_layer_on_the_modes_of_a_tip():
     the layer's energy of a tip's pressures.
     """
     model = two_notches(tip_modes=4, contact_laws={"crack1": sb.Unilateral(LAYER)}, thickness=0.01)
-    bare = two_notches(tip_modes=4, thickness=0.01).gap_operator.flexibility.toarray()
-    added = model.gap_operator.flexibility.toarray() - bare
+    bare = two_notches(tip_modes=4, thickness=0.01).contact.flexibility.toarray()
+    added = model.contact.flexibility.toarray() - bare
     first = len(model.pairs)
-    faces = next(faces for faces in model.tip_faces if model.tip_elements[faces.number].name == "crack1")
+    faces = next(
+        faces for faces in model.tips.faces if model.layout.tip_elements[faces.number].name == "crack1"
+    )
     area = faces.size * faces.tractions.lengths[0] * 0.01
     both = np.empty((5, 5))
     for j in range(4):
@@ -380,7 +382,7 @@ def test_tied_unreduced_transient():
     stiffness, gaps, _ = dense(model)
     from sbfem_petsc.system.solve.pencil import Pencil
 
-    pencil = Pencil(model, 1.0, 0.0)
+    pencil = Pencil(model.statics, 1.0, 0.0)
     mass = array_of(pencil.mass)
     pencil.destroy()
     n, c = len(stiffness), len(gaps)
@@ -397,7 +399,7 @@ def test_tied_unreduced_transient():
         d = free + inverse @ (2.0 * gaps.T @ force)
         u, v = u + d, 2.0 / step * d - v
         forces.append(force)
-        places.append(model.at_points(u)["A"])
+        places.append(model.layout.at_points(u)["A"])
     forces, places = np.array(forces), np.array(places)
     np.testing.assert_allclose(history.contact_force, forces, atol=1e-6 * np.abs(forces).max())
     np.testing.assert_allclose(history.displacement("A"), places, atol=1e-8 * np.abs(places).max())

@@ -391,7 +391,7 @@ def test_the_last_step_is_kept(model):
 def test_long_histories_are_decimated_with_a_warning(model, monkeypatch):
     """A limit of 200 kB in place of 1 GB; an explicit decimation keeps what it says."""
     monkeypatch.setattr(capacity, "KEPT", 200_000)
-    row = 8 * (1 + 16 + 16 + 1 + len(model.gap_operator) + 5)
+    row = 8 * (1 + 16 + 16 + 1 + len(model.contact) + 5)
     with pytest.warns(sb.StepWarning, match="every [0-9]+ are kept"):
         history = sb.transient(model, LOAD, 0.002, 1e-6, modes=16, contact=False)
     assert 100_000 < len(history.time) * row <= 200_000 + row

@@ -272,7 +272,7 @@ def test_states_of_another_basis(terms):
     """
     mesh = Beam(length=0.05, height=0.005).mesh(order=2)
     model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700), continued_fraction=terms)
-    pencil, random = Pencil(model, 1.0, 0.0), np.random.default_rng(1)
+    pencil, random = Pencil(model.statics, 1.0, 0.0), np.random.default_rng(1)
     try:
         here, count = ranks.layout_of(pencil), pencil.owned
         state = random.normal(size=(count + len(pencil.auxiliary_inertia()), 2))

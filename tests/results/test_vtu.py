@@ -24,7 +24,7 @@ def _split(mesh, kept):
 
 def test_patch_test(solved, tmp_path):
     mesh, model, _, _ = solved
-    field = model.part.coordinates @ GRADIENT.T + np.array([1e-5, 2e-5])
+    field = model.layout.part.coordinates @ GRADIENT.T + np.array([1e-5, 2e-5])
     found = meshio.read(write_vtu(str(tmp_path / "patch"), model, {"u": field}))
     # the faces of the tip element carry no load, so a linear field is not its solution
     kept = ~np.isin(np.concatenate(found.cell_data["element"]), np.flatnonzero(~mesh.closed))
@@ -55,7 +55,7 @@ def test_contact_inside_the_tip_element_is_part_of_the_field(solved):
     _, model, _, cases = solved
     push = cases["closing"]
     with_forces, without = (
-        next(patch for patch in sample(model, {"u": state}, keep=~model.part.closed))
+        next(patch for patch in sample(model.tips, {"u": state}, keep=~model.layout.part.closed))
         for state in (push, push.field)
     )
     index = 0, 3, 1, 2  # a point inside of an edge's sector
@@ -72,7 +72,7 @@ def test_cells_cover_the_structure(solved, tmp_path):
         write_vtu(
             str(tmp_path / "cells.vtu"),
             model,
-            {"u": np.zeros_like(model.part.coordinates)},
+            {"u": np.zeros_like(model.layout.part.coordinates)},
             stress=False,
             subdivisions=4,
         )
@@ -164,7 +164,7 @@ def test_wrong_fields_and_places(solved, tmp_path):
     with pytest.raises(ValueError, match=r"field 'u' has shape \(3, 2\)"):
         write_vtu(str(tmp_path / "a"), model, {"u": np.zeros((3, 2))})
     with pytest.raises(ValueError, match="cannot be written"):
-        write_vtu(str(tmp_path / "none" / "a"), model, {"u": np.zeros_like(model.part.coordinates)})
+        write_vtu(str(tmp_path / "none" / "a"), model, {"u": np.zeros_like(model.layout.part.coordinates)})
 
 
 def test_as_paraviews_own_reader_sees_it(solved, tmp_path):
@@ -195,5 +195,5 @@ def test_material_of_each_cell(tmp_path):
     found = meshio.read(write_vtu(str(tmp_path / "halves.vtu"), model, {}, subdivisions=3))
     for block, material in zip(found.cells, found.cell_data["material"]):
         height = found.points[block.data, 1].mean(axis=1)
-        names = np.array(model.material_names)[material]
+        names = np.array(model.layout.material_names)[material]
         assert (names == np.where(height < 0.5, "low", "high")).all()

@@ -118,7 +118,7 @@ def test_statics_compute_no_inertia(monkeypatch):
     model = sb.Model(Beam(0.1, 0.005).mesh(order=3), STEEL, continued_fraction=2)
     sb.static(model, sb.PointForce("A", fy=1.0))
     assert calls == []
-    auxiliary = sum(2 * group.nodes.size for group in model.groups)
+    auxiliary = sum(2 * group.nodes.size for group in model.cells.groups)
     assert model.unknowns == model.boundary_unknowns + 2 * auxiliary
     sb.modal(model, 3)
     assert calls == [2] * model.shapes
@@ -143,7 +143,7 @@ def test_equations_of_few_shapes_are_kept(monkeypatch):
         model = sb.Model(Beam(0.1, 0.005).mesh(order=3), STEEL)
         found.append(sb.modal(model, 3).frequencies)
         assert len(calls) == times * model.shapes
-        assert all(group.solution.equations is None for group in model.moving_groups)
+        assert all(group.solution.equations is None for group in model.cells.moving)
     np.testing.assert_allclose(*found, rtol=1e-9)  # what two runs of an eigensolver may differ by
 
 
@@ -201,7 +201,7 @@ def test_bordered_contact(monkeypatch, close, name, number):
     sb.static(model, load, contact=False)
     assert model.solver.factorised
     agree(sb.static(model, load), expected)
-    assert len(calls) == 2 * touched and model.kept_compliance is None
+    assert len(calls) == 2 * touched and model.contact.kept_compliance is None
 
 
 def agree(found, expected):
@@ -272,8 +272,10 @@ def test_expected_contact():
     model = sb.Model(cracked(), STEEL, clamped="edge1")
     for load in (*LOADS, sb.EdgeLoad("edge3", pressure=-1e6)):
         columns = model.load_columns([load])
-        state = expected_contact(model, columns.forces[:, 0], columns.gaps[:, 0] + model.gap_operator.initial)
-        found = np.zeros(len(model.gap_operator), dtype=bool) if state is None else state != 0
+        state = expected_contact(
+            model.statics, model.contact, columns.forces[:, 0], columns.gaps[:, 0] + model.contact.initial
+        )
+        found = np.zeros(len(model.contact), dtype=bool) if state is None else state != 0
         linear = equilibrium.equilibrium(model, columns, contact=False).gap < 0.0
         assert (found != linear).sum() <= 0.1 * len(linear)
 
@@ -302,7 +304,7 @@ def test_dual_contact(load, law):
         found = sb.static(model, load)
     finally:
         options.delValue("contact_dual")
-    assert model.kept_compliance is None
+    assert model.contact.kept_compliance is None
     assert (found.active == expected.active).all()
     owned = expected.equilibrium.owned
     assert np.abs(found.equilibrium.owned - owned).max() < 1e-9 * np.abs(owned).max()

@@ -189,9 +189,9 @@ shapes.solve_selement, SElement.with_inertia = slowed(solve_selement), slowed(in
 body = Plate([(0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1)], cracks=[CrackLine([(0.03, 0.05), (0.07, 0.056)])])
 mesh = sb.on_root(comm, lambda: body.mesh(order=3))
 model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700), clamped="edge1")
-own, counts = len(model._solutions._shapes), [len(done)]
+own, counts = len(model.cells._solutions._shapes), [len(done)]
 done.clear()
-groups = model.moving_groups
+groups = model.cells.moving
 counts.append(len(done))
 same = []
 for group in groups:

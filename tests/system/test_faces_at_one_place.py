@@ -33,7 +33,7 @@ def told(found, places):
 def test_points_on_coinciding_faces(order):
     """Between nodes, at them and inside the tips' S-elements; not beside the faces nor before the tips."""
     found = sb.static(cracked(order), SHEAR)
-    nodes = found.model.part.coordinates
+    nodes = found.model.layout.part.coordinates
     on_line = (np.abs(nodes[:, 1]) < 1e-9) & (np.abs(nodes[:, 0]) < 0.3 - 1e-9)
     on = [(x, 0.0) for x in np.linspace(-0.299, 0.299, 14)] + [tuple(at) for at in nodes[on_line]]
     beside = [(x, 3e-7) for x in np.linspace(-0.299, 0.299, 14)] + [(x, 0.0) for x in (-0.9, 0.301, 0.5)]
@@ -63,4 +63,4 @@ def test_faces_apart():
     """Of faces with a gap between them each point belongs to one."""
     mesh = Beam(0.2, 0.02, [VNotch(0.08, 0.01, opening=1.0)]).mesh(order=3)
     found = sb.static(sb.Model(mesh, ALUMINIUM), sb.PointForce("A", fy=-1.0))
-    assert told(found, [tuple(at) for at in found.model.part.coordinates]) == 0
+    assert told(found, [tuple(at) for at in found.model.layout.part.coordinates]) == 0

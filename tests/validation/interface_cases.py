@@ -131,7 +131,7 @@ SQUARES = (
 )
 def crack_ending_at_an_interface() -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as folder:
-        found = model(pathlib.Path(folder), "ending").tips.exponents[0]
+        found = model(pathlib.Path(folder), "ending").tips.intensities.exponents[0]
     yield Row("exponent, opening", exponent(), float(found[0]), 1e-6)
     yield Row("exponent, sliding", exponent(), float(found[1]), 1e-6)
 

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 import sbfem_petsc as sb
-from meshing.boundary_mesh import BoundaryMesh, ContactPairs
+from meshing.boundary_mesh import BoundaryMesh
+from meshing.mesh_arrays import ContactPairs
 from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.solution import SElement, solve_selement
 from tests.validation.page import Row, case

@@ -14,7 +14,7 @@ from scipy import sparse
 
 from ...loads import EdgeMotion, Load
 from ...reduction.supports import StaticShares
-from ...system.boundary import LoadColumns, inertia_forces
+from ...system.loads import LoadColumns
 from ...system.model import Model
 from ...system.solve.pencil import Pencil
 
@@ -60,9 +60,9 @@ class Ground:
         self.damping = model.rayleigh[1] * np.where(shares.moved >= 0, shares.loads, 0.0)
         self.rows = sparse.csr_matrix(_momentum(pencil, shares.following))
         self.owned = solved[:, edges]
-        self.gaps, self.tips = model.gap_operator.rows(self.owned), model.tips.rows(self.owned)
-        self.points = model.point_rows(self.owned)
-        fields = np.zeros((*model.part.unknowns.shape, len(edges)))
+        self.gaps, self.tips = model.contact.rows(self.owned), model.tips.intensities.rows(self.owned)
+        self.points = model.layout.point_rows(self.owned)
+        fields = np.zeros((*model.layout.part.unknowns.shape, len(edges)))
         if columns.lift is not None:
             self.points = self.points + columns.lift.points.reshape(len(self.points), -1)[:, edges]
             fields = columns.lift.nodal[..., edges]
@@ -80,9 +80,9 @@ def _momentum(pencil: Pencil, fields: np.ndarray) -> np.ndarray:
     """(k, local unknowns): products of the mass with displacements (m, 2, k) of this rank's nodes, which the
     insides of S-elements follow at rest. Collective.
     """
-    model = pencil.model
+    layout, elements = pencil.layout, pencil.elements
     rows = [
-        np.concatenate([model.summed_nodal(inertia_forces(model, field)), pencil.auxiliary_momentum(field)])
+        np.concatenate([layout.summed(elements.inertia_forces(field)), pencil.auxiliary_momentum(field)])
         for field in np.moveaxis(fields, 2, 0)
     ]
     return np.array(rows).reshape(len(rows), pencil.owned + len(pencil.auxiliary_inertia()))

@@ -82,7 +82,7 @@ class UnreducedIntegrator:
         modes: int,
     ):
         model.require_support("the transient analysis")
-        warn_of_tips("transient", model)
+        warn_of_tips("transient", model.tips)
         self.model, self.steps = model, steps
         self.loads = len(signals)
         # rates of prescribed displacements stand behind the loads
@@ -90,10 +90,11 @@ class UnreducedIntegrator:
         rates = [rate_of(signal, steps.step) for signal in moved]
         self.drive = Drive(model.comm, [*signals, *rates], steps.step)
         self.comm, self.chunk = model.comm, CHUNK
-        require_steps("transient", model, modes if model.damping else 0, KEPT_RESPONSES)
+        responses = min(len(model.contact), KEPT_RESPONSES)
+        require_steps("transient", model.cells, modes if model.damping else 0, responses)
         found = lowest_modes(model, modes, auxiliary_tolerance=0.0) if model.damping else None
         with contextlib.ExitStack() as freed:  # here, if there is an error before anything is integrated
-            self.pencil = Pencil(model, 1.0, 0.0)
+            self.pencil = Pencil(model.statics, 1.0, 0.0)
             freed.callback(self.pencil.destroy)
             self.march = UnreducedSteps(model, self.pencil, units, steps, found)
             freed.callback(self.march.release)
@@ -124,11 +125,11 @@ class UnreducedIntegrator:
             ),
             "damped_modes": len(march.omega),
             "rayleigh": np.array(model.rayleigh),
-            "pairs": model.gap_operator.pairs,
+            "pairs": model.contact.pairs,
             "continued_fraction": model.continued_fraction,
             "unknowns": model.unknowns,
         }
-        friction = model.gap_operator.friction
+        friction = model.contact.friction
         if friction is not None:
             settings["friction"] = np.array([friction.kinetic, friction.static])
         record.begin(
@@ -137,7 +138,7 @@ class UnreducedIntegrator:
             signals,
             UnreducedFacts(
                 tuple(model.points),
-                model.tips.facts,
+                model.tips.intensities.facts,
                 march.ground.names,
                 march.fingerprint(),
                 layout_of(self.pencil),
@@ -249,9 +250,9 @@ class UnreducedIntegrator:
             rows,
             SampledRun(
                 tuple(model.points),
-                model.tips.facts,
-                model.gap_operator.pairs,
-                len(model.gap_operator.laws),
+                model.tips.intensities.facts,
+                model.contact.pairs,
+                len(model.contact.laws),
                 self.march.step,
                 len(self.march.omega),
                 self.march.ground.names,
@@ -283,9 +284,11 @@ class UnreducedIntegrator:
 
 def unreduced_columns(model: Model) -> dict[str, Column]:
     """What is kept of each instant."""
-    rows, laws = model.gap_operator, model.gap_operator.laws
+    rows, laws = model.contact, model.contact.laws
     supports = len(model.support_forces.names)
-    return sampled_columns(len(model.points), len(model.tips.names), len(rows), len(laws), supports=supports)
+    return sampled_columns(
+        len(model.points), len(model.tips.intensities.names), len(rows), len(laws), supports=supports
+    )
 
 
 def sampled_columns(points: int, tips: int, size: int, gaps: int, *, supports: int) -> dict[str, Column]:

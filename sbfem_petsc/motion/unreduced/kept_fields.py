@@ -62,7 +62,7 @@ class KeptFields:
         """
         columns = self.model.load_columns(self.units)
         forms = getattr(self.model.places(points, moved=columns.lift is not None), kind)
-        direct = forms.direct(self.model, columns)
+        direct = forms.direct(columns)
         flat = forms.rows(np.stack(self._owned, axis=1)) + forms.contact @ contact.T
         flat += direct @ np.array(self._amplitudes).reshape(len(self._owned), -1).T
         return flat.T.reshape(len(self._owned), len(points), -1)
@@ -74,4 +74,4 @@ class KeptFields:
         loads = {n: forces @ amplitudes for n, forces in columns.tip_forces.items()}
         if columns.lift is not None:
             nodal = nodal + columns.lift.nodal @ amplitudes
-        return Field.of_forces(self.model, nodal, contact, loads)
+        return Field.of_forces(self.model.tips, nodal, contact, loads)

@@ -94,7 +94,7 @@ class UnreducedPeriod:
         self.excitation = excitation.below(0.5 * self.steps)
         self.contact, self.weight, self.products = settings.contact, 2.0 * np.pi * frequency, 0
         self.found = lowest_modes(model, settings.modes or MODES, auxiliary_tolerance=0.0)
-        self.pencil = Pencil(model, 1.0, 0.0)
+        self.pencil = Pencil(model.statics, 1.0, 0.0)
         self._marches: dict[float, UnreducedSteps] = {}
 
     def __enter__(self) -> UnreducedPeriod:
@@ -260,7 +260,7 @@ class UnreducedDriven:
         borne = 0.5 * (borne + np.roll(borne, -1, axis=0))
         # the mean of the accelerations of the two steps beside an instant
         slopes = (np.roll(speeds, -1, axis=0) - np.roll(speeds, 1, axis=0)) / (2.0 * march.step)
-        names, tips = march.model.points, march.model.tips.facts
+        names, tips = march.model.points, march.model.tips.intensities.facts
         at_places, at_speeds, at_slopes = (
             {name: part[:, k] for k, name in enumerate(names)} for part in (places, speeds, slopes)
         )
@@ -270,7 +270,7 @@ class UnreducedDriven:
             at_slopes,
             forces,
             gaps,
-            march.model.gap_operator.pairs,
+            march.model.contact.pairs,
             {name: intensities[:, k] for k, name in enumerate(tips.names)},
             tips,
             borne={name: borne[:, k] for k, name in enumerate(march.ground.names)},
@@ -325,4 +325,5 @@ def _require_room(owner: str, model: Model, count: int, modes: int) -> None:
         f"{count:,d} steps a period",
         lambda share: f"give at most {int(share * count):,d}",
     )
-    require_steps(owner, model, modes, KEPT_RESPONSES, vectors=KRYLOV // 2)
+    responses = min(len(model.contact), KEPT_RESPONSES)
+    require_steps(owner, model.cells, modes, responses, vectors=KRYLOV // 2)

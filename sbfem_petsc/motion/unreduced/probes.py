@@ -26,7 +26,7 @@ class SparseColumns:
 
 
 def probe_rows(
-    pencil: Pencil, units: Sequence[Load], forces: np.ndarray, ground: Ground, count: int
+    pencil: Pencil, units: Sequence[Load], forces: np.ndarray, ground: Ground, gaps: sparse.csr_matrix
 ) -> tuple[sparse.csr_matrix, sparse.csr_matrix, sparse.csr_matrix]:
     """Rows over this rank's unknowns.
 
@@ -38,14 +38,14 @@ def probe_rows(
     forces : (owned, loads) array
         Of the unit loads.
     ground : Ground
-    count : int
-        Contact rows that matter.
+    gaps : (c, owned) sparse matrix
+        Contact rows that matter, over the displacement unknowns.
 
     Returns
     -------
-    gaps, loads, points : (count, n), (loads, n), (2 points, n) sparse
+    gaps, loads, points : (c, n), (loads, n), (2 points, n) sparse
     """
-    model, auxiliary = pencil.model, len(pencil.auxiliary_inertia())
+    auxiliary = len(pencil.auxiliary_inertia())
 
     def widened(rows: sparse.csr_matrix) -> sparse.csr_matrix:
         return sparse.hstack([rows, sparse.csr_matrix((rows.shape[0], auxiliary))], format="csr")
@@ -56,5 +56,4 @@ def probe_rows(
         if isinstance(unit, SupportMotion):
             loads[k, pencil.owned :] = -pencil.auxiliary_translation() @ [unit.ax, unit.ay]
     loads[ground.edges] = -ground.inertia
-    gaps, points = model.gap_operator.rows.matrix[:count], model.point_rows.matrix
-    return widened(gaps), sparse.csr_matrix(loads), widened(points)
+    return widened(gaps), sparse.csr_matrix(loads), widened(pencil.layout.point_rows.matrix)

@@ -15,16 +15,16 @@ import numpy as np
 from ...petsc import MPI
 from ...system.solve.pencil import Pencil
 
-Layout = Mapping[str, np.ndarray]
+Labels = Mapping[str, np.ndarray]
 
 
-def kept_layouts(comm: MPI.Comm, layout: Layout) -> dict[str, np.ndarray]:
+def kept_layouts(comm: MPI.Comm, layout: Labels) -> dict[str, np.ndarray]:
     """The layouts of all ranks for a file, on rank 0. Collective."""
     found = comm.gather(layout) or []
     return {f"layout/{rank}/{name}": values for rank, own in enumerate(found) for name, values in own.items()}
 
 
-def layouts_in(frame: Mapping[str, Any]) -> list[Layout]:
+def layouts_in(frame: Mapping[str, Any]) -> list[Labels]:
     """The ranks' layouts in a file's head, frame or state."""
     found: dict[str, dict[str, np.ndarray]] = {}
     for name, values in frame.items():
@@ -36,10 +36,10 @@ def layouts_in(frame: Mapping[str, Any]) -> list[Layout]:
 
 def layout_of(pencil: Pencil) -> dict[str, np.ndarray]:
     """What tells this rank's unknowns apart, by name: of a pencil that keeps every auxiliary one."""
-    model, part = pencil.model, pencil.model.part
-    own = (part.unknowns >= model.owned.start) & (part.unknowns < model.owned.stop)
+    part, owned = pencil.layout.part, pencil.layout.owned
+    own = (part.unknowns >= owned.start) & (part.unknowns < owned.stop)
     labels = np.empty(pencil.owned, dtype=np.int64)
-    labels[part.unknowns[own] - model.owned.start] = (2 * part.nodes[:, None] + [0, 1])[own]
+    labels[part.unknowns[own] - owned.start] = (2 * part.nodes[:, None] + [0, 1])[own]
     found = {"labels": labels}
     shapes: dict[int, int] = {}
     for k, (group, scale, numbers) in enumerate(pencil.placed()):
@@ -57,9 +57,9 @@ def layout_of(pencil: Pencil) -> dict[str, np.ndarray]:
     return found
 
 
-def moved(pencil: Pencil, layouts: Sequence[Layout], states: Sequence[np.ndarray]) -> np.ndarray:
+def moved(pencil: Pencil, layouts: Sequence[Labels], states: Sequence[np.ndarray]) -> np.ndarray:
     """(local unknowns, m): this rank's share of states (local unknowns, m) of other ranks."""
-    mine, terms = layout_of(pencil), pencil.model.continued_fraction
+    mine, terms = layout_of(pencil), pencil.elements.terms
     result = np.zeros((pencil.owned + len(pencil.auxiliary_inertia()), states[0].shape[1]))
     labels = np.concatenate([layout["labels"] for layout in layouts])
     values = np.concatenate([state[: len(layout["labels"])] for layout, state in zip(layouts, states)])
@@ -89,7 +89,7 @@ def moved(pencil: Pencil, layouts: Sequence[Layout], states: Sequence[np.ndarray
     return result
 
 
-def moved_whole(pencil: Pencil, layouts: Sequence[Layout], states: np.ndarray) -> np.ndarray:
+def moved_whole(pencil: Pencil, layouts: Sequence[Labels], states: np.ndarray) -> np.ndarray:
     """(n, N): states of n motions in the order of all ranks, one behind the other, of those of other ranks.
     Collective.
     """
@@ -97,10 +97,10 @@ def moved_whole(pencil: Pencil, layouts: Sequence[Layout], states: np.ndarray) -
     sizes = [2 * (len(layout["labels"]) + more) for layout, more in zip(layouts, auxiliary)]
     parts = np.split(states, np.cumsum(sizes)[:-1], axis=1)
     own = moved(pencil, layouts, [part.reshape(2 * len(states), -1).T for part in parts])
-    return np.concatenate(pencil.model.comm.allgather(own.T.reshape(len(states), -1)), axis=1)
+    return np.concatenate(pencil.layout.comm.allgather(own.T.reshape(len(states), -1)), axis=1)
 
 
-def _pieces(layout: Layout) -> Iterator[dict[str, np.ndarray]]:
+def _pieces(layout: Labels) -> Iterator[dict[str, np.ndarray]]:
     """S-elements of one shape and size in a layout, with their coupling C and inertia J."""
     k = 0
     while f"{k}/like" in layout:
@@ -110,6 +110,6 @@ def _pieces(layout: Layout) -> Iterator[dict[str, np.ndarray]]:
         k += 1
 
 
-def _powers(piece: Layout, unit: float, terms: int) -> Iterator[np.ndarray]:
+def _powers(piece: Labels, unit: float, terms: int) -> Iterator[np.ndarray]:
     """C J^k for the terms of the continued fraction, J in multiples of `unit`."""
     return (piece["coupling"] * (piece["inertia"] / unit) ** k for k in range(terms))

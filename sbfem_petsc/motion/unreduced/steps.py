@@ -122,10 +122,10 @@ class UnreducedSteps:
             0.5 * self.share * (flexibility + flexibility.T) + self.own_flexibility,
             self.laws,
             self.scheme,
-            self.model.gap_operator.friction if contact else None,
+            self.model.contact.friction if contact else None,
         )
         self.q = self.p = self.q0 = self.p0 = np.zeros(len(self.omega))
-        self.work = np.zeros(3 if self.model.gap_operator.friction is None else 4)
+        self.work = np.zeros(3 if self.model.contact.friction is None else 4)
         self.carried = np.zeros(self.pairs)
         self.slope = np.zeros(self.probes.shape[0] - self.pairs - self.loads)
         self.stored = 0.0
@@ -135,7 +135,7 @@ class UnreducedSteps:
         """Rows over this rank's unknowns: gaps, unit loads, x and y of the named points, momenta along what
         follows the supports.
         """
-        gap = self.model.gap_operator
+        gap = self.model.contact
         count = len(gap) if contact else 0
         self.gap0, self.own_flexibility = gap.initial[:count], gap.flexibility[:count, :count]
         self.laws = gap.laws.first(count)
@@ -148,7 +148,7 @@ class UnreducedSteps:
         self.pushing = np.delete(np.arange(self.loads), ground.edges)
         self.free_gap, self.force, self.amplitudes = self.gap0, np.zeros(count), np.zeros(self.loads)
         self.rates = np.zeros(len(ground.edges))
-        gaps, forces, points = probe_rows(self.pencil, units, columns.forces, ground, count)
+        gaps, forces, points = probe_rows(self.pencil, units, columns.forces, ground, gap.rows.matrix[:count])
         self.probes = sparse.vstack([gaps, forces, points, ground.rows], format="csr")
         self.gap_columns, self.load_columns = SparseColumns(gaps), SparseColumns(forces)
 
@@ -161,10 +161,10 @@ class UnreducedSteps:
         kept = count <= KEPT_RESPONSES
         self.responses = np.empty((size, count), order="F") if kept else None
         self.probe_responses = np.empty((self.probes.shape[0], count))
-        width = block_width(self.model)
+        width = block_width(self.model.layout)
         for first in range(0, count, width):
             block = slice(first, min(first + width, count))
-            found = self.solve.of_rows(self.model.gap_operator.rows, block)
+            found = self.solve.of_rows(self.model.contact.rows, block)
             found /= self.stretch
             self.probe_responses[:, block] = self.probes @ found
             if self.responses is not None:
@@ -178,7 +178,7 @@ class UnreducedSteps:
         self.phi = full_shapes(pencil, found) if found is not None else np.zeros((self.u.size, 0))
         self.probe_modes = self.summed(self.probes @ self.phi)
         self.gap_modes = self.probe_modes[: self.pairs]
-        self.tip_modes = self.model.tips.rows(self.phi[: pencil.owned])
+        self.tip_modes = self.model.tips.intensities.rows(self.phi[: pencil.owned])
         self.friction = 2.0 * modal_ratios(self.model.damping, self.omega) * self.omega
         self.left = self.inertia + self.stretch * self.omega**2
         self.left_damped = self.left + self.rate * self.friction
@@ -255,16 +255,19 @@ class UnreducedSteps:
 
     def intensities(self) -> np.ndarray:
         """(tips, 2): K_I and K_II, Pa m^(1/2)."""
-        tips = self.model.tips.rows
+        tips = self.model.tips.intensities.rows
         if not len(tips):
             return np.zeros((0, 2))
         moved = tips(self._against_supports())
-        inside = self.model.tips.contact[:, : self.pairs] @ self.force + self.load_tips @ self.amplitudes
+        inside = (
+            self.model.tips.intensities.contact[:, : self.pairs] @ self.force
+            + self.load_tips @ self.amplitudes
+        )
         return (moved + inside).reshape(-1, 2)
 
     def padded(self, force: np.ndarray, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Forces and gaps of all contact rows, also where contact is switched off: no forces then."""
-        operator = self.model.gap_operator
+        operator = self.model.contact
         if self.pairs == len(operator):
             return force, gap
         free = operator.initial + self.load_gaps @ self.amplitudes

@@ -6,62 +6,29 @@ import hashlib
 import json
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import Field, ValidationError
 
 from meshing.whole_file import require_regular
 
-from ...options import Pair, item
+from ...options import item
 from .analyses import Analysis
-from .body import Body
 from .contradictions import contradictions
-from .geometry import Geometry, Material, Mesh, ModelTable
-from .loads import Load
+from .given import Given, Tables
 from .locations import parse, read_text
 from .parameters import STRUCTURE, parameter_problems, replaced_in
 from .problems import CaseError, from_validation
-from .sweep import SweepTable
-from .tables import Name, Path, Problem, Table
+from .tables import Name, Path, Problem
 
 
-class Output(Table):
-    """What is kept and drawn."""
-
-    points: list[Name] | None = item(None, text="points whose motion is kept; default: all named points")
-    pictures: bool = item(True, text="draw pictures into the folder's pictures/")
-    animation: bool = item(
-        False,
-        text="draw the first crack over each history and steady state of a reduced model, as a GIF in "
-        "pictures/",
-    )
-    vtu: bool = item(False, text="write modes and static displacements for ParaView")
-    csv: bool = item(False, text="write tables as CSV files into the folder's tables/")
-
-
-class CaseTables(Table):
+class CaseTables(Tables):
     """The tables of a case file."""
 
-    title: str = item("", text="what the case is about")
-    geometry: Geometry | None = item(None, text="what is drawn and meshed; or [body]")
-    body: Body | None = item(None, text="a body by another code's matrices, in the place of [geometry]")
-    mesh: Mesh = item(Mesh(), text="its division into S-elements")
-    points: dict[Name, Pair] = item({}, text="further named points, name = [x, y]", unit="m")
-    material: Material | None = item(None, text="material of the whole body")
-    materials: dict[Name, Material] = item({}, text="materials by region (a gmsh model's surfaces)")
-    model: ModelTable = item(ModelTable(), text="supports, damping, thickness")
-    loads: dict[Name, Load] = item({}, text="loads by name, [loads.NAME]")
     analyses: Annotated[dict[Name, Analysis], Field(min_length=1)] = item(
         text="analyses by name, [analyses.NAME], run in this order"
     )
-    output: Output = item(Output(), text="what is kept and drawn")
-    sweep: SweepTable | None = item(None, text="many values of the case's keys")
-
-    @property
-    def kind(self) -> str:
-        """That of the geometry or the body."""
-        return getattr(self.body or self.geometry, "kind", "")
 
 
 # Tables on which the results of an analysis depend.
@@ -80,42 +47,14 @@ _DECISIVE = (
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
-    """A checked case.
-
-    Attributes
-    ----------
-    tables : CaseTables
-    data : dict
-        The tables as the user wrote them.
-    text : str
-        The file's text.
-    file : str
-        Its path, for messages.
-    folder : str
-        Folder that the paths in the case are relative to.
-    lines : dict of tuple to int
-        Line of each path of the case.
-    """
+class Case(Given):
+    """A checked case."""
 
     tables: CaseTables
-    data: dict[str, Any]
-    text: str
-    file: str
-    folder: str
-    lines: Mapping[Path, int] = field(repr=False, default_factory=dict)
 
     def _fingerprint(self) -> object:
         """What tells it from others."""
         return self.data, self.named_files()
-
-    def problem(self, path: Path, text: str) -> CaseError:
-        """The error that something is wrong at a path of the case."""
-        return CaseError(self.file, [Problem(path, text)], self.lines)
-
-    def resolve(self, file: str) -> str:
-        """Path of a file that the case names."""
-        return os.path.join(self.folder, file)
 
     def check_tones(self, varied: Iterable[str] = ()) -> None:
         """Refuse analyses whose loads have no common period, or tones that belong to none of theirs.

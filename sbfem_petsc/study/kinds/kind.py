@@ -14,13 +14,11 @@ import sbfem_petsc as sb
 
 from ...options import item
 from ..case import objects
+from ..case.given import Given, Tables
 from ..case.problems import one_of
 from ..case.tables import Names, Path, Problem, Table
 from ..costs import Cost, Size
 from ..quantities import Tree, tree_of
-
-if TYPE_CHECKING:
-    from ..case.case import Case, CaseTables
 
 Values = dict[str, tuple[Any, str]]  # value and unit by name
 LOAD = "name of a load, or several that act together"
@@ -54,7 +52,7 @@ class Wanted:
 
     Attributes
     ----------
-    case : Case
+    case : Given
         That of the row.
     points : sequence of str
     noisy : callable or None
@@ -65,7 +63,7 @@ class Wanted:
         Gives the result of the structure without faults, or None where there is none. Collective.
     """
 
-    case: Case
+    case: Given
     points: Sequence[str]
     noisy: Callable[[np.ndarray], np.ndarray] | None
     histories: bool
@@ -156,7 +154,7 @@ class Kind(Table):
     details: ClassVar[tuple[str, ...]] = ()
     captions: ClassVar[dict[str, str]] = {}
 
-    def solve(self, case: Case, model: Any, run: Run) -> Any:
+    def solve(self, case: Given, model: Any, run: Run) -> Any:
         """The result, on the case's model. Collective."""
         raise NotImplementedError
 
@@ -169,7 +167,7 @@ class Kind(Table):
         """Which of it knows no friction, in words behind its name; None if it takes faces that rub."""
         return None if self.rubs else ""
 
-    def against(self, case: CaseTables) -> Iterator[Problem]:
+    def against(self, case: Tables) -> Iterator[Problem]:
         """What contradicts the rest of the case, at paths within the table."""
         if not self.free and case.model.clamped == [] and not case.model.supports:
             yield Problem(
@@ -221,13 +219,13 @@ class Kind(Table):
         """Points that must exist, by their paths within the table."""
         return iter(())
 
-    def tones(self, case: Case, path: Path) -> None:
+    def tones(self, case: Given, path: Path) -> None:
         """Refuse loads without the common period or the tones that the analysis needs, which a run would come
         to refuse behind the analyses before it.
 
         Parameters
         ----------
-        case : Case
+        case : Given
         path : tuple
             Of the table.
 
@@ -280,7 +278,7 @@ class Loaded(Kind):
     load: Names = item(text=LOAD)
     factor: float = item(1.0, text="factor on the load")
 
-    def acting(self, case: Case) -> Any:
+    def acting(self, case: Given) -> Any:
         """The loads."""
         return objects.load(case, self.load, self.factor)
 

@@ -71,5 +71,6 @@ def _intensities(result: Any) -> Iterator[tuple[str, np.ndarray, str]]:
         return iter(())
     first = result.states[0]
     return (
-        (name, result.stress_intensity(name), first.model.tips.unit(name)) for name in first.stress_intensity
+        (name, result.stress_intensity(name), first.model.tips.intensities.unit(name))
+        for name in first.stress_intensity
     )

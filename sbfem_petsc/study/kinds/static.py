@@ -58,7 +58,9 @@ class Static(StaticOptions, Loaded):
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
         tree = super().tree(result, points)
         for name in tree.get("stress_intensity", {}):
-            tree["stress_intensity"][name] = intensity(result.stress_intensity[name], result.model.tips, name)
+            tree["stress_intensity"][name] = intensity(
+                result.stress_intensity[name], result.model.tips.intensities, name
+            )
         stresses = self._stresses(result)
         if stresses:
             tree["stress"] = of_points(list(stresses), stresses.get, "Pa", "stress xx, yy, xy")
@@ -73,7 +75,7 @@ class Static(StaticOptions, Loaded):
             return values
         values["residual"] = (float(result.residual), "1")
         for name, pair in result.stress_intensity.items():
-            values[f"stress_intensity/{name}"] = (np.asarray(pair), result.model.tips.unit(name))
+            values[f"stress_intensity/{name}"] = (np.asarray(pair), result.model.tips.intensities.unit(name))
         values |= {f"stress/{place}": (stress, "Pa") for place, stress in self._stresses(result).items()}
         values |= {f"reactions/{name}": (force, "N") for name, force in result.reactions.items()}
         return values | estimated_error(self, result)

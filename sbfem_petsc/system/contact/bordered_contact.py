@@ -14,17 +14,14 @@ borders the factorised matrix once more, a solve with its factor.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy import sparse
 
 from ...petsc import MPI, PETSc, block_solve, check_ksp, dense_columns, direct_solver, free, make_ksp
 from ...ranks.capacity import give_back
 from ..solve.assembly import from_rows
-
-if TYPE_CHECKING:
-    from ..model import Model
+from ..solve.stiffness import Stiffness
+from .rows import Contact
 
 # From about so many rows on a few factorisations cost less than a solve for each row: a third of its time
 # with 985 rows of 30,000 unknowns, on one rank.
@@ -40,30 +37,34 @@ _TRUSTED = 1e-9
 
 
 class Bordered:
-    """The rows of a model with the active ones as borders, a `contact.complementarity.Backend`. Collective.
+    """The rows of contact with the active ones as borders, a `contact.complementarity.Backend`. Collective.
 
     Parameters
     ----------
-    model : Model
+    stiffness : Stiffness
+    contact : Contact
     forces : (owned,) array, optional
         Of a load, N, which moves gaps as the forces of the rows do. Default: none.
     """
 
     maximum, rounding = _MAXIMUM, 0.0
 
-    def __init__(self, model: Model, forces: np.ndarray | None = None):
-        self._model, self._forces = model, forces
+    def __init__(self, stiffness: Stiffness, contact: Contact, forces: np.ndarray | None = None):
+        self._stiffness, self._contact, self._forces = stiffness, contact, forces
         self._factorised: _Factorised | None = None
-        self.flexible = model.gap_operator.flexible()
+        self.flexible = contact.flexible()
 
     @staticmethod
-    def worthwhile(model: Model, rows: int) -> bool:
+    def worthwhile(stiffness: Stiffness, contact: Contact) -> bool:
         """Whether factorisations are expected to cost less than the flexibility of all rows, and the direct
         solver factorises indefinite matrices.
         """
-        if rows <= MANY or model.kept_compliance is not None:
+        if len(contact) <= MANY or contact.kept_compliance is not None:
             return False
-        return model.solver.direct and direct_solver(model.comm)[1] in ("mumps", "superlu_dist")
+        return stiffness.solver.direct and direct_solver(stiffness.layout.comm)[1] in (
+            "mumps",
+            "superlu_dist",
+        )
 
     def closed(
         self, active: np.ndarray, gap: np.ndarray, force: np.ndarray
@@ -75,7 +76,7 @@ class Bordered:
             return (np.zeros(len(gap)), np.zeros(len(gap))) if self._forces is None else None
         if self._factorised is None or not self._factorised.reaches(active):
             self.close()
-            self._factorised = _Factorised(self._model, active, self._forces)
+            self._factorised = _Factorised(self._stiffness, self._contact, active, self._forces)
         return self._factorised.closed(active, gap)
 
     def displacements(self, active: np.ndarray, force: np.ndarray, moved: np.ndarray) -> np.ndarray:
@@ -102,22 +103,24 @@ class _Factorised:
 
     Parameters
     ----------
-    model : Model
+    stiffness : Stiffness
+    contact : Contact
     active : (c,) bool array
     load : (owned,) array or None
     """
 
-    def __init__(self, model: Model, active: np.ndarray, load: np.ndarray | None):
-        self._model, self._active = model, active
+    def __init__(self, stiffness: Stiffness, contact: Contact, active: np.ndarray, load: np.ndarray | None):
+        self._stiffness, self._contact, self._active = stiffness, contact, active
+        self._comm, own = stiffness.layout.comm, stiffness.layout.owned
         self._index = np.flatnonzero(active)
-        self._scale = max(material.modulus for material in model.materials) * model.thickness
-        self._matrix = _bordered(model, self._index, self._scale)
+        self._scale = stiffness.elements.modulus * stiffness.elements.thickness
+        self._matrix = _bordered(stiffness, contact, self._index, self._scale)
         self._ksp = make_ksp(self._matrix, "static_contact_", positive_definite=False)
-        self._owned = model.owned.stop - model.owned.start
+        self._owned = own.stop - own.start
         self._load = np.zeros(self._owned) if load is None else load
         # largest displacement under the load, of which given gaps, often zero, tell nothing
         self._loaded, self._moved = load is not None, 0.0
-        self._last = model.comm.size - 1
+        self._last = self._comm.size - 1
         # Of the rows that have joined or left so far: gaps (c, k) and forces / c (active, k) of the factor's
         # answers.
         self._rows = np.zeros(0, dtype=int)
@@ -136,7 +139,7 @@ class _Factorised:
         """
         if not self._solve_own(given[self._index]):
             return None
-        operator, scale = self._model.gap_operator, self._scale
+        operator, scale = self._contact, self._scale
         force = np.zeros(len(active))
         changed = np.flatnonzero(active ^ self._active)
         self._respond(np.setdiff1d(changed, self._rows))
@@ -176,7 +179,7 @@ class _Factorised:
         """
         if np.array_equal(active, self._active):
             return self._first
-        operator = self._model.gap_operator
+        operator = self._contact
         other = force.copy()
         other[self._index] = 0.0
         gaps = (operator.flexibility @ other - moved)[self._index]
@@ -195,7 +198,7 @@ class _Factorised:
         self._first = solution[: self._owned]
         if self._loaded:
             most = np.abs(self._first).max(initial=0.0)
-            self._moved = self._model.comm.allreduce(float(most), MPI.MAX)
+            self._moved = self._comm.allreduce(float(most), MPI.MAX)
         self._trusted = missed <= _TRUSTED
         return self._trusted
 
@@ -205,7 +208,7 @@ class _Factorised:
         residual = right.duplicate()
         try:
             right.array[: self._owned] = forces
-            if self._model.comm.rank == self._last:
+            if self._comm.rank == self._last:
                 right.array[self._owned :] = self._scale * gaps
             self._ksp.solve(right, solution)
             check_ksp(self._ksp, "static contact")
@@ -213,20 +216,20 @@ class _Factorised:
             residual.axpy(-1.0, right)
             return solution.array_r.copy(), residual.norm() / max(right.norm(), np.finfo(float).tiny)
         finally:
-            free(self._model.comm, right, solution, residual)
+            free(self._comm, right, solution, residual)
 
     def _respond(self, rows: np.ndarray) -> None:
         """Answers of the factor to the further borders of some rows."""
-        model, operator = self._model, self._model.gap_operator
+        operator = self._contact
         columns = np.zeros((self._matrix.getLocalSize()[0], len(rows)), order="F")
         own = operator.flexibility[rows][:, self._index].toarray()
         for k, row in enumerate(rows):
             if self._active[row]:
-                if model.comm.rank == self._last:
+                if self._comm.rank == self._last:
                     columns[self._owned + int(np.searchsorted(self._index, row)), k] = 1.0
             else:
                 columns[: self._owned, k] = -self._scale * operator.rows.matrix[row].toarray()[0]
-                if model.comm.rank == self._last:
+                if self._comm.rank == self._last:
                     columns[self._owned :, k] = -(self._scale**2) * own[k]
         for start in range(0, len(rows), _BLOCK):
             some = np.asfortranarray(columns[:, start : start + _BLOCK])
@@ -234,7 +237,7 @@ class _Factorised:
             try:
                 solved = block_solve(self._ksp, given, np.empty(some.shape, order="F"))
             finally:
-                free(model.comm, given)
+                free(self._comm, given)
             gaps, forces = self._parts(solved)
             self._gaps = np.concatenate([self._gaps, gaps], axis=1)
             self._forces = np.concatenate([self._forces, forces], axis=1)
@@ -242,25 +245,25 @@ class _Factorised:
 
     def _parts(self, solution: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Gaps of the displacements and the forces / c, of one or several solutions, on all ranks."""
-        forces = np.array(solution[self._owned :]) if self._model.comm.rank == self._last else None
+        forces = np.array(solution[self._owned :]) if self._comm.rank == self._last else None
         return (
-            self._model.gap_operator.rows(solution[: self._owned]),
-            self._model.comm.bcast(forces, self._last),
+            self._contact.rows(solution[: self._owned]),
+            self._comm.bcast(forces, self._last),
         )
 
     def destroy(self) -> None:
         """Free the factor."""
-        free(self._model.comm, self._ksp, self._matrix)
-        give_back(self._model.boundary_unknowns)
+        free(self._comm, self._ksp, self._matrix)
+        give_back(self._stiffness.layout.count)
 
 
-def _bordered(model: Model, index: np.ndarray, scale: float) -> PETSc.Mat:
+def _bordered(stiffness: Stiffness, operator: Contact, index: np.ndarray, scale: float) -> PETSc.Mat:
     """The bordered matrix; the last rank owns the rows of the forces."""
-    comm, operator = model.comm, model.gap_operator
+    comm, ranges = stiffness.layout.comm, stiffness.layout.ranges
     count, last = len(index), comm.size - 1
     border = -scale * operator.rows.matrix[index]
     borders = comm.gather(border, last)
-    rows = sparse.csr_matrix((0, int(model.ranges[-1])))
+    rows = sparse.csr_matrix((0, int(ranges[-1])))
     own = sparse.csr_matrix((0, count))
     if comm.rank == last:
         rows = sparse.hstack(borders, format="csr")
@@ -272,13 +275,13 @@ def _bordered(model: Model, index: np.ndarray, scale: float) -> PETSc.Mat:
     blocks = [
         from_rows(comm, rows_of, columns_of, _compressed(part), symmetric=False)
         for rows_of, columns_of, part in (
-            (model.ranges, ends, border.T),
-            (ends, model.ranges, rows),
+            (ranges, ends, border.T),
+            (ends, ranges, rows),
             (ends, ends, own),
         )
     ]
     # PETSc puts them together without copies in between, which would be the most that contact needs
-    nest = PETSc.Mat().createNest([[model.stiffness, blocks[0]], blocks[1:]], comm=comm)
+    nest = PETSc.Mat().createNest([[stiffness.matrix, blocks[0]], blocks[1:]], comm=comm)
     matrix = nest.convert("aij", PETSc.Mat())
     free(comm, nest, *blocks)
     matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)

@@ -8,14 +8,11 @@ the stiffness alone does to the rows, saves a seventh of the iterations.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ...petsc import PETSc, check_ksp, configure, free, scripted
-
-if TYPE_CHECKING:
-    from ..model import Model
+from ..solve.stiffness import Stiffness
+from .rows import Contact
 
 # With an iterative solver of the stiffness a solve for each of more rows than this takes longer.
 MANY = 200
@@ -28,13 +25,14 @@ _MAXIMUM = 50
 
 
 class Dual:
-    """The rows of a model by conjugate gradients, a `contact.complementarity.Backend`. Collective.
+    """The rows of contact by conjugate gradients, a `contact.complementarity.Backend`. Collective.
 
     PETSc's matrix is W over the rows of an active set, and the identity over the others.
 
     Parameters
     ----------
-    model : Model
+    stiffness : Stiffness
+    contact : Contact
 
     Raises
     ------
@@ -44,14 +42,16 @@ class Dual:
 
     maximum, rounding = _MAXIMUM, _ROUNDING
 
-    def __init__(self, model: Model):
-        self._model, self._rows, self._tolerance = model, model.gap_operator.rows, _LOOSE
-        self.flexible = model.gap_operator.flexible()
-        comm, count = model.comm, len(model.gap_operator)
+    def __init__(self, stiffness: Stiffness, contact: Contact):
+        self._solver, self._contact, self._rows = stiffness.solver, contact, contact.rows
+        self._tolerance = _LOOSE
+        self.flexible = contact.flexible()
+        self._comm = comm = stiffness.layout.comm
+        count = len(contact)
         self._vector = PETSc.Vec().createMPI(count, comm=comm)
         self._own = slice(*self._vector.getOwnershipRange())
         self._all, self._copy = PETSc.Scatter.toAll(self._vector)
-        self._right, self._solution = model.stiffness.createVecs()
+        self._right, self._solution = stiffness.matrix.createVecs()
         self._active = np.zeros(count, dtype=bool)
         size = (self._vector.getSizes(), self._vector.getSizes())
         self._matrix = PETSc.Mat().createPython(size, context=self, comm=comm)
@@ -69,13 +69,13 @@ class Dual:
             raise
 
     @staticmethod
-    def worthwhile(model: Model, rows: int) -> bool:
+    def worthwhile(stiffness: Stiffness, contact: Contact) -> bool:
         """Whether forces are iterated for: asked for by the option -contact_dual, or where every row would
         take an iterative solve of its own.
         """
         if PETSc.Options().hasName("contact_dual"):
             return PETSc.Options().getBool("contact_dual", True)
-        return rows > MANY and not model.solver.direct and model.kept_compliance is None
+        return len(contact) > MANY and not stiffness.solver.direct and contact.kept_compliance is None
 
     def closed(self, active: np.ndarray, gap: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """To the tolerance of now."""
@@ -90,7 +90,7 @@ class Dual:
             check_ksp(self._ksp, "static contact")
             force = self._everywhere(found)
         finally:
-            free(self._model.comm, right, found)
+            free(self._comm, right, found)
         return force, self._moved(force)
 
     def sharpen(self) -> bool:
@@ -102,8 +102,8 @@ class Dual:
         """W force, (c,), on all ranks."""
         self._right.set(0.0)
         self._rows.add_to(self._right, force)
-        self._model.solver.solve(self._right, self._solution, "static contact")
-        return self._rows(self._solution.array_r) + self._model.gap_operator.flexibility @ force
+        self._solver.solve(self._right, self._solution, "static contact")
+        return self._rows(self._solution.array_r) + self._contact.flexibility @ force
 
     def _everywhere(self, vector: PETSc.Vec) -> np.ndarray:
         self._all.scatter(vector, self._copy)
@@ -119,4 +119,4 @@ class Dual:
         """Free PETSc's objects."""
         self._matrix.setType(PETSc.Mat.Type.AIJ)
         items = (self._ksp, self._matrix, self._all, self._copy, self._vector)
-        free(self._model.comm, *items, self._right, self._solution)
+        free(self._comm, *items, self._right, self._solution)

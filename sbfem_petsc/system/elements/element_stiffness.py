@@ -11,7 +11,6 @@ from __future__ import annotations
 import functools
 import warnings
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import sparse
@@ -21,9 +20,9 @@ from meshing.warnings import RoundOffWarning
 from ...errors import SolveError, caller_level, on_all_ranks
 from ...petsc import MPI, PETSc
 from ...selement.rigid_motions import rigid_body_basis
-
-if TYPE_CHECKING:
-    from ..structure import Structure
+from ..layout.layout import Layout
+from ..solve.assembly import ElementBlocks
+from .elements import Elements
 
 # Round-off of the assembled stiffness, relative to the load, beyond which solves are refined; corrections
 # that end it at once, and once they fall no more; and how many are made at most (62 at L/h = 1e5).
@@ -38,33 +37,34 @@ class ElementStiffness:
 
     Parameters
     ----------
-    model : Structure
+    elements : Elements
+    springs : list of ElementBlocks
+        Of elastic supports.
 
     Notes
     -----
     Holds the element stiffnesses once more, 12 bytes an entry.
     """
 
-    def __init__(self, model: Structure):
-        self.model = model
-        groups = model.groups
+    def __init__(self, elements: Elements, springs: list[ElementBlocks]):
+        self._layout, groups = elements.layout, elements.groups
         places = [(2 * group.nodes[:, :, None] + [0, 1]).reshape(-1) for group in groups]
         self._places = np.concatenate([np.empty(0, dtype=int), *places])
         self._motions = _block_diagonal(
-            [rigid_body_basis(model.part.coordinates[group.nodes]) for group in groups]
+            [rigid_body_basis(self._layout.part.coordinates[group.nodes]) for group in groups]
         )
         self._blocks = _block_diagonal(
-            [model.scales(group)[0] * group.turned_both(group.solution.stiffness) for group in groups]
+            [elements.scales(group)[0] * group.turned_both(group.solution.stiffness) for group in groups]
         )
         self._shares, self._vector = self._motions.createVecs()
         self._product = self._vector.duplicate()
-        self._springs = _springs(model, 2 * len(model.part.nodes))
+        self._springs = _springs(self._layout, springs)
 
     def __call__(self, owned: np.ndarray) -> np.ndarray:
         """Forces (owned,) or (owned, c) of displacements of the same shape. Collective."""
         if owned.ndim == 2:
             return np.stack([self(column) for column in owned.T], axis=1)
-        field = self.model.nodal(owned).ravel()
+        field = self._layout.nodal(owned).ravel()
         self._vector.array = field[self._places]
         self._remove_motions(self._vector)
         self._blocks.mult(self._vector, self._product)
@@ -72,7 +72,7 @@ class ElementStiffness:
         forces = np.bincount(self._places, self._product.array_r, minlength=len(field))
         if self._springs.nnz:
             forces += self._springs @ field
-        return self.model.summed_nodal(forces.reshape(-1, 2))
+        return self._layout.summed(forces.reshape(-1, 2))
 
     def _remove_motions(self, vector: PETSc.Vec) -> None:
         """Twice: once leaves the round-off of large motions."""
@@ -99,12 +99,13 @@ def _block_diagonal(blocks: list[np.ndarray]) -> PETSc.Mat:
     return PETSc.Mat().createAIJWithArrays((height, first), csr, comm=PETSc.COMM_SELF)
 
 
-def _springs(model: Structure, size: int) -> sparse.csr_matrix:
+def _springs(layout: Layout, blocks: list[ElementBlocks]) -> sparse.csr_matrix:
     """Elastic supports over the displacements of this rank's nodes."""
-    total, blocks = sparse.csr_matrix((size, size)), model.spring_blocks()
+    size = layout.part.unknowns.size
+    total = sparse.csr_matrix((size, size))
     if not blocks:
         return total
-    place = {int(number): k for k, number in enumerate(model.part.unknowns.ravel()) if number >= 0}
+    place = {int(number): k for k, number in enumerate(layout.part.unknowns.ravel()) if number >= 0}
     for block in blocks:
         for numbers, values in zip(block.rows, block.values(slice(0, len(block.rows)))):
             places = np.array([place.get(int(number), -1) for number in numbers])
@@ -120,7 +121,9 @@ class Refinement:
 
     Parameters
     ----------
-    model : Structure
+    elements : Elements
+    springs : list of ElementBlocks
+        Of elastic supports.
     matrix : PETSc.Mat
         The assembled stiffness.
 
@@ -130,8 +133,8 @@ class Refinement:
         Relative size of the last correction; 0 without refinement.
     """
 
-    def __init__(self, model: Structure, matrix: PETSc.Mat):
-        self.model = model
+    def __init__(self, elements: Elements, springs: list[ElementBlocks], matrix: PETSc.Mat):
+        self._elements, self._springs, self._comm = elements, springs, elements.layout.comm
         self.scale = np.finfo(float).eps * matrix.norm(PETSc.NormType.NORM_INFINITY)
         self.correction = 0.0
         self._operator: ElementStiffness | None = None
@@ -145,7 +148,7 @@ class Refinement:
     @property
     def operator(self) -> ElementStiffness:
         if self._operator is None:
-            self._operator = ElementStiffness(self.model)
+            self._operator = ElementStiffness(self._elements, self._springs)
         return self._operator
 
     @functools.cached_property
@@ -154,10 +157,10 @@ class Refinement:
         S-element's softest deformation, which cells of very small height meet. Collective.
         """
         ratios = [0.0]
-        for group in self.model.groups:
+        for group in self._elements.groups:
             values = np.linalg.eigvalsh(group.solution.stiffness)
             ratios.append(values[-1] / max(values[3], np.finfo(float).eps * values[-1]))
-        return _SOFTEST * np.finfo(float).eps * self.model.comm.allreduce(max(ratios), MPI.MAX)
+        return _SOFTEST * np.finfo(float).eps * self._comm.allreduce(max(ratios), MPI.MAX)
 
     def judge(self, analysis: str) -> None:
         """Warn, or refuse, where the round-off inside S-elements reaches a refined result. Collective.
@@ -214,5 +217,5 @@ class Refinement:
     def _dot(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """Inner products (c,) of columns, or of two vectors."""
         sums = np.array((first * second).sum(axis=0))
-        self.model.comm.Allreduce(MPI.IN_PLACE, sums)
+        self._comm.Allreduce(MPI.IN_PLACE, sums)
         return sums

@@ -13,6 +13,7 @@ import numpy as np
 from meshing.warnings import LargeDisplacementWarning, UnitWarning
 
 from ...errors import caller_level
+from .elements import Elements
 
 # m/s, of sqrt(E / density): gels run at 50, diamond at 18,000
 SLOWEST, FASTEST = 50.0, 20e3
@@ -22,16 +23,16 @@ LARGE = 0.05
 _PHASES = 2j * np.pi * np.arange(64) / 64
 
 
-def warn_of_wave_speeds(model: Any) -> None:
+def warn_of_wave_speeds(elements: Elements) -> None:
     """Warn on rank 0 of materials in which waves are slower or faster than in any that is known.
 
     Warns
     -----
     UnitWarning
     """
-    for name, material in zip(model.material_names, model.materials):
+    for name, material in zip(elements.layout.material_names, elements.materials):
         speed = math.sqrt(material.modulus / material.density)
-        if model.comm.rank == 0 and not SLOWEST <= speed <= FASTEST:
+        if elements.layout.comm.rank == 0 and not SLOWEST <= speed <= FASTEST:
             warnings.warn(
                 f"Model: waves in the material {name!r} run at sqrt(E / density) = {speed:.3g} m/s, outside "
                 f"of {SLOWEST:g} to {FASTEST:g} m/s, with E = {material.modulus:g} Pa and a density of "

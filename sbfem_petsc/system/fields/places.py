@@ -7,7 +7,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -22,12 +22,11 @@ from ...selement.coefficients import edge_nodes
 from ...selement.interior_motion import inertial_operators
 from ...selement.points import TOLERANCE, Located, locate, point_operators
 from ...selement.sectors import Sectors
-from ..boundary import LoadColumns
+from ..elements.elements import Elements
 from ..elements.shapes import Group
 from ..layout.rows import Rows, flat_entries
-
-if TYPE_CHECKING:
-    from ..structure import Structure
+from ..loads import LoadColumns
+from .tips import Tips
 
 # How near to a frequency of an S-element whose boundary is held, relatively, a mode counts as its own.
 _ALONE = 1e-9
@@ -50,7 +49,7 @@ class PlaceRows:
     inertia : Inertial or None
         What the inertia of the insides adds, where it was asked for.
     held : Rows or None
-        Over the unknowns of `Structure.held`, where they were asked for.
+        Over the unknowns of `Layout.held`, where they were asked for.
     """
 
     rows: Rows
@@ -59,7 +58,7 @@ class PlaceRows:
     inertia: Inertial | None = None
     held: Rows | None = None
 
-    def direct(self, model: Structure, columns: LoadColumns) -> np.ndarray:
+    def direct(self, columns: LoadColumns) -> np.ndarray:
         """(rows, k): what loads on the faces inside tip elements, the inertia of moving supports and edges
         with a prescribed displacement add at given displacements. Collective.
         """
@@ -69,15 +68,15 @@ class PlaceRows:
                 total += form @ columns.tip_forces[number]
         if self.inertia is not None:
             total -= self.inertia.body_force @ columns.acceleration
-        result = model.comm.allreduce(total)
+        result = self.rows.comm.allreduce(total)
         return result if self.held is None or columns.lift is None else result + self.held(columns.lift.held)
 
-    def modes(self, model: Structure, shapes: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    def modes(self, shapes: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """(rows, k): of modes (owned, k) with circular frequencies omega. Collective."""
         values = self.rows(shapes)
         if self.inertia is None:
             return values
-        return values + model.comm.allreduce(self.inertia.of_modes(shapes, omega))
+        return values + self.rows.comm.allreduce(self.inertia.of_modes(shapes, omega))
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +153,7 @@ def checked_line(start: Any, end: Any, count: int) -> tuple[np.ndarray, list[tup
 
 
 def places(
-    model: Structure, points: list[tuple[float, float]], inertia: bool = False, moved: bool = False
+    tips: Tips, points: list[tuple[float, float]], inertia: bool = False, moved: bool = False
 ) -> Places:
     """Forms at points (m), with what inertia adds inside S-elements, and what supports that move do, if it is
     asked for. Collective.
@@ -171,12 +170,13 @@ def places(
     PlaceWarning
         On rank 0, if a point lies where the faces of a crack coincide.
     """
-    comm, other = model.comm, model.held if moved else None
-    held = _held(model, points)
-    _warn_of_faces(model, points, held)
-    tractions = {faces.number: faces for faces in model.tip_faces}
-    numbers = {int(tip.element): number for number, tip in enumerate(model.tip_elements)}
-    count, size = len(points), len(model.gap_operator)
+    elements, layout = tips.elements, tips.layout
+    comm, other = layout.comm, layout.held if moved else None
+    held = _held(elements, points)
+    _warn_of_faces(tips, points, held)
+    tractions = {faces.number: faces for faces in tips.faces}
+    numbers = {int(tip.element): number for number, tip in enumerate(layout.tip_elements)}
+    count, size = len(points), tips.count
     kinds: list[PlaceRows] = []
     local: tuple[dict, dict] = ({}, {})
     lifted: tuple[dict, dict] = ({}, {})
@@ -184,7 +184,7 @@ def places(
     face_forms: tuple[dict, dict] = ({}, {})
     for k, home in held:
         element, group, member, located = home
-        material = model.materials[group.material]
+        material = elements.materials[group.material]
         faces = tractions.get(numbers.get(element, -1))
         forms = point_operators(
             group.solution.radial,
@@ -194,7 +194,7 @@ def places(
             tractions=None if faces is None else faces.tractions,
         ).turned(group.rotations[member])
         nodes = group.nodes[member]
-        unknowns = model.part.unknowns[nodes].ravel()
+        unknowns = layout.part.unknowns[nodes].ravel()
         behind = other.part.unknowns[nodes].ravel() if other is not None else None
         scales = (1.0, material.modulus / float(group.sizes[member]))
         for kind, (form, scale) in enumerate(zip((forms.displacement[0], forms.stress[0]), scales)):
@@ -212,17 +212,17 @@ def places(
                 )
                 table[first : first + 2 + kind] = columns
     for kind in (0, 1):
-        rows = Rows.gathered(comm, model.ranges, flat_entries(local[kind]), (2 + kind) * count)
+        rows = Rows.gathered(comm, layout.ranges, flat_entries(local[kind]), (2 + kind) * count)
         held_rows = None
         if other is not None:
             held_rows = Rows.gathered(comm, other.ranges, flat_entries(lifted[kind]), len(rows))
         kinds.append(PlaceRows(rows, comm.allreduce(contact[kind]), face_forms[kind], held=held_rows))
     if inertia:
-        kinds = [replace(rows, inertia=part) for rows, part in zip(kinds, _inertial(model, held, count))]
+        kinds = [replace(rows, inertia=part) for rows, part in zip(kinds, _inertial(elements, held, count))]
     return Places(*kinds)
 
 
-def _held(model: Structure, points: list[tuple[float, float]]) -> list[tuple[int, tuple]]:
+def _held(elements: Elements, points: list[tuple[float, float]]) -> list[tuple[int, tuple]]:
     """Numbers of the points that this rank evaluates, with what `_home` tells of them. Collective.
 
     Raises
@@ -230,15 +230,15 @@ def _held(model: Structure, points: list[tuple[float, float]]) -> list[tuple[int
     ValueError
         If a point lies outside the structure; on all ranks.
     """
-    comm = model.comm
-    homes = [_home(model, np.array(point)) for point in points]
+    comm = elements.layout.comm
+    homes = [_home(elements, np.array(point)) for point in points]
     mine = np.array([-1 if home is None else home[0] for home in homes], dtype=np.int64)
     owner = np.where(mine < 0, np.iinfo(np.int64).max, mine)
     comm.Allreduce(MPI.IN_PLACE, owner, MPI.MIN)
     with collective(comm):
         for point, element in zip(points, owner):
             if element == np.iinfo(np.int64).max:
-                lower, upper = model.extent
+                lower, upper = elements.layout.extent
                 raise ValueError(
                     f"the point ({point[0]:g}, {point[1]:g}) m lies outside the structure, which reaches "
                     f"from ({lower[0]:g}, {lower[1]:g}) to ({upper[0]:g}, {upper[1]:g}) m (and not inside "
@@ -247,47 +247,47 @@ def _held(model: Structure, points: list[tuple[float, float]]) -> list[tuple[int
     return [(k, home) for k, home in enumerate(homes) if home is not None and home[0] == owner[k]]
 
 
-def _warn_of_faces(model: Structure, points: list[tuple[float, float]], held: list) -> None:
+def _warn_of_faces(tips: Tips, points: list[tuple[float, float]], held: list) -> None:
     """Warn of points where faces of a crack coincide, of which this rank holds some. Collective."""
-    mine = {k: crack for k, home in held if (crack := _coinciding_faces(model, *home)) is not None}
-    found = {k: crack for part in model.comm.allgather(mine) for k, crack in part.items()}
-    if not found or model.comm.rank > 0:
+    mine = {k: crack for k, home in held if (crack := _coinciding_faces(tips, *home)) is not None}
+    found = {k: crack for part in tips.layout.comm.allgather(mine) for k, crack in part.items()}
+    if not found or tips.layout.comm.rank > 0:
         return
     first = min(found)
     others = f" and {len(found) - 1} more" if len(found) > 1 else ""
     warnings.warn(
         f"the point ({points[first][0]:g}, {points[first][1]:g}) m{others} lies where both faces of "
-        f"{model.cracks[found[first]].name} are: displacement and stress are those of one side, that of the "
-        "S-element with the lower number; ask 1e-6 of the crack's length beside it for the side you mean",
+        f"{tips.layout.cracks[found[first]].name} are: displacement and stress are those of one side, "
+        "that of the S-element with the lower number; ask 1e-6 of the crack's length beside it for the "
+        "side you mean",
         PlaceWarning,
         stacklevel=caller_level(),
     )
 
 
-def _coinciding_faces(
-    model: Structure, element: int, group: Group, member: int, located: Located
-) -> int | None:
+def _coinciding_faces(tips: Tips, element: int, group: Group, member: int, located: Located) -> int | None:
     """Number of the crack of which an S-element's place is on two faces, that are at the same place."""
     edges = edge_nodes(len(group.shape), group.order, group.closed)
     number, eta = int(located.edge[0]), float(located.eta[0])
     begins, ends = eta <= TOLERANCE - 1.0, eta >= 1.0 - TOLERANCE
     if located.level[0] >= 1.0 - TOLERANCE:
         edge = edges[number][:1] if begins else edges[number][-1:] if ends else edges[number]
-        nodes, pairs = model.part.nodes[group.nodes[member][edge]], model.pairs
+        nodes, pairs = tips.layout.part.nodes[group.nodes[member][edge]], tips.layout.pairs
         closed = np.isin(pairs.nodes, nodes) & (pairs.gap == 0.0)[:, None]
         if np.isin(nodes, pairs.nodes[closed]).all():
             return int(pairs.crack[closed.any(axis=1)][0])
     on_face = (number == 0 and begins) or (number == len(edges) - 1 and ends)
-    for tip, gaps in zip(model.tip_elements, model.tip_gaps):
+    for tip, gaps in zip(tips.layout.tip_elements, tips.gaps):
         if tip.element == element and on_face and located.level[0] > 0.0 and not gaps.any():
             return int(tip.crack)
     return None
 
 
-def _inertial(model: Structure, held: list, count: int) -> list[Inertial]:
+def _inertial(elements: Elements, held: list, count: int) -> list[Inertial]:
     """Of displacement and stress at places of which this rank holds some. Collective."""
-    comm, moving = model.comm, model.moving_groups
-    order = {id(group): number for number, group in enumerate(model.groups)}
+    layout, moving = elements.layout, elements.moving
+    comm = layout.comm
+    order = {id(group): number for number, group in enumerate(elements.groups)}
     inside: dict[int, list] = {}
     for k, home in held:
         inside.setdefault(home[0], []).append((k, home))
@@ -302,24 +302,24 @@ def _inertial(model: Structure, held: list, count: int) -> list[Inertial]:
         _, (_, group, member, _) = places[0]
         group = moving[order[id(group)]].select(np.array([member]))
         solution, own = group.solution, np.arange(first, first + size)
-        modulus, mass = model.scales(group)
+        modulus, mass = elements.scales(group)
         scale = float(mass[0]) / modulus
-        unknowns = model.unknowns_of(group)[0]
+        unknowns = elements.unknowns_of(group)[0]
         for number, row in zip(own, group.turned(solution.coupling)[0].T):
             coupling[number] = (unknowns, row)
         stretch[own], squared[own] = scale, scale * solution.inertia
         located = Located(
             *(np.concatenate([getattr(home[3], name) for _, home in places]) for name in _COORDINATES)
         )
-        forms = inertial_operators(solution, model.continued_fraction, located).turned(group.rotations[0])
-        unit = model.materials[group.material].modulus / float(group.sizes[0])
+        forms = inertial_operators(solution, elements.terms, located).turned(group.rotations[0])
+        unit = elements.materials[group.material].modulus / float(group.sizes[0])
         for kind, (form, factor) in enumerate(zip((forms.displacement, forms.stress), (1.0, unit))):
             for (k, _), part in zip(places, factor * form):
                 rows = (2 + kind) * k + np.arange(2 + kind)
                 entries[kind].append((np.repeat(rows, size), np.tile(own, 2 + kind), part[:, :size].ravel()))
                 body[kind][rows] = scale * part[:, size:] @ group.rotations[0]
         first += size
-    rows = Rows.gathered(comm, model.ranges, flat_entries(coupling), total)
+    rows = Rows.gathered(comm, layout.ranges, flat_entries(coupling), total)
     stretch, squared = comm.allreduce(stretch), comm.allreduce(squared)
     found = []
     for kind in (0, 1):
@@ -329,15 +329,15 @@ def _inertial(model: Structure, held: list, count: int) -> list[Inertial]:
     return found
 
 
-def _home(model: Structure, point: np.ndarray) -> tuple[int, Any, int, Located] | None:
+def _home(elements: Elements, point: np.ndarray) -> tuple[int, Any, int, Located] | None:
     """The S-element of this rank with the lowest number that holds a point: its number, group, member,
     place.
     """
-    boxes, part = model.element_boxes, model.part
+    boxes, part = elements.layout.element_boxes, elements.layout.part
     slack = TOLERANCE * (boxes[:, 2:] - boxes[:, :2]).max(axis=1, initial=0.0)[:, None]
     inside = ((point >= boxes[:, :2] - slack) & (point <= boxes[:, 2:] + slack)).all(axis=1)
     for row in sorted(np.flatnonzero(inside), key=lambda r: int(part.elements[r])):
-        group = next(g for g in model.groups if (g.elements == row).any())
+        group = next(g for g in elements.groups if (g.elements == row).any())
         member = int(np.flatnonzero(group.elements == row)[0])
         relative = group.rotations[member] @ (point - part.centres[row]) / group.sizes[member]
         located = locate(group.shape, group.order, group.closed, relative[None])

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy import sparse
 
 from ...petsc import MPI
-from ..boundary import nodes_of, spring_forces
+from ..elements.elements import Elements
 from ..elements.shapes import Group
-
-if TYPE_CHECKING:
-    from ..solve.static_solver import StaticSolver
-    from ..structure import Structure
+from ..solve.stiffness import Stiffness
+from ..supports import spring_forces
 
 
 class SupportForces:
@@ -21,7 +17,7 @@ class SupportForces:
 
     Parameters
     ----------
-    model : Structure
+    stiffness : Stiffness
 
     Attributes
     ----------
@@ -34,14 +30,15 @@ class SupportForces:
     edge act on all its nodes, on one that another support holds too: what they do there is theirs.
     """
 
-    def __init__(self, model: Structure):
-        self._model = model
-        self.names = tuple(dict.fromkeys(support.where for support in model.supports))
-        taken = np.zeros(model.part.unknowns.shape, dtype=bool)
+    def __init__(self, stiffness: Stiffness):
+        self._statics, self._elements, self._layout = stiffness, stiffness.elements, stiffness.layout
+        self._supports = stiffness.supports
+        self.names = tuple(dict.fromkeys(support.where for support in self._supports))
+        taken = np.zeros(self._layout.part.unknowns.shape, dtype=bool)
         self._held = np.zeros((len(self.names), *taken.shape), dtype=bool)
-        for support in model.supports:
+        for support in self._supports:
             mine = np.zeros_like(taken)
-            mine[nodes_of(model, support.where)] = support.fixed
+            mine[self._layout.nodes_of(support.where)] = support.fixed
             self._held[self.names.index(support.where)] |= mine & ~taken
             taken |= mine
         self._stiffness = self._rows()
@@ -52,14 +49,14 @@ class SupportForces:
 
     def _rows(self) -> sparse.csr_matrix:
         """(2 names, 2 m): sums of the rows of this rank's S-elements' stiffness that supports hold."""
-        model, none = self._model, np.empty(0, dtype=int)
+        elements, none = self._elements, np.empty(0, dtype=int)
         at, columns, values = [none], [none], [np.empty(0)]
-        for group in model.groups:
+        for group in elements.groups:
             touched = self._touched(group)
             if not len(touched):
                 continue
             part = group.select(touched)
-            matrices = model.scales(part)[0] * part.turned_both(part.solution.stiffness)
+            matrices = elements.scales(part)[0] * part.turned_both(part.solution.stiffness)
             rows = matrices.reshape(len(touched), -1, 2, matrices.shape[-1])
             sums = np.einsum("skai,kaij->sikj", self._held[:, part.nodes].astype(float), rows)
             numbers = np.arange(2 * len(self._held)).reshape(-1, 2, 1, 1)
@@ -73,8 +70,10 @@ class SupportForces:
     def _springs(self, field: np.ndarray) -> np.ndarray:
         """(names, m, 2): this rank's part of what elastic supports take up, N."""
         result = np.zeros((len(self.names), *field.shape))
-        for support in self._model.supports:
-            result[self.names.index(support.where)] += spring_forces(self._model, support, field)
+        for support in self._supports:
+            result[self.names.index(support.where)] += spring_forces(
+                self._layout, self._elements.thickness, support, field
+            )
         return result
 
     def _resting(self, springs: np.ndarray, external: np.ndarray | float) -> np.ndarray:
@@ -95,7 +94,7 @@ class SupportForces:
         """
         total = (self._stiffness @ field.ravel()).reshape(-1, 2)
         total += self._resting(self._springs(field), external)
-        self._model.comm.Allreduce(MPI.IN_PLACE, total)
+        self._layout.comm.Allreduce(MPI.IN_PLACE, total)
         return dict(zip(self.names, total))
 
     def of_modes(self, shapes: np.ndarray, omega: np.ndarray) -> np.ndarray:
@@ -109,32 +108,33 @@ class SupportForces:
         omega : (n,) array
             rad/s.
         """
-        model = self._model
-        parts = [group.select(self._touched(group)) for group in model.moving_groups]
+        layout = self._layout
+        parts = [group.select(self._touched(group)) for group in self._elements.moving]
         parts = [part for part in parts if len(part.sizes)]
         rows = np.unique(np.concatenate([np.empty(0, dtype=int), *(part.nodes.ravel() for part in parts)]))
         total = np.zeros((len(self.names), 2, len(omega)))
-        elastic = any(any(support.springs) for support in model.supports)
+        elastic = any(any(support.springs) for support in self._supports)
         fields = np.empty((len(rows), 2, len(omega)))
         for k, shape in enumerate(shapes.T):
-            field = model.nodal(shape)
+            field = layout.nodal(shape)
             fields[:, :, k] = field[rows]
             if elastic:
                 total[:, :, k] = self._resting(self._springs(field), 0.0)
         for part in parts:
             moved = fields[np.searchsorted(rows, part.nodes)].reshape(len(part.sizes), -1, len(omega))
-            forces = dynamic_forces(model, part, moved, omega)
+            forces = dynamic_forces(self._elements, part, moved, omega)
             held = self._held[:, part.nodes].astype(float)
             total += np.einsum("skai,kain->sin", held, forces.reshape(*part.nodes.shape, 2, -1))
-        model.comm.Allreduce(MPI.IN_PLACE, total)
+        layout.comm.Allreduce(MPI.IN_PLACE, total)
         return total
 
-    def following(self, solver: StaticSolver) -> np.ndarray:
+    def following(self) -> np.ndarray:
         """(m, 2, 2 names): static displacements of this rank's nodes where the ground of one support after
         the other moves by 1 along x and y; their products with forces on the nodes are what the support
         bears. Collective.
         """
-        model, shape = self._model, (*self._model.part.unknowns.shape, 2 * len(self.names))
+        layout = self._layout
+        shape = (*layout.part.unknowns.shape, 2 * len(self.names))
         forms, moved = self._stiffness.toarray().T.reshape(shape), np.zeros(shape)
         for k in range(shape[2]):
             name, axis = divmod(k, 2)
@@ -142,24 +142,24 @@ class SupportForces:
             whole = np.zeros(shape[:2])
             whole[:, axis] = 1.0
             forms[..., k] += self._springs(moved[..., k]).sum(axis=0) - self._springs(whole)[name]
-        pulled = -np.stack([model.summed_nodal(form) for form in np.moveaxis(forms, 2, 0)], axis=1)
-        found = solver.columns(np.asfortranarray(pulled), "reactions")
-        return moved + np.stack([model.nodal(column) for column in found.T], axis=2)
+        pulled = -np.stack([layout.summed(form) for form in np.moveaxis(forms, 2, 0)], axis=1)
+        found = self._statics.solver.columns(np.asfortranarray(pulled), "reactions")
+        return moved + np.stack([layout.nodal(column) for column in found.T], axis=2)
 
 
-def dynamic_forces(model: Structure, part: Group, moved: np.ndarray, omega: np.ndarray) -> np.ndarray:
+def dynamic_forces(elements: Elements, part: Group, moved: np.ndarray, omega: np.ndarray) -> np.ndarray:
     """(k, unknowns, n): forces that S-elements take in harmonic motions of their boundaries, N.
 
     Parameters
     ----------
     part : Group
-        Of `model.moving_groups`.
+        Of `Elements.moving`.
     moved : (k, unknowns, n) array
         m.
     omega : (n,) array
         rad/s.
     """
-    solution, (modulus, inertia) = part.solution, model.scales(part)
+    solution, (modulus, inertia) = part.solution, elements.scales(part)
     square = omega**2 * inertia[:, None, None] / modulus
     coupling = part.turned(solution.coupling)
     auxiliary = square**2 / (1.0 - square * solution.inertia[:, None]) * (coupling.transpose(0, 2, 1) @ moved)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -15,13 +14,12 @@ from meshing.warnings import MeshWarning
 from ...errors import caller_level, listed
 from ...selement.sectors import Sectors
 from ...selement.solution import SElement, solve_selement
+from ..elements.elements import Elements
 from ..elements.shapes import Group
 from ..solve.modal_result import Modal
 from ..solve.modes import lowest_scale
-from ..structure import Structure
-
-if TYPE_CHECKING:
-    from ..model import Model
+from ..solve.stiffness import Stiffness
+from .tips import Tips
 
 # Orders and terms that the estimate looks beyond those of the model.
 MORE_ORDERS, MORE_TERMS = 2, 1
@@ -79,24 +77,24 @@ def frequency_errors(found: Modal, modes: Sequence[int], negligible: float = 0.0
     -------
     (len(modes),) array
     """
-    model = found.model
+    statics, elements = found.model.statics, found.model.cells
     modes = list(modes)
     omega = 2.0 * np.pi * found.frequencies[modes]
     shapes = np.stack([found.nodal(mode) for mode in modes], axis=-1)
-    lost, edges = np.zeros(len(modes)), _Edges(model, len(modes))
-    for group, rows in _looked_at(model, float(omega.max()), negligible):
+    lost, edges = np.zeros(len(modes)), _Edges(statics, len(modes))
+    for group, rows in _looked_at(elements, float(omega.max()), negligible):
         for first in range(0, len(rows), _BATCH):
-            lost += _add_group(model, group.select(rows[first : first + _BATCH]), omega, shapes, edges)
-    lost = model.comm.allreduce(lost) + FURTHER * edges.energies()
-    if not model.supported:  # rigid-body modes have nothing to lose
-        lost[omega**2 < lowest_scale(model)] = 0.0
+            lost += _add_group(elements, group.select(rows[first : first + _BATCH]), omega, shapes, edges)
+    lost = elements.layout.comm.allreduce(lost) + FURTHER * edges.energies()
+    if not statics.supported:  # rigid-body modes have nothing to lose
+        lost[omega**2 < lowest_scale(elements)] = 0.0
     return np.divide(lost, 2.0 * omega**2, out=np.zeros(len(modes)), where=omega > 0.0)
 
 
 def warn_of_modes(owner: str, found: Modal) -> None:
     """Warn if one of the highest modes is off by more than `WARNED`. Collective."""
     count = len(found.frequencies)
-    if not count or not needs_look(found.model, float(found.frequencies[-1])):
+    if not count or not needs_look(found.model.cells, float(found.frequencies[-1])):
         return
     looked_at = range(max(0, count - LOOKED_AT), count)
     errors = _kept_errors(found, looked_at)
@@ -105,7 +103,7 @@ def warn_of_modes(owner: str, found: Modal) -> None:
         mode, frequency = looked_at[worst], float(found.frequencies[looked_at[worst]])
         _warn(
             f"{owner}: mode {mode + 1} at {frequency:.5g} Hz is too high by {_share(errors[worst])}",
-            found.model,
+            found.model.statics,
             frequency,
         )
 
@@ -116,7 +114,7 @@ def warn_of_band(owner: str, found: Modal, ratios: np.ndarray, highest: float) -
     """
     if highest <= 0.0:
         return
-    model, top = found.model, float(found.frequencies[-1])
+    statics, top = found.model.statics, float(found.frequencies[-1])
     if top < 2.0 * highest:
         warnings.warn(
             f"{owner}: the load has frequencies up to {highest:.4g} Hz, and the highest of the "
@@ -126,7 +124,7 @@ def warn_of_band(owner: str, found: Modal, ratios: np.ndarray, highest: float) -
             stacklevel=caller_level(),
         )
     near = np.flatnonzero(found.frequencies <= 1.2 * highest)[-LOOKED_AT:]
-    if not len(near) or not needs_look(model, 2.0 * float(found.frequencies[near[-1]])):
+    if not len(near) or not needs_look(statics.elements, 2.0 * float(found.frequencies[near[-1]])):
         return
     own, damping = found.frequencies[near], np.maximum(ratios[near], LEAST_DAMPING)
     errors = 2.0 * _kept_errors(found, near.tolist()) * own**2
@@ -136,7 +134,7 @@ def warn_of_band(owner: str, found: Modal, ratios: np.ndarray, highest: float) -
         _warn(
             f"{owner}: the load has frequencies up to {highest:.4g} Hz, where the error of mode "
             f"{near[worst] + 1} ({own[worst]:.5g} Hz) changes its amplitude by {_share(errors[worst])}",
-            model,
+            statics,
             highest,
         )
 
@@ -159,7 +157,7 @@ def warn_of_jumps(
     whole : bool
         Whether what is above the computed modes swings too.
     """
-    model, most = found.model, shares.max(axis=0, initial=0.0)
+    statics, most = found.model.statics, shares.max(axis=0, initial=0.0)
     missing = 1.0 - shares.sum(axis=1).min(initial=1.0)
     if missing > WARNED_MISSING and not whole:
         warnings.warn(
@@ -171,7 +169,7 @@ def warn_of_jumps(
             stacklevel=caller_level(),
         )
     moved = np.flatnonzero(most > WARNED_AMPLITUDE)
-    if not len(moved) or not needs_look(model, 2.0 * float(found.frequencies[moved[-1]])):
+    if not len(moved) or not needs_look(statics.elements, 2.0 * float(found.frequencies[moved[-1]])):
         return
     turns = np.minimum(
         2.0 * np.pi * found.frequencies[moved] * duration, 1.0 / np.maximum(ratios[moved], LEAST_DAMPING)
@@ -184,52 +182,55 @@ def warn_of_jumps(
         _warn(
             f"{owner}: a load jumps, or has no known highest frequency, and the error of mode "
             f"{moved[worst] + 1} ({frequency:.5g} Hz) changes what it moves by {_share(errors[worst])}",
-            model,
+            statics,
             frequency,
         )
 
 
-def warn_of_tips(owner: str, model: Structure) -> None:
+def warn_of_tips(owner: str, tips: Tips) -> None:
     """Warn if edges around a tip in an anisotropic material do not carry its singular stresses, by more than
     `WARNED_FACTOR`. Collective.
     """
-    errors = ANGULAR * model.tips.exponent_errors
+    order, errors = tips.layout.order, ANGULAR * tips.intensities.exponent_errors
     if errors.max(initial=0.0) <= WARNED_FACTOR:
         return
     worst = int(np.argmax(errors))
     warnings.warn(
-        f"{owner}: around the tip {model.tips.names[worst]} the stresses of the anisotropic material change "
-        f"too fast for edges of order {model.order}: K_I and K_II are off by about {errors[worst]:.1g} of "
-        f"themselves, stresses next to the tip by more; take a higher order (order={model.order + 2} or more "
+        f"{owner}: around the tip {tips.intensities.names[worst]} the stresses of the anisotropic material "
+        f"change too fast for edges of order {order}: K_I and K_II are off by about {errors[worst]:.1g} of "
+        f"themselves, stresses next to the tip by more; take a higher order (order={order + 2} or more "
         "in mesh), or accuracy= of static",
         MeshWarning,
         stacklevel=caller_level(),
     )
 
 
-def needs_look(model: Structure, frequency: float) -> bool:
+def needs_look(elements: Elements, frequency: float) -> bool:
     """Whether a cell is large enough for waves of a frequency (Hz) to be in doubt. Collective."""
-    return cells_in_waves(model, frequency) > _safe(model)
+    return cells_in_waves(elements, frequency) > _safe(elements)
 
 
-def cells_in_waves(model: Structure, frequency: float) -> float:
+def cells_in_waves(elements: Elements, frequency: float) -> float:
     """Largest size of an S-element times omega / c_s. Collective."""
     sizes = [
-        float(group.sizes.max()) / _shear_speed(model, group) for group in model.groups if len(group.sizes)
+        float(group.sizes.max()) / _shear_speed(elements, group)
+        for group in elements.groups
+        if len(group.sizes)
     ]
-    return 2.0 * np.pi * frequency * max(model.comm.allgather(max(sizes, default=0.0)))
+    return 2.0 * np.pi * frequency * max(elements.layout.comm.allgather(max(sizes, default=0.0)))
 
 
 def _share(error: float) -> str:
     return f"about {error:.1g} of itself" if error < 0.1 else "a tenth of itself or more"
 
 
-def _warn(what: str, model: Structure, frequency: float) -> None:
-    terms, waves = model.continued_fraction, cells_in_waves(model, frequency) / (2.0 * np.pi)
-    points = [support.where for support in model.supports if support.where in model.points]
+def _warn(what: str, statics: Stiffness, frequency: float) -> None:
+    elements, layout = statics.elements, statics.layout
+    terms, waves = elements.terms, cells_in_waves(elements, frequency) / (2.0 * np.pi)
+    points = [support.where for support in statics.supports if support.where in layout.points]
     why = (
         f"the largest cell is {waves:.2g} wavelengths of shear long there, too long for order "
-        f"{model.order} and {terms} term{'s' * (terms != 1)} of the continued fraction; make cells smaller "
+        f"{layout.order} and {terms} term{'s' * (terms != 1)} of the continued fraction; make cells smaller "
         "(size), the order higher, or both"
     )
     if points:
@@ -244,62 +245,62 @@ def _warn(what: str, model: Structure, frequency: float) -> None:
 def _kept_errors(found: Modal, modes: Sequence[int]) -> np.ndarray:
     """`frequency_errors`, once for the modes of a model."""
     key = ("frequency_errors", len(found.frequencies), *(int(mode) for mode in modes))
-    return cast("Model", found.model).keep(key, lambda: frequency_errors(found, modes, NEGLIGIBLE))
+    return found.model.keep(key, lambda: frequency_errors(found, modes, NEGLIGIBLE))
 
 
-def _safe(model: Structure) -> float:
+def _safe(elements: Elements) -> float:
     """Cells whose size times omega / c_s is less are in no doubt."""
-    safe = SAFE[min(model.order, len(SAFE) - 1)]
-    return safe if model.continued_fraction else min(safe, SAFE_MASS)
+    safe = SAFE[min(elements.layout.order, len(SAFE) - 1)]
+    return safe if elements.terms else min(safe, SAFE_MASS)
 
 
-def _shear_speed(model: Structure, group: Group) -> float:
-    material = model.materials[group.material]
+def _shear_speed(elements: Elements, group: Group) -> float:
+    material = elements.materials[group.material]
     return float(np.sqrt(material.elasticity[..., 2, 2].min() * material.modulus / material.density))
 
 
-def _looked_at(model: Structure, omega: float, negligible: float) -> list[tuple[Group, np.ndarray]]:
+def _looked_at(elements: Elements, omega: float, negligible: float) -> list[tuple[Group, np.ndarray]]:
     """Groups with S-elements whose errors at omega count, and their rows. Collective.
 
     Errors of waves go with the area and at least with (size omega / c_s)^(2 order - 2): those of cells which
     have less than a share of the mean of it are together less than this share of all. Second order and less
     lose as much by tips and corners, in small cells.
     """
-    groups = model.moving_groups
-    waves = [group.sizes * omega / _shear_speed(model, group) for group in groups]
-    parts = [(group.sizes**2, long ** (2 * model.order - 2)) for group, long in zip(groups, waves)]
+    groups = elements.moving
+    waves = [group.sizes * omega / _shear_speed(elements, group) for group in groups]
+    parts = [(group.sizes**2, long ** (2 * elements.layout.order - 2)) for group, long in zip(groups, waves)]
     area, total = (
-        model.comm.allreduce(float(sum(part)))
+        elements.layout.comm.allreduce(float(sum(part)))
         for part in ((a.sum() for a, _ in parts), (a @ e for a, e in parts))
     )
-    least = negligible * total / area if model.order > 2 else 0.0
+    least = negligible * total / area if elements.layout.order > 2 else 0.0
     found = [
-        (group, np.flatnonzero((long >= LEFT_OUT * _safe(model)) & (error >= least)))
+        (group, np.flatnonzero((long >= LEFT_OUT * _safe(elements)) & (error >= least)))
         for group, long, (_, error) in zip(groups, waves, parts)
     ]
     return [(group, rows) for group, rows in found if len(rows)]
 
 
 def _add_group(
-    model: Structure, group: Group, omega: np.ndarray, shapes: np.ndarray, edges: _Edges
+    elements: Elements, group: Group, omega: np.ndarray, shapes: np.ndarray, edges: _Edges
 ) -> np.ndarray:
     """Energies that the group's S-elements lose with the modes as they are; residuals go to `edges`."""
-    order, material = model.order, model.materials[group.material]
+    order, material = elements.layout.order, elements.materials[group.material]
     whole = _prolongation(len(group.shape), order, group.closed)
     rich = solve_selement(
         Sectors(whole @ group.shape, order + MORE_ORDERS, material.elasticity),
         group.closed,
-        model.continued_fraction + MORE_TERMS,
+        elements.terms + MORE_TERMS,
         material.isotropic,
         density=material.densities,
     )
     bubbles = _bubbles(len(group.shape), order, group.closed)
-    scale, count, elements = material.modulus * model.thickness, len(whole), len(group.sizes)
+    scale, count, members = material.modulus * elements.thickness, len(whole), len(group.sizes)
     own = np.einsum("nb,ij->nibj", bubbles, np.eye(2)).reshape(2 * count, -1)
     waves = omega**2 * (material.density / material.modulus) * group.sizes[:, None, None] ** 2
     local = np.matmul(group.rotations[:, None], shapes[group.nodes])
-    fine = np.einsum("fn,knim->kfim", whole, local, optimize=True).reshape(elements, 2 * count, -1)
-    coarse = local.reshape(elements, 2 * len(group.shape), -1)
+    fine = np.einsum("fn,knim->kfim", whole, local, optimize=True).reshape(members, 2 * count, -1)
+    coarse = local.reshape(members, 2 * len(group.shape), -1)
     force = _dynamic(rich, fine, waves)
     edges.add(group, scale * (own.T @ force), scale * (own.T @ rich.stiffness @ own))
     # one by one: of the lowest modes little is left
@@ -354,24 +355,25 @@ def _bubbles(nodes: int, order: int, closed: bool) -> np.ndarray:
 class _Edges:
     """Residuals and stiffnesses of further polynomials, summed over the S-elements at each edge."""
 
-    def __init__(self, model: Structure, modes: int):
-        self.model, self.modes = model, modes
+    def __init__(self, statics: Stiffness, modes: int):
+        self._layout, self.modes = statics.layout, modes
         self.found: dict[tuple[int, ...], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         # where springs act the S-elements alone are not in balance: nothing is said of these edges
         self._elastic: dict[frozenset[int], np.ndarray] = {}
-        for support in model.supports:
-            for edge in model.part.edge_sets.get(support.where, ()):
+        for support in statics.supports:
+            for edge in self._layout.part.edge_sets.get(support.where, ()):
                 key = frozenset(int(node) for node in edge)
                 springs = np.array(support.springs) > 0.0
                 self._elastic[key] = springs | self._elastic.get(key, np.zeros(2, dtype=bool))
         # nor of those at a support on a point, whose reaction is singular
-        self._points = {model.points[s.where][2] for s in model.supports if s.where in model.points}
+        points = self._layout.points
+        self._points = {points[s.where][2] for s in statics.supports if s.where in points}
 
     def add(self, group: Group, residual: np.ndarray, block: np.ndarray) -> None:
         """Add the shares of S-elements, (k, 4 edges, modes) and (4 edges, 4 edges) for MORE_ORDERS of two,
         in the frame of the group's shape.
         """
-        part, order, size = self.model.part, self.model.order, 2 * MORE_ORDERS
+        part, order, size = self._layout.part, self._layout.order, 2 * MORE_ORDERS
         chains = _chain(len(group.shape), order, group.closed)
         own = np.stack([block[i : i + size, i : i + size] for i in range(0, len(block), size)])
         turns = np.einsum("ab,kij->kaibj", np.eye(MORE_ORDERS), group.rotations).reshape(-1, 1, size, size)
@@ -395,7 +397,7 @@ class _Edges:
 
     def _free(self, edge: np.ndarray, key: tuple[int, ...]) -> np.ndarray:
         """Of the further polynomials' unknowns on an edge, those of which something is said."""
-        free = (self.model.part.unknowns[edge] >= 0).any(axis=0)
+        free = (self._layout.part.unknowns[edge] >= 0).any(axis=0)
         free &= self._points.isdisjoint(key)
         if self._elastic:
             free &= ~self._elastic.get(frozenset(edge.tolist()), np.zeros(2, dtype=bool))
@@ -403,7 +405,7 @@ class _Edges:
 
     def energies(self) -> np.ndarray:
         """(modes,): what the further polynomials take off each mode's energy, edge by edge. Collective."""
-        comm = self.model.comm
+        comm = self._layout.comm
         everywhere = [self.found] if comm.size == 1 else comm.allgather(self.found)
         merged: dict[tuple[int, ...], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         for found in everywhere:

@@ -15,7 +15,8 @@ from ...selement.coefficients import edge_nodes
 from ...selement.face_tractions import FaceTractions
 from ...selement.interior import InteriorSampler
 from ..elements.shapes import Group
-from ..structure import Structure
+from ..layout.layout import Layout
+from .tips import Tips
 
 # xi of the innermost ring of points. The stress shown at the scaling centre is that at xi = CENTRE: at a
 # crack tip, where it has no bound, the innermost ring's; elsewhere all directions agree there within a
@@ -45,13 +46,13 @@ class Field:
 
     @classmethod
     def of_forces(
-        cls, model: Structure, nodal: np.ndarray, force: np.ndarray, loads: Mapping[int, np.ndarray]
+        cls, tips: Tips, nodal: np.ndarray, force: np.ndarray, loads: Mapping[int, np.ndarray]
     ) -> Field:
         """With the forces of the contact rows (c,) and, by the tips' numbers, those (modes,) of loads on the
         faces inside tip elements, N.
         """
         forces = {}
-        for faces in model.tip_faces:
+        for faces in tips.faces:
             total = faces.pressing(force)
             if faces.number in loads:
                 total += loads[faces.number]
@@ -77,7 +78,7 @@ class Patches:
     mirrored : (k,) bool array
         Whether the edges, of the mirrored reference shape, run clockwise.
     material : int
-        See `Structure.named_materials`.
+        See `Elements.named_materials`.
     positions : (k, l, edges, q, 2) array
         m.
     displacements : dict of str to (k, l, edges, q, 2) array
@@ -117,7 +118,7 @@ def graded_levels(closed: bool, finest: float, refine: int = 1) -> np.ndarray:
 
 
 def sample(
-    model: Structure,
+    tips: Tips,
     fields: Mapping[str, Any],
     subdivisions: int | None = None,
     stress: bool = True,
@@ -128,9 +129,9 @@ def sample(
 
     Parameters
     ----------
-    model : Structure
+    tips : Tips
     fields : dict of str to Static, Field or (m, 2) array
-        An array holds displacements of this rank's nodes, m (rows as in ``model.part.nodes``).
+        An array holds displacements of this rank's nodes, m (rows as in ``Layout.part.nodes``).
     subdivisions : int, optional
         Straight pieces an edge is drawn with; default: the order of the edges.
     stress : bool
@@ -140,22 +141,23 @@ def sample(
     refine : int
         Levels of open S-elements for each default one.
     """
+    elements, layout = tips.elements, tips.layout
     states = {name: as_field(state, name) for name, state in fields.items()}
     for name, state in states.items():
-        if state.nodal.shape != model.part.coordinates.shape:
+        if state.nodal.shape != layout.part.coordinates.shape:
             raise ValueError(
                 f"field {name!r} has shape {state.nodal.shape}; displacements of this rank's nodes have "
                 "shape "
-                f"{model.part.coordinates.shape}"
+                f"{layout.part.coordinates.shape}"
             )
-    at = np.linspace(-1.0, 1.0, (model.order if subdivisions is None else subdivisions) + 1)
+    at = np.linspace(-1.0, 1.0, (layout.order if subdivisions is None else subdivisions) + 1)
     patches = []
-    for group in model.groups:
+    for group in elements.groups:
         if keep is not None:
             group = group.select(np.flatnonzero(keep[group.elements]))
         if len(group.elements) == 0:
             continue
-        material = model.materials[group.material]
+        material = elements.materials[group.material]
         sampler = InteriorSampler(
             group.solution.radial, group.shape, group.order, group.closed, material.elasticity, at
         )
@@ -165,10 +167,10 @@ def sample(
         )
         with_centre, near_centre = np.append(levels, 0.0), np.append(levels, CENTRE)
         sizes, rotations = group.sizes, group.rotations
-        positions = sampler.positions(with_centre, model.part.centres[group.elements], sizes, rotations)
+        positions = sampler.positions(with_centre, layout.part.centres[group.elements], sizes, rotations)
         displacements, stresses = {}, {}
         for name, state in states.items():
-            faces = None if group.closed else _loaded_faces(model, group, state)
+            faces = None if group.closed else _loaded_faces(tips, group, state)
             radial = sampler.radial_fields(
                 state.nodal[group.nodes], rotations, np.append(near_centre, 0.0), faces
             )
@@ -189,7 +191,7 @@ def sample(
     return patches
 
 
-def _loaded_faces(model: Structure, group: Group, state: Field) -> tuple[FaceTractions, np.ndarray] | None:
+def _loaded_faces(tips: Tips, group: Group, state: Field) -> tuple[FaceTractions, np.ndarray] | None:
     """Traction modes on the faces of open S-elements of one shape, and their forces (modes, k) over E and
     the thickness, m.
     """
@@ -197,7 +199,7 @@ def _loaded_faces(model: Structure, group: Group, state: Field) -> tuple[FaceTra
         return None
     rows = {int(element): k for k, element in enumerate(group.elements)}
     forces, tractions = None, None
-    for faces in model.tip_faces:
+    for faces in tips.faces:
         k = rows.get(int(faces.group.elements[faces.member]))
         if k is None or faces.number not in state.tip_forces:
             continue
@@ -257,11 +259,11 @@ def point_grid_cells(patches: Patches) -> tuple[np.ndarray, np.ndarray]:
     return quadrilaterals.reshape(count, -1, 4), triangles.reshape(count, -1, 3)
 
 
-def outline_edges(model: Structure, chain: int) -> np.ndarray:
+def outline_edges(layout: Layout, chain: int) -> np.ndarray:
     """(edges, order + 1): nodes of each edge of S-element `chain` of this rank, as rows of the part's
     nodes.
     """
-    nodes = model.part.chains[chain]
-    closed = model.part.closed[chain]
-    count = (len(nodes) if closed else len(nodes) - 1) // model.order
-    return nodes[(np.arange(count)[:, None] * model.order + np.arange(model.order + 1)) % len(nodes)]
+    nodes = layout.part.chains[chain]
+    closed = layout.part.closed[chain]
+    count = (len(nodes) if closed else len(nodes) - 1) // layout.order
+    return nodes[(np.arange(count)[:, None] * layout.order + np.arange(layout.order + 1)) % len(nodes)]

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 
-from meshing.boundary_mesh import Tip
+from meshing.mesh_arrays import ContactPairs, Tip
 
 from ...material import AnyMaterial
-from ...petsc import MPI
-from ...ranks.parallel import collective
-from ...selement.coefficients import SElementError
 from ...selement.face_tractions import (
     FaceTractions,
     face_axis,
@@ -22,11 +19,30 @@ from ...selement.face_tractions import (
     single_face_directions,
 )
 from ...selement.sectors import Sectors
-from ..contact.gap_operator import tangential_rows
+from ..elements.elements import Elements
 from ..elements.shapes import Group
 
-if TYPE_CHECKING:
-    from ..structure import Structure
+
+class TipPlace(NamedTuple):
+    """A tip whose S-element this rank holds."""
+
+    number: int
+    group: Group
+    member: int
+
+
+def tip_places(elements: Elements) -> list[TipPlace]:
+    """The tip elements that this rank holds."""
+    layout = elements.layout
+    row_of = {int(element): row for row, element in enumerate(layout.part.elements)}
+    open_ones = {
+        int(row): (group, member)
+        for group in elements.groups
+        if not group.closed
+        for member, row in enumerate(group.elements)
+    }
+    rows = [(number, row_of.get(int(tip.element), -1)) for number, tip in enumerate(layout.tip_elements)]
+    return [TipPlace(number, *open_ones[row]) for number, row in rows if row >= 0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,76 +177,17 @@ class TipFaces:
 _AT_THE_TIP = 0.1
 
 
-def tip_gaps(model: Structure) -> np.ndarray:
-    """(tips, 2): initial gaps at each tip and on the boundary of its S-element, m. Collective."""
-    gaps = np.zeros((len(model.tip_elements), 2))
-    for number, group, member in model.tip_places:
-        drawn = _drawn_gap(group.shape, float(group.sizes[member]))
-        given = _given_gaps(model, model.tip_elements[number])
-        gaps[number] = (0.0, drawn)
-        if given is not None and abs(given[1] - drawn) > 1e-6 * max(given[1], drawn):
-            gaps[number] = given
-    model.comm.Allreduce(MPI.IN_PLACE, gaps)
-    return gaps
-
-
-def tip_rows(model: Structure) -> np.ndarray:
-    """(tips + 1,): first contact row of each tip element, and the number of all rows: behind the pairs, one
-    for each polynomial, and one for the logarithm where faces that come apart close a wedge. Collective.
-    """
-    parts = [model.contact_laws[model.cracks[tip.crack].name].parts for tip in model.tip_elements]
-    at_tip, at_boundary = model.tip_gaps.T
-    wedges = (at_tip == 0.0) & (at_boundary > 0.0) & np.array(parts, dtype=bool)
-    counts = (model.tip_modes + wedges) * (model.tip_modes > 0)
-    return len(model.pairs) + np.concatenate([[0], np.cumsum(counts)])
-
-
-def tip_faces(model: Structure) -> list[TipFaces]:
-    """Those of the tip elements that this rank holds. Collective."""
-    found: list[TipFaces] = []
-    first, gaps, rubbing = model.tip_rows, model.tip_gaps, tangential_rows(model)
-    shared: dict[int, FaceTractions] = {}  # similar tip elements have the same
-    if not model.tip_modes:
-        return found
-    with collective(model.comm):
-        for place in model.tip_places:
-            group, material = place.group, model.materials[place.group.material]
-            if id(group) not in shared:
-                try:
-                    shared[id(group)] = _tractions(group, material, model.tip_modes)
-                except SElementError as error:
-                    raise SElementError(f"tip {model.tip_elements[place.number].name}: {error}") from None
-            number, sets = place.number, model.tip_elements[place.number].faces
-            if np.linalg.det(group.rotations[place.member]) < 0.0:
-                sets = sets[::-1]  # a reflected shape runs through the element's chain backwards
-            found.append(
-                TipFaces(
-                    number,
-                    int(first[number]),
-                    int(rubbing[number]),
-                    int(first[number + 1] - first[number]),
-                    group,
-                    place.member,
-                    shared[id(group)],
-                    material.modulus * model.thickness,
-                    sets,
-                    gaps[number],
-                )
-            )
-    return found
-
-
-def _drawn_gap(shape: np.ndarray, size: float) -> float:
+def drawn_gap(shape: np.ndarray, size: float) -> float:
     """Distance of the faces on the element's boundary, m."""
     opening = float(opening_direction(shape)[0] @ (shape[0] - shape[-1]))
     return size * opening if opening > 1e-12 else 0.0  # faces of a closed crack coincide to round-off
 
 
-def _given_gaps(model: Structure, tip: Tip) -> tuple[float, float] | None:
+def given_gaps(pairs: ContactPairs, tip: Tip) -> tuple[float, float] | None:
     """Gaps at a tip and on the boundary of its element, m, on the straight line through those of the pair
     there and of the next one.
     """
-    pairs, (start, stop) = model.pairs, tip.arc
+    start, stop = tip.arc
     line = np.flatnonzero(pairs.crack == tip.crack)
     outwards = np.sign(stop - start) * (pairs.arc[line] - start)
     line = line[np.argsort(outwards, kind="stable")]
@@ -246,7 +203,7 @@ def _given_gaps(model: Structure, tip: Tip) -> tuple[float, float] | None:
     return (at_tip if at_tip > _AT_THE_TIP * first else 0.0), first
 
 
-def _tractions(group: Group, material: AnyMaterial, modes: int) -> FaceTractions:
+def tractions_of(group: Group, material: AnyMaterial, modes: int) -> FaceTractions:
     directions = np.concatenate(
         [opening_direction(group.shape)[None], single_face_directions(0), single_face_directions(1)]
     )

@@ -1,128 +1,142 @@
-"""Stress intensity factors of all crack tips as linear forms of the displacements."""
+"""Tips of a structure's cracks: their contact rows, the faces inside their S-elements, their K and T."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+import functools
+from collections.abc import Mapping
 
 import numpy as np
 
-from ...material import SectorMaterials
+from meshing.mesh_arrays import Tip
+
+from ...contact.law import ContactLaw
+from ...petsc import MPI
 from ...ranks.parallel import collective
 from ...selement.coefficients import SElementError
-from ...selement.intensity import intensity_rows
-from ...selement.sectors import Sectors
-from ..elements.shapes import Group
-from ..layout.rows import Rows, flat_entries
-from .tip_facts import TipFacts
-
-if TYPE_CHECKING:
-    from ..structure import Structure
-
-# Length at which stress intensity factors of a crack along an interface are taken, m: K_I + i K_II is then
-# Rice's complex K in SI units.
-REFERENCE_LENGTH = 1.0
+from ...selement.face_tractions import FaceTractions
+from ..elements.elements import Elements
+from .intensities import TipIntensities, tip_intensities
+from .t_stress import TStressForm, t_stress_forms
+from .tip_faces import TipFaces, TipPlace, drawn_gap, given_gaps, tip_places, tractions_of
 
 
-class TipPlace(NamedTuple):
-    """A tip whose S-element this rank holds."""
+class Tips:
+    """Tips that have an S-element around them; what is told of them is made when it is first asked for.
 
-    number: int
-    group: Group
-    member: int
-
-
-@dataclass(frozen=True, eq=False)
-class TipIntensities(TipFacts):
-    """K_I and K_II of every tip with a tip element.
-
-    Attributes
+    Parameters
     ----------
-    rows : Rows
-        Two for each tip.
-    contact : (2 tips, c) array
-        What forces of the contact rows add at given displacements, Pa m^(1/2)/N: those inside the tip
-        elements.
-    faces : dict of int to (2, m) array
-        The same for all traction modes of the tips that this rank holds, by the tip's number.
-    exponent_errors : (tips,) array
-        Of tips that are not in one isotropic material: how far the exponents of their S-elements are from the
-        exact ones; zero at others.
+    elements : Elements
+    laws : mapping of str to ContactLaw
+        Of the cracks, by their names.
+    modes : int
+        Polynomials of the pressure on the faces inside each tip element.
     """
 
-    rows: Rows
-    contact: np.ndarray
-    faces: dict[int, np.ndarray]
-    exponent_errors: np.ndarray
+    def __init__(self, elements: Elements, laws: Mapping[str, ContactLaw], modes: int):
+        self.elements, self.layout, self.laws, self.modes = elements, elements.layout, laws, modes
+
+    def law_of(self, tip: Tip) -> ContactLaw:
+        """Of its crack."""
+        return self.laws[self.layout.cracks[tip.crack].name]
 
     @property
-    def facts(self) -> TipFacts:
-        """What the tips are, without the forms."""
-        return TipFacts(self.names, self.exponents, self.interfaces, self.contact_rows)
+    def rub(self) -> bool:
+        """Whether any faces do."""
+        return any(law.rubs for law in self.laws.values())
 
-    def evaluate(self, owned: np.ndarray, more: np.ndarray) -> dict[str, tuple[float, float]]:
-        """K_I and K_II of each tip, on all ranks, from this rank's displacement unknowns and what tractions
-        on the faces inside the tip elements add, (2 tips,). Collective.
+    @functools.cached_property
+    def places(self) -> list[TipPlace]:
+        """Those that this rank holds."""
+        return tip_places(self.elements)
+
+    @functools.cached_property
+    def gaps(self) -> np.ndarray:
+        """(tips, 2): initial gaps at each tip and on the boundary of its S-element, m. Collective."""
+        gaps = np.zeros((len(self.layout.tip_elements), 2))
+        for number, group, member in self.places:
+            drawn = drawn_gap(group.shape, float(group.sizes[member]))
+            given = given_gaps(self.layout.pairs, self.layout.tip_elements[number])
+            gaps[number] = (0.0, drawn)
+            if given is not None and abs(given[1] - drawn) > 1e-6 * max(given[1], drawn):
+                gaps[number] = given
+        self.layout.comm.Allreduce(MPI.IN_PLACE, gaps)
+        return gaps
+
+    # ------------------------------------------------------------------ contact rows
+    @functools.cached_property
+    def first_rows(self) -> np.ndarray:
+        """(tips + 1,): first contact row of each tip element, and the number of all rows that are gaps:
+        behind the pairs, one for each polynomial, and one for the logarithm where faces that come apart close
+        a wedge. Collective.
         """
-        values = (self.rows(owned) + more).reshape(-1, 2)
-        return {name: (float(one), float(two)) for name, (one, two) in zip(self.names, values)}
+        parts = [self.law_of(tip).parts for tip in self.layout.tip_elements]
+        at_tip, at_boundary = self.gaps.T
+        wedges = (at_tip == 0.0) & (at_boundary > 0.0) & np.array(parts, dtype=bool)
+        counts = (self.modes + wedges) * (self.modes > 0)
+        return len(self.layout.pairs) + np.concatenate([[0], np.cumsum(counts)])
 
+    @functools.cached_property
+    def tangential_rows(self) -> np.ndarray:
+        """(tips,): tangential row of the first mode of each tip element, -1 where its faces do not rub;
+        behind the rows that are gaps stands one for each pair, then those of the tips. Collective.
+        """
+        counts, pairs = self._tangential_counts, len(self.layout.pairs)
+        behind = self.first_rows[-1] + pairs + np.cumsum(counts) - counts
+        return np.where(counts > 0, behind, -1)
 
-def tip_places(model: Structure) -> list[TipPlace]:
-    """The tip elements that this rank holds."""
-    row_of = {int(element): row for row, element in enumerate(model.part.elements)}
-    open_ones = {
-        int(row): (group, member)
-        for group in model.groups
-        if not group.closed
-        for member, row in enumerate(group.elements)
-    }
-    rows = [(number, row_of.get(int(tip.element), -1)) for number, tip in enumerate(model.tip_elements)]
-    return [TipPlace(number, *open_ones[row]) for number, row in rows if row >= 0]
+    @property
+    def _tangential_counts(self) -> np.ndarray:
+        rubs = np.array([self.law_of(tip).rubs for tip in self.layout.tip_elements], dtype=bool)
+        return np.diff(self.first_rows) * rubs
 
+    @property
+    def count(self) -> int:
+        """Number of contact rows: gaps, then slips where faces rub. Collective."""
+        slips = len(self.layout.pairs) + int(self._tangential_counts.sum()) if self.rub else 0
+        return int(self.first_rows[-1]) + slips
 
-def tip_intensities(model: Structure) -> TipIntensities:
-    """The forms of a model. Collective."""
-    tips = model.tip_elements
-    exponents, errors, interfaces = np.zeros((len(tips), 2)), np.zeros(len(tips)), np.zeros(len(tips))
-    contact = np.zeros((2 * len(tips), len(model.gap_operator)))
-    tractions = {faces.number: faces for faces in model.tip_faces}
-    rows: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-    columns: dict[int, np.ndarray] = {}
-    shared: dict[tuple, Any] = {}  # similar tip elements with the same axis have the same forms
-    with collective(model.comm):  # the rank that owns a tip must not fail alone
-        for number, group, member in model.tip_places:
-            tip, rotation, size = tips[number], group.rotations[member], group.sizes[member]
-            material = model.materials[group.material]
-            axis = rotation @ np.array(tip.axis)
-            key: tuple = (id(group), *np.round(axis, 12))
-            if isinstance(material, SectorMaterials):
-                key += (float(size),)  # complex exponents
-            if key not in shared:
-                try:
-                    shared[key] = intensity_rows(
-                        group.solution.radial,
-                        Sectors(group.shape, group.order, material.elasticity),
-                        axis,
-                        material.isotropic,
-                        reference_length=REFERENCE_LENGTH / size,
+    @functools.cached_property
+    def faces(self) -> list[TipFaces]:
+        """Traction modes on the faces inside the tip elements that this rank holds. Collective."""
+        found: list[TipFaces] = []
+        first, gaps, rubbing = self.first_rows, self.gaps, self.tangential_rows
+        shared: dict[int, FaceTractions] = {}  # similar tip elements have the same
+        if not self.modes:
+            return found
+        with collective(self.layout.comm):
+            for number, group, member in self.places:
+                tip, material = self.layout.tip_elements[number], self.elements.materials[group.material]
+                if id(group) not in shared:
+                    try:
+                        shared[id(group)] = tractions_of(group, material, self.modes)
+                    except SElementError as error:
+                        raise SElementError(f"tip {tip.name}: {error}") from None
+                sets = tip.faces
+                if np.linalg.det(group.rotations[member]) < 0.0:
+                    sets = sets[::-1]  # a reflected shape runs through the element's chain backwards
+                found.append(
+                    TipFaces(
+                        number,
+                        int(first[number]),
+                        int(rubbing[number]),
+                        int(first[number + 1] - first[number]),
+                        group,
+                        member,
+                        shared[id(group)],
+                        material.modulus * self.elements.thickness,
+                        sets,
+                        gaps[number],
                     )
-                except SElementError as error:
-                    raise SElementError(f"tip {tip.name}: {error}") from None
-            form = shared[key]
-            placed = form.placed(rotation, size, material.modulus).reshape(2, -1)
-            unknowns = model.part.unknowns[group.nodes[member]].ravel()
-            rows |= {2 * number + k: (unknowns, placed[k]) for k in (0, 1)}
-            exponents[number], interfaces[number] = form.exponents, isinstance(material, SectorMaterials)
-            errors[number] = 0.0 if material.isotropic else np.nan_to_num(form.exponent_error)
-            if number in tractions:
-                faces = tractions[number]
-                columns[number] = form.placed_of_tractions(faces.tractions, rotation, size, model.thickness)
-                faces.place(contact[2 * number : 2 * number + 2], columns[number])
-    exponents, contact, errors, interfaces = (
-        model.comm.allreduce(array) for array in (exponents, contact, errors, interfaces)
-    )
-    gathered = Rows.gathered(model.comm, model.ranges, flat_entries(rows), 2 * len(tips))
-    names = tuple(tip.name for tip in tips)
-    facts = names, exponents, interfaces > 0.0, model.tip_rows
-    return TipIntensities(*facts, gathered, contact, columns, errors)
+                )
+        return found
+
+    # ------------------------------------------------------------------ what is told of them
+    @functools.cached_property
+    def intensities(self) -> TipIntensities:
+        """Their stress intensity factors. Collective."""
+        return tip_intensities(self.elements, self.places, self.faces, self.first_rows, self.count)
+
+    @functools.cached_property
+    def t_stress_forms(self) -> list[TStressForm]:
+        """T-stress of those that this rank holds and that have one. Collective."""
+        return t_stress_forms(self.elements, self.places, self.faces)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from meshing.boundary_mesh import BoundaryMesh, ContactPairs
+from meshing.boundary_mesh import BoundaryMesh
 
 from ...checks import shown
 from ...errors import UnknownName, listed
@@ -15,53 +14,7 @@ from ...petsc import MPI, stage
 from ...ranks.parallel import agree, collective
 from ...supports import Support
 from . import partition
-
-
-@dataclass(frozen=True, eq=False)
-class Distribution:
-    """Facts that every rank knows, and this rank's part of the mesh.
-
-    Attributes
-    ----------
-    order, elements : int
-    cracks : tuple of Crack
-    tip_elements : tuple of Tip
-        Those that have an S-element around them.
-    material_names, edge_sets : tuple of str
-    compositions : tuple of tuple of int
-        Materials around S-elements in several of them; `Part.materials` counts on from the names.
-    pairs : ContactPairs
-    points : dict of str to ((x, y), (2,) int tuple, int)
-        Place, m, unknowns and node of each named point.
-    pair_unknowns : (pairs, 2, 2) int array
-        Unknowns of both nodes of each pair, -1 where held fixed.
-    bodies : tuple of (x, y)
-        Middle of each body, m; more than one where cracks cut through the structure.
-    extent : ((2,) array, (2,) array)
-        Least and greatest coordinates, m.
-    area, perimeter : float
-        m^2, m.
-    ranges : (ranks + 1,) int array
-        Rank r owns the unknowns ``ranges[r]`` to ``ranges[r + 1] - 1``.
-    part : Part
-    """
-
-    order: int
-    elements: int
-    cracks: tuple
-    tip_elements: tuple
-    material_names: tuple[str, ...]
-    compositions: tuple[tuple[int, ...], ...]
-    edge_sets: tuple[str, ...]
-    pairs: ContactPairs
-    points: dict[str, Any]
-    pair_unknowns: np.ndarray
-    bodies: tuple[tuple[float, float], ...]
-    extent: tuple[np.ndarray, np.ndarray]
-    area: float
-    perimeter: float
-    ranges: np.ndarray
-    part: partition.Part
+from .layout import Layout
 
 
 def declared_clamp(comm: MPI.Comm, mesh: BoundaryMesh | None) -> str | None:
@@ -70,7 +23,7 @@ def declared_clamp(comm: MPI.Comm, mesh: BoundaryMesh | None) -> str | None:
 
 
 @stage("Mesh")
-def distribute(comm: MPI.Comm, mesh: BoundaryMesh | None, supports: tuple[Support, ...]) -> Distribution:
+def distribute(comm: MPI.Comm, mesh: BoundaryMesh | None, supports: tuple[Support, ...]) -> Layout:
     """Number the unknowns and give each rank its part of a mesh.
 
     Parameters
@@ -105,7 +58,7 @@ def distribute(comm: MPI.Comm, mesh: BoundaryMesh | None, supports: tuple[Suppor
         part = parts.of(comm.rank)
     else:
         facts, part = comm.bcast(facts), _handed_out(comm, parts)
-    return Distribution(**facts, part=part)
+    return Layout(comm, **facts, part=part)
 
 
 def _handed_out(comm: MPI.Comm, parts: partition.Parts | None) -> partition.Part:

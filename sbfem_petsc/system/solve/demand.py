@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from ...petsc import PETSc
 from ...ranks.capacity import give_back, require_memory
+from ..elements.elements import Elements
 
 # Of a matrix, bytes an entry: a value and the number of its column.
 ENTRY = 12
@@ -16,25 +16,30 @@ FACTOR, GIVEN = 8 * 10.3 * 1.4, 8
 COARSER = "take a coarser mesh, or more ranks on more machines"
 
 
-def matrix_entries(model: Any, terms: int = 0) -> int:
+def matrix_entries(elements: Elements, terms: int = 0) -> int:
     """Entries of a matrix over the displacement unknowns, or, with the auxiliary unknowns of so many terms
     of the continued fraction, of one over all of them; those of neighbours are counted twice. Collective.
     """
-    local = sum(4 * group.nodes.size * group.nodes.shape[1] for group in model.groups)
-    return (1 + 2 * terms) * model.comm.allreduce(local)
+    local = sum(4 * group.nodes.size * group.nodes.shape[1] for group in elements.groups)
+    return (1 + 2 * terms) * elements.layout.comm.allreduce(local)
 
 
-def factor_memory(model: Any) -> float:
+def factor_memory(elements: Elements) -> float:
     """Bytes of a factor of the stiffness, or of a shifted one, and of the matrix that it is made of.
     Collective.
     """
-    unknowns = model.boundary_unknowns
-    return (ENTRY + GIVEN) * matrix_entries(model) + FACTOR * unknowns * math.log2(unknowns + 1)
+    unknowns = elements.layout.count
+    return (ENTRY + GIVEN) * matrix_entries(elements) + FACTOR * unknowns * math.log2(unknowns + 1)
 
 
-def require_factor(model: Any) -> None:
+def require_factor(elements: Elements, columns: int) -> None:
     """Refuse statics, and what rests on them, if the stiffness's factor and the columns that contact is
     solved for at a time would not find room. Collective.
+
+    Parameters
+    ----------
+    columns : int
+        That contact may ask for.
 
     Raises
     ------
@@ -42,18 +47,18 @@ def require_factor(model: Any) -> None:
     """
     if PETSc.Options().getString("static_ksp_type", "preonly") != "preonly":
         return  # an iterative solver's memory is another one
-    block = min(256, int(model.tip_rows[-1]))
-    needed = factor_memory(model) + 16.0 * model.boundary_unknowns * block
+    comm, unknowns = elements.layout.comm, elements.layout.count
+    needed = factor_memory(elements) + 16.0 * unknowns * min(256, columns)
     require_memory(
         "static",
-        model.comm,
-        needed / model.comm.size,
-        f"a factor of {model.boundary_unknowns:,d} unknowns",
+        comm,
+        needed / comm.size,
+        f"a factor of {unknowns:,d} unknowns",
         lambda share: f"{COARSER}, or an iterative solver (-static_ksp_type cg -static_pc_type gamg)",
     )
 
 
-def require_modes(model: Any, count: int, basis: int, whole: bool = False) -> None:
+def require_modes(elements: Elements, count: int, basis: int, whole: bool = False) -> None:
     """Refuse what would end in PETSc's or the system's error for want of memory. Collective.
 
     Parameters
@@ -71,21 +76,22 @@ def require_modes(model: Any, count: int, basis: int, whole: bool = False) -> No
     """
     # the mass and the matrix of the count, one factor at a time beside that of statics; the basis, the
     # eigenvectors and their products
-    unknowns = model.unknowns if whole else model.boundary_unknowns
-    mass = matrix_entries(model, model.continued_fraction if whole else 0)
-    pencil = ENTRY * (matrix_entries(model) + mass)
-    needed = pencil + factor_memory(model) + 8 * unknowns * (basis + 4 * count)
+    unknowns = elements.unknowns if whole else elements.layout.count
+    mass = matrix_entries(elements, elements.terms if whole else 0)
+    pencil = ENTRY * (matrix_entries(elements) + mass)
+    comm = elements.layout.comm
+    needed = pencil + factor_memory(elements) + 8 * unknowns * (basis + 4 * count)
     give_back(unknowns)
     require_memory(
         "modal",
-        model.comm,
-        needed / model.comm.size,
+        comm,
+        needed / comm.size,
         f"{count} modes of {unknowns:,d} unknowns",
         lambda share: f"ask for fewer modes, {COARSER}",
     )
 
 
-def require_steps(owner: str, model: Any, modes: int, responses: int, *, vectors: int = 0) -> None:
+def require_steps(owner: str, elements: Elements, modes: int, responses: int, *, vectors: int = 0) -> None:
     """Refuse the steps of the unreduced model if its matrices, the factor and the responses to contact would
     not find room. Collective.
 
@@ -102,13 +108,14 @@ def require_steps(owner: str, model: Any, modes: int, responses: int, *, vectors
     ------
     ValueError
     """
-    matrices = matrix_entries(model, model.continued_fraction) + matrix_entries(model)
-    columns = 16 + modes + 2 * min(len(model.gap_operator), responses) + 2 * vectors
-    needed = ENTRY * matrices + factor_memory(model) + 8.0 * model.unknowns * columns
+    matrices = matrix_entries(elements, elements.terms) + matrix_entries(elements)
+    comm = elements.layout.comm
+    columns = 16 + modes + 2 * responses + 2 * vectors
+    needed = ENTRY * matrices + factor_memory(elements) + 8.0 * elements.unknowns * columns
     require_memory(
         owner,
-        model.comm,
-        needed / model.comm.size,
-        f"the unreduced model of {model.unknowns:,d} unknowns",
+        comm,
+        needed / comm.size,
+        f"the unreduced model of {elements.unknowns:,d} unknowns",
         lambda share: f"{COARSER}, or the reduced model (reduction = 'modes')",
     )

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,10 +15,12 @@ from ...contact.complementarity import Complementarity, active_set, solve_comple
 from ...contact.friction import Memory, solve_friction
 from ...contact.law import RowLaws
 from ...petsc import free, stage
-from ..boundary import LoadColumns
 from ..contact import bordered_contact, dual_contact
 from ..contact.expected_contact import expected_contact
-from ..model import Model
+from ..contact.rows import Contact
+from ..loads import LoadColumns
+from ..structure import Structure
+from .stiffness import Stiffness
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +59,7 @@ class Equilibrium:
 
 
 def equilibrium(
-    model: Model,
+    model: Structure,
     load: LoadColumns,
     contact: bool = True,
     solve: Callable[[np.ndarray, np.ndarray, RowLaws], Complementarity] = solve_complementarity,
@@ -66,7 +69,7 @@ def equilibrium(
 
     Parameters
     ----------
-    model : Model
+    model : Structure
         Held against every rigid-body motion.
     load : LoadColumns
         Of one column.
@@ -78,113 +81,138 @@ def equilibrium(
         Of the state before; default: faces that have never been loaded.
     """
     found = None
-    if contact and solve is solve_complementarity and model.gap_operator.friction is None:
-        found = _at_once(model, load)
-    return _from_free_gaps(model, load, contact, solve, memory) if found is None else found
+    if contact and solve is solve_complementarity and model.contact.friction is None:
+        found = _at_once(model.statics, model.contact, load)
+    if found is None:
+        found = _from_free_gaps(model, load, contact, solve, memory)
+    owned, result = found.owned, found.result
+    factors = model.tips.intensities
+    intensities = factors.evaluate(owned, load.tips[:, 0] + factors.contact @ result.force)
+    return Equilibrium(
+        owned,
+        result.force,
+        result.gap,
+        result.active,
+        intensities,
+        result.iterations,
+        _imbalance(model.statics, model.contact, load, found),
+        found.memory,
+        found.lost,
+    )
+
+
+class _Found(NamedTuple):
+    """Displacements, contact, whether the solves were refined where they had to be, and of friction what it
+    leaves to the next state and has lost, J.
+    """
+
+    owned: np.ndarray
+    result: Complementarity
+    refined: bool
+    memory: Memory | None = None
+    lost: float = 0.0
 
 
 def _from_free_gaps(
-    model: Model,
+    model: Structure,
     load: LoadColumns,
     contact: bool,
     solve: Callable[[np.ndarray, np.ndarray, RowLaws], Complementarity],
     memory: Memory | None,
-) -> Equilibrium:
+) -> _Found:
     """The linear solution, what contact does to its gaps, and the solution with the contact forces."""
-    gap_operator, solver = model.gap_operator, model.solver
-    right, solution = model.stiffness.createVecs()
+    stiffness, operator, solver = model.statics, model.contact, model.statics.solver
+    right, solution = stiffness.matrix.createVecs()
     try:
         right.array = load.forces[:, 0]
         solver.solve(right, solution, "static")
-        gap = gap_operator.rows(solution.array_r) + load.gaps[:, 0] + gap_operator.initial
+        gap = operator.rows(solution.array_r) + load.gaps[:, 0] + operator.initial
         result: Complementarity | None = None
-        laws, friction, lost = gap_operator.laws, gap_operator.friction, 0.0
+        laws, friction, lost = operator.laws, operator.friction, 0.0
         touching = contact and laws.touched(gap[: len(laws)]).any()
         if friction is not None:
             former = Memory.none(laws, friction) if memory is None else memory
             if touching:
-                result = solve_friction(model.compliance.gaps, gap, laws, friction, former)
+                result = solve_friction(
+                    operator.compliance(stiffness, model.tips).gaps, gap, laws, friction, former
+                )
         elif touching:
             # bordered matrices have the round-off of the assembled stiffness
-            refined = model.refinement.needed(right.norm(), solution.norm())
+            refined = stiffness.refinement.needed(right.norm(), solution.norm())
             if solve is solve_complementarity and not refined:
-                result = _without_flexibility(model, gap)
+                result = _without_flexibility(stiffness, operator, gap)
             if result is None:
-                result = solve(model.compliance.gaps, gap, laws)
+                result = solve(operator.compliance(stiffness, model.tips).gaps, gap, laws)
         if result is None:
             result = Complementarity(np.zeros(len(gap)), gap, np.zeros(len(gap), dtype=np.int8), 0)
         else:
-            gap_operator.rows.add_to(right, result.force)
+            operator.rows.add_to(right, result.force)
             solver.solve(right, solution, "static")
         if friction is not None:
             memory = Memory.of(result, len(laws))
             lost = memory.lost_since(former, friction)
         owned = solution.array_r.copy()
     finally:
-        free(model.comm, right, solution)
-    found = _completed(model, load, owned, result, refined=True)
-    return found if friction is None else replace(found, memory=memory, friction_loss=lost)
+        free(stiffness.layout.comm, right, solution)
+    return _Found(owned, result, True, None if friction is None else memory, lost)
 
 
 @stage("Contact")
-def _at_once(model: Model, load: LoadColumns) -> Equilibrium | None:
+def _at_once(stiffness: Stiffness, contact: Contact, load: LoadColumns) -> _Found | None:
     """By the stiffness bordered with the rows that are expected to close, itself not factorised; None where
     that costs more, nothing is expected to close, or it is not solved to round-off.
     """
-    gap_operator, forces = model.gap_operator, load.forces[:, 0]
-    if model.solver.factorised or _backend(model, len(gap_operator)) is not bordered_contact.Bordered:
+    if stiffness.solver.factorised or _backend(stiffness, contact) is not bordered_contact.Bordered:
         return None
-    rest = load.gaps[:, 0] + gap_operator.initial
-    start = expected_contact(model, forces, rest)
+    forces, rest = load.forces[:, 0], load.gaps[:, 0] + contact.initial
+    start = expected_contact(stiffness, contact, forces, rest)
     if start is None:
         return None
-    with closing(bordered_contact.Bordered(model, forces)) as backend:
-        result = active_set(backend, rest, gap_operator.laws, start)[0]
+    with closing(bordered_contact.Bordered(stiffness, contact, forces)) as backend:
+        result = active_set(backend, rest, contact.laws, start)[0]
         if result is None:
             return None
         owned = backend.displacements(result.active, result.force, result.gap - rest)
-    return _completed(model, load, owned, result, refined=False)
+    return _Found(owned, result, False)
 
 
-def _completed(
-    model: Model, load: LoadColumns, owned: np.ndarray, result: Complementarity, *, refined: bool
-) -> Equilibrium:
-    """With the stress intensity factors, and how well forces are in balance."""
-    solution, right = model.stiffness.createVecs()
+def _imbalance(stiffness: Stiffness, contact: Contact, load: LoadColumns, found: _Found) -> float:
+    """How well forces are in balance, see `Equilibrium.residual`."""
+    solution, right = stiffness.matrix.createVecs()
     residual = right.duplicate()
     try:
-        right.array, solution.array = load.forces[:, 0], owned
+        right.array, solution.array = load.forces[:, 0], found.owned
         scale = right.norm()
-        model.gap_operator.rows.add_to(right, result.force)
-        model.stiffness.mult(solution, residual)
+        contact.rows.add_to(right, found.result.force)
+        stiffness.matrix.mult(solution, residual)
         residual.axpy(-1.0, right)
-        relative = residual.norm() / scale if scale > 0 else 0.0
-        if refined and model.refinement.needed(right.norm(), solution.norm()):
+        if found.refined and stiffness.refinement.needed(right.norm(), solution.norm()):
             # the product with the assembled stiffness is round-off; what refinement still moves tells
-            relative = model.refinement.correction
+            return stiffness.refinement.correction
+        return float(residual.norm() / scale) if scale > 0 else 0.0
     finally:
-        free(model.comm, solution, right, residual)
-    intensities = model.tips.evaluate(owned, load.tips[:, 0] + model.tips.contact @ result.force)
-    return Equilibrium(
-        owned, result.force, result.gap, result.active, intensities, result.iterations, relative
-    )
+        free(stiffness.layout.comm, solution, right, residual)
 
 
 @stage("Contact")
-def _without_flexibility(model: Model, free_gap: np.ndarray) -> Complementarity | None:
+def _without_flexibility(
+    stiffness: Stiffness, contact: Contact, free_gap: np.ndarray
+) -> Complementarity | None:
     """Contact of so many rows that their flexibility costs more than the forces; None where it does not, and
     where the active set runs into a cycle or is not solved to round-off.
     """
-    kind = _backend(model, len(free_gap))
+    kind = _backend(stiffness, contact)
     if kind is None:
         return None
-    with closing(kind(model)) as backend:
-        return active_set(backend, free_gap, model.gap_operator.laws)[0]
+    with closing(kind(stiffness, contact)) as backend:
+        return active_set(backend, free_gap, contact.laws)[0]
 
 
-def _backend(model: Model, rows: int) -> type[dual_contact.Dual] | type[bordered_contact.Bordered] | None:
+def _backend(
+    stiffness: Stiffness, contact: Contact
+) -> type[dual_contact.Dual] | type[bordered_contact.Bordered] | None:
     """What solves contact of so many rows without their flexibility; None where that costs more."""
     for kind in (dual_contact.Dual, bordered_contact.Bordered):
-        if kind.worthwhile(model, rows):
+        if kind.worthwhile(stiffness, contact):
             return kind
     return None

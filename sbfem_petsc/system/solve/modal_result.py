@@ -58,7 +58,7 @@ class Modal(Record):
         """The modes' fields, on rank 0. Collective."""
         if self.model is None:
             return {"fields": self.fields}
-        part, comm = self.model.part, self.model.comm
+        part, comm = self.model.layout.part, self.model.comm
         modes = [whole(comm, part.nodes, self.model.nodal(shape)) for shape in self.shapes.T]
         return {"fields": np.array(modes) if comm.rank == 0 else None}
 

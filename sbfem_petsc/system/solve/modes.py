@@ -10,6 +10,7 @@ from ...errors import SolveError, on_all_ranks
 from ...petsc import MPI, PETSc, SLEPc, configure, free, scripted, solver_name, solving, stage, stepping
 from ...ranks.capacity import give_back
 from ..elements.element_stiffness import NEEDED
+from ..elements.elements import Elements
 from ..structure import Structure
 from .demand import require_modes
 from .krylov_step import KrylovStep
@@ -37,15 +38,15 @@ def lowest_modes(
     SolveError
         If SLEPc does not converge or a residual is too large.
     """
-    require_modes(model, count, _basis(count, 0), auxiliary_tolerance == 0.0)
-    highest = top_of_band(model, count)
+    require_modes(model.cells, count, _basis(count, 0), auxiliary_tolerance == 0.0)
+    highest = top_of_band(model.cells, count)
     while True:
-        pencil = Pencil(model, highest, auxiliary_tolerance)
+        pencil = Pencil(model.statics, highest, auxiliary_tolerance)
         try:
-            found = _solve_lowest(pencil, count, verify)
+            found = _solve_lowest(model, pencil, count, verify)
         finally:
             pencil.destroy()
-            give_back(model.boundary_unknowns)
+            give_back(model.layout.count)
         reached = 2.0 * math.pi * float(found.frequencies[-1])
         if reached <= highest:
             return found
@@ -58,7 +59,7 @@ def _basis(count: int, attempt: int) -> int:
     return max(count + 15, math.ceil((1.9 + 0.5 * attempt) * count))
 
 
-def _solve_lowest(pencil: Pencil, count: int, verify: bool) -> Modal:
+def _solve_lowest(model: Structure, pencil: Pencil, count: int, verify: bool) -> Modal:
     """The `count` lowest eigenpairs, none left out.
 
     A single-vector Krylov method meets the second vector of a multiple eigenvalue through round-off only and
@@ -66,20 +67,19 @@ def _solve_lowest(pencil: Pencil, count: int, verify: bool) -> Modal:
     """
     wanted = count
     for attempt in range(4):
-        found = _solve(pencil, wanted, 0.0, attempt)
+        found = _solve(model, pencil, wanted, 0.0, attempt)
         values = (2.0 * math.pi * found.frequencies) ** 2
         # far enough below for round-off not to count the last one itself: a residual of 1e-7 is usual; the
         # eigenvalues that are counted are those of the assembled stiffness, refined or not
-        model = pencil.model
         chosen = found.shapes[:, :count]
-        squares = float(_inner(model, chosen, chosen).max())
+        squares = float(_inner(pencil.layout.comm, chosen, chosen).max())
         margin = max(
             1e-6,
             30.0 * float(found.residuals[:count].max()),
-            10.0 * model.refinement.scale * squares / max(values[count - 1], np.finfo(float).tiny),
+            10.0 * pencil.statics.refinement.scale * squares / max(values[count - 1], np.finfo(float).tiny),
         )
         last = values[count - 1] * (1.0 - margin)
-        if not verify or margin > 0.5 or values[count - 1] <= lowest_scale(pencil.model) * 1e-3:
+        if not verify or margin > 0.5 or values[count - 1] <= lowest_scale(pencil.elements) * 1e-3:
             break  # the assembled stiffness cannot tell; below rigid-body modes there is nothing
         below = pencil.eigenvalues_below(last)
         if below is None or below <= int((values[:count] < last).sum()):
@@ -104,9 +104,9 @@ def modes_in_band(
     """
     ends = (2.0 * math.pi * np.array([low, high])) ** 2
     middle = float(ends.mean())
-    require_modes(model, 8, _basis(8, 0))
+    require_modes(model.cells, 8, _basis(8, 0))
     # half as high again: what is left out has its largest effect at the top, where frequencies are asked for
-    pencil = Pencil(model, 1.5 * float(np.sqrt(ends[1])), auxiliary_tolerance)
+    pencil = Pencil(model.statics, 1.5 * float(np.sqrt(ends[1])), auxiliary_tolerance)
     count, most = 8, pencil.unknowns // 2
     try:
         expected = None
@@ -124,9 +124,9 @@ def modes_in_band(
                     )
                 )
             count = min(max(count, expected + 4), most)
-            require_modes(model, count, _basis(count, 0))
+            require_modes(model.cells, count, _basis(count, 0))
         for attempt in range(12):
-            found = _solve(pencil, min(count, most), middle, attempt)
+            found = _solve(model, pencil, min(count, most), middle, attempt)
             values = (2.0 * math.pi * found.frequencies) ** 2
             keep = np.flatnonzero((found.frequencies >= low) & (found.frequencies <= high))
             reached = np.abs(values - middle).max() > ends[1] - middle or count >= most
@@ -145,14 +145,14 @@ def modes_in_band(
     )
 
 
-def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal:
+def _solve(model: Structure, pencil: Pencil, count: int, target: float, attempt: int) -> Modal:
     """`count` eigenpairs nearest to omega^2 = `target`; a structure without full support is shifted below
     zero.
     """
-    model = pencil.model
-    shift = -lowest_scale(model) if target == 0.0 and not model.supported else target
+    comm, supported = pencil.layout.comm, pencil.statics.supported
+    shift = -lowest_scale(pencil.elements) if target == 0.0 and not supported else target
     solve = CondensedSolve(pencil, shift, prefix="modal_st_", what="modal")
-    eps = SLEPc.EPS().create(model.comm)
+    eps = SLEPc.EPS().create(comm)
     st = eps.getST()
     outer = st.getKSP()
     inner = outer.getPC()
@@ -191,18 +191,21 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal
                 )
             )
         values = np.array([eps.getEigenvalue(i).real for i in range(count)])
-        return _collect(
-            pencil, eps, solve, values, f"SLEPc {eps.getType()}, shift-invert by {solver_name(solve.ksp)}"
-        )
+        name = f"SLEPc {eps.getType()}, shift-invert by {solver_name(solve.ksp)}"
+        return _collect(model, eps, solve, values, name)
     finally:
         step.release()
-        free(model.comm, inner, outer, st, eps)
+        free(comm, inner, outer, st, eps)
         solve.release()
 
 
-def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.ndarray, solver: str) -> Modal:
+def _collect(
+    model: Structure, eps: SLEPc.EPS, solve: CondensedSolve, values: np.ndarray, solver: str
+) -> Modal:
     """Eigenpairs in ascending order with their residuals."""
-    model, count, order = pencil.model, len(values), np.argsort(values)
+    pencil = solve.pencil
+    layout, statics, comm = pencil.layout, pencil.statics, pencil.layout.comm
+    count, order = len(values), np.argsort(values)
     values = values[order]
     x = pencil.stiffness.createVecRight()
     array = np.empty((x.getLocalSize(), count), order="F")
@@ -212,36 +215,36 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.n
     x.destroy()
     kx, mx = pencil.stiff_products(array), _products(pencil.mass, array)
     # modes whose product with the assembled stiffness is mostly round-off, and so is their Rayleigh quotient
-    squares = _inner(model, array, array)
-    noise = model.refinement.scale * np.sqrt(squares) / np.sqrt(_inner(model, mx, mx))
+    squares = _inner(comm, array, array)
+    noise = statics.refinement.scale * np.sqrt(squares) / np.sqrt(_inner(comm, mx, mx))
     slender = np.flatnonzero(noise > NEEDED * np.abs(values))
-    if not (model.supported and solve.refinement):
+    if not (statics.supported and solve.refinement):
         slender = slender[:0]
     if len(slender):
         # those next to them, too, for a factorisation's round-off reaches ten times that of the matrix,
         # unless it makes them worse by more than round-off would
-        noise = np.maximum(noise, 10.0 * model.refinement.scale * squares / _inner(model, array, mx))
+        noise = np.maximum(noise, 10.0 * statics.refinement.scale * squares / _inner(comm, array, mx))
         near = np.flatnonzero(noise > NEEDED * np.abs(values))
         shapes, inertia = array[:, near], mx[:, near]
         refined = kx[:, near].copy()
-        refined[: pencil.owned] = model.refinement.operator(shapes[: pencil.owned])
-        quotients = _inner(model, shapes, refined) / _inner(model, shapes, inertia)
+        refined[: pencil.owned] = statics.refinement.operator(shapes[: pencil.owned])
+        quotients = _inner(comm, shapes, refined) / _inner(comm, shapes, inertia)
         errors = [
-            model.comm.allreduce(_misfits(product, value, inertia))
+            comm.allreduce(_misfits(product, value, inertia))
             for product, value in ((kx[:, near], values[near]), (refined, quotients))
         ]
         kept = np.isin(near, slender) | (errors[1] <= WORSE**2 * errors[0])
         kx[:, near[kept]], values[near[kept]] = refined[:, kept], quotients[kept]
     sums = np.stack(
         [
-            _inner(model, array, mx),
-            _inner(model, mx, mx),
-            model.comm.allreduce(_misfits(kx, values, mx)),
+            _inner(comm, array, mx),
+            _inner(comm, mx, mx),
+            comm.allreduce(_misfits(kx, values, mx)),
             squares,
         ]
     )
     # a rigid-body mode has no strain energy to compare with: an elastic scale of the structure stands in
-    floor = lowest_scale(model) if not model.supported else 0.0
+    floor = lowest_scale(pencil.elements) if not statics.supported else 0.0
     sizes = np.maximum(np.abs(values), floor) * np.sqrt(sums[1])
     residuals = np.sqrt(sums[2]) / sizes
     for k in slender:
@@ -252,7 +255,7 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.n
     round_off = (
         1e3
         * np.finfo(float).eps
-        * model.stiffness.norm(PETSc.NormType.NORM_INFINITY)
+        * statics.matrix.norm(PETSc.NormType.NORM_INFINITY)
         * np.sqrt(sums[3])
         / sizes
     )
@@ -260,12 +263,12 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.n
     array /= np.sqrt(sums[0])
     shapes = array[: pencil.owned].copy(order="F")
     inertia = array[pencil.owned :].T @ pencil.auxiliary_translation()
-    model.comm.Allreduce(MPI.IN_PLACE, inertia)
+    comm.Allreduce(MPI.IN_PLACE, inertia)
     iterations = eps.getIterationNumber()
     limits = np.maximum(RESIDUAL_LIMIT, round_off)
     limits[slender] = RESIDUAL_LIMIT
     if len(slender):
-        model.refinement.judge("modal")
+        statics.refinement.judge("modal")
     if not (residuals <= limits).all():
         worst = int(np.argmax(residuals / limits))
         raise on_all_ranks(
@@ -279,7 +282,7 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.n
         np.sqrt(np.maximum(values, 0.0)) / (2.0 * math.pi),
         residuals,
         shapes,
-        model.at_points(shapes),
+        layout.at_points(shapes),
         inertia,
         solver,
         iterations,
@@ -311,17 +314,17 @@ def _change(pencil: Pencil, solve: CondensedSolve, shape: np.ndarray, forces: np
         right.array = forces
         solve.apply(None, right, left)
         left.array -= shape
-        size = math.sqrt(float(pencil.model.comm.allreduce(shape @ shape)))
+        size = math.sqrt(float(pencil.layout.comm.allreduce(shape @ shape)))
         return left.norm() / size
     finally:
         left.destroy()
         right.destroy()
 
 
-def _inner(model: Structure, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+def _inner(comm: MPI.Comm, one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """(n,): inner products of the columns of two distributed arrays."""
     sums = np.einsum("ij,ij->j", one, other)
-    model.comm.Allreduce(MPI.IN_PLACE, sums)
+    comm.Allreduce(MPI.IN_PLACE, sums)
     return sums
 
 
@@ -330,10 +333,10 @@ def _misfits(kx: np.ndarray, values: np.ndarray, mx: np.ndarray) -> np.ndarray:
     return np.array([((kx[:, k] - value * mx[:, k]) ** 2).sum() for k, value in enumerate(values)])
 
 
-def lowest_scale(model: Structure) -> float:
+def lowest_scale(elements: Elements) -> float:
     """A positive omega^2 well below the elastic modes of a free structure of the model's extent,
     (rad/s)^2.
     """
-    length = float(np.linalg.norm(model.extent[1] - model.extent[0]))
-    speed2 = min(m.modulus / m.density for m in model.materials)
+    length = float(np.linalg.norm(elements.layout.extent[1] - elements.layout.extent[0]))
+    speed2 = min(m.modulus / m.density for m in elements.materials)
     return 1e-4 * speed2 / length**2

@@ -15,11 +15,12 @@ from ...ranks.capacity import give_back
 from ...ranks.parallel import alone
 from ...selement.dense import cholesky, lower_solve, symmetric_eigen
 from ...selement.solution import SElement
+from ..elements.elements import Elements
 from ..elements.shapes import Group
 from ..layout.rows import Rows
-from ..structure import Structure
 from .assembly import ElementBlocks, assemble, assemble_like, from_rows
 from .linear_solver import LinearSolver
+from .stiffness import Stiffness
 
 # Unknowns up to which, on one rank, a hundred solves by PETSc's own factor are faster than by MUMPS and its
 # fronts: four times as fast at 2,000, as fast at 4,000. Products with full blocks are faster than those with
@@ -41,7 +42,8 @@ class Pencil:
 
     Parameters
     ----------
-    model : Structure
+    statics : Stiffness
+        K_b.
     highest : float
         Top of the band, rad/s.
     tolerance : float
@@ -50,26 +52,31 @@ class Pencil:
 
     Attributes
     ----------
+    layout, elements
+        Of the stiffness.
     stiffness, mass : PETSc.Mat
         Each rank holds its displacement unknowns, then its auxiliary ones.
     unknowns : int
     """
 
-    def __init__(self, model: Structure, highest: float, tolerance: float):
-        self.model = model
+    def __init__(self, statics: Stiffness, highest: float, tolerance: float):
+        self.statics, self.elements, self.layout = statics, statics.elements, statics.layout
+        layout, comm = self.layout, self.layout.comm
         self._coupling: PETSc.Mat | None = None
         # a matter of caches, not of memory
-        self.small = model.comm.size == 1 and model.boundary_unknowns <= _SMALL
+        self.small = comm.size == 1 and layout.count <= _SMALL
         self._pieces = [
-            piece for group in model.moving_groups for piece in _pieces(model, group, highest, tolerance)
+            piece
+            for group in self.elements.moving
+            for piece in _pieces(self.elements, group, highest, tolerance)
         ]
         local = sum(piece.auxiliary for piece in self._pieces)
-        self.auxiliary_ranges = np.concatenate([[0], np.cumsum(model.comm.allgather(local))]).astype(np.int64)
-        self.ranges = model.ranges + self.auxiliary_ranges
+        self.auxiliary_ranges = np.concatenate([[0], np.cumsum(comm.allgather(local))]).astype(np.int64)
+        self.ranges = layout.ranges + self.auxiliary_ranges
         self.unknowns = int(self.ranges[-1])
-        self.owned = int(model.ranges[model.comm.rank + 1] - model.ranges[model.comm.rank])
+        self.owned = layout.owned.stop - layout.owned.start
         mass = []
-        first = int(self.ranges[model.comm.rank]) + self.owned
+        first = int(self.ranges[comm.rank]) + self.owned
         self._auxiliary_stiffness = np.empty(local)
         for piece in self._pieces:
             numbers = first + np.arange(piece.auxiliary).reshape(len(piece.group_rows), -1)
@@ -81,53 +88,53 @@ class Pencil:
                 pairs = numbers.reshape(-1, 2)
                 inertia = np.tile(piece.inertia, len(numbers)).reshape(-1, 2, 1) * np.eye(2)
                 mass.append(ElementBlocks(pairs, pairs, inertia.__getitem__))
-                own = numbers.ravel() - (self.ranges[model.comm.rank] + self.owned)
+                own = numbers.ravel() - (self.ranges[comm.rank] + self.owned)
                 self._auxiliary_stiffness[own] = piece.modulus
             first += numbers.size
         self.stiffness = self._bordered()
         # products with it take most of an eigensolver's time
-        kind, size = ("blocks", 2) if self.small and model.stiffness.getBlockSize() == 2 else ("upper", 1)
-        self.mass = assemble(model.comm, self.ranges, mass, kind, block_size=size)
+        kind, size = ("blocks", 2) if self.small and statics.matrix.getBlockSize() == 2 else ("upper", 1)
+        self.mass = assemble(comm, self.ranges, mass, kind, block_size=size)
 
     def numbers(self, unknowns: np.ndarray) -> np.ndarray:
         """Numbers in the pencil of displacement unknowns; -1 stays -1."""
-        model = self.model
-        if model.comm.size == 1:
+        ranges, size = self.layout.ranges, self.layout.comm.size
+        if size == 1:
             return unknowns
-        owner = np.clip(np.searchsorted(model.ranges, unknowns, side="right") - 1, 0, model.comm.size - 1)
+        owner = np.clip(np.searchsorted(ranges, unknowns, side="right") - 1, 0, size - 1)
         return np.where(unknowns >= 0, unknowns + self.auxiliary_ranges[owner], -1)
 
     def _bordered(self) -> PETSc.Mat:
         """diag(K_b, E t I) without a copy of the model's stiffness."""
-        model, count = self.model, len(self._auxiliary_stiffness)
-        own = int(self.auxiliary_ranges[model.comm.rank]) + np.arange(count)
+        comm, count = self.layout.comm, len(self._auxiliary_stiffness)
+        own = int(self.auxiliary_ranges[comm.rank]) + np.arange(count)
         rows = (np.arange(count + 1), own, self._auxiliary_stiffness)
-        corner = from_rows(model.comm, self.auxiliary_ranges, self.auxiliary_ranges, rows, symmetric=True)
-        matrix = PETSc.Mat().createNest([[model.stiffness, None], [None, corner]], comm=model.comm)
+        corner = from_rows(comm, self.auxiliary_ranges, self.auxiliary_ranges, rows, symmetric=True)
+        matrix = PETSc.Mat().createNest([[self.statics.matrix, None], [None, corner]], comm=comm)
         corner.destroy()
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         return matrix
 
     def stiff_products(self, columns: np.ndarray) -> np.ndarray:
         """diag(K_b, E t I) times this rank's rows of columns, in Fortran's order. Collective."""
-        matrix, result = self.model.stiffness, np.empty_like(columns)
+        matrix, result = self.statics.matrix, np.empty_like(columns)
         for first in range(0, columns.shape[1], _COLUMNS):
             some = slice(first, first + _COLUMNS)
             given = dense_columns(matrix, np.asfortranarray(columns[: self.owned, some]))
             product = matrix.matMult(given)
             result[: self.owned, some] = product.getDenseArray()
-            free(self.model.comm, given, product)
+            free(self.layout.comm, given, product)
         result[self.owned :] = self._auxiliary_stiffness[:, None] * columns[self.owned :]
         return result
 
     def condensed(self, shift: float) -> PETSc.Mat:
         """K - shift M with the auxiliary unknowns eliminated, over the displacement unknowns alone."""
         if shift == 0.0:
-            return copy.copy(self.model.stiffness)  # a reference of its own
-        blocks = self.model.spring_blocks() + [
+            return copy.copy(self.statics.matrix)  # a reference of its own
+        blocks = self.statics.spring_blocks() + [
             ElementBlocks(piece.unknowns, piece.unknowns, piece.condensed(shift)) for piece in self._pieces
         ]
-        matrix = assemble_like(self.model.stiffness, blocks)
+        matrix = assemble_like(self.statics.matrix, blocks)
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         matrix.setOption(PETSc.Mat.Option.SPD, shift < 0.0)
         return matrix
@@ -140,13 +147,13 @@ class Pencil:
         return self._coupling
 
     def _assembled_coupling(self) -> PETSc.Mat:
-        first, blocks = int(self.auxiliary_ranges[self.model.comm.rank]), []
+        first, blocks = int(self.auxiliary_ranges[self.layout.comm.rank]), []
         for piece in self._pieces:
             numbers = first + np.arange(piece.auxiliary).reshape(len(piece.group_rows), -1)
             blocks.append(ElementBlocks(piece.unknowns, numbers, piece.coupling))
             first += numbers.size
         return assemble(
-            self.model.comm, self.model.ranges, blocks, "general", column_ranges=self.auxiliary_ranges
+            self.layout.comm, self.layout.ranges, blocks, "general", column_ranges=self.auxiliary_ranges
         )
 
     def auxiliary_diagonal(self, shift: float) -> np.ndarray:
@@ -186,37 +193,37 @@ class Pencil:
         """Number of eigenvalues omega^2 < `shift` by Sylvester's law of inertia; None where the direct solver
         does not tell it (MUMPS does). Collective.
         """
-        if direct_solver(self.model.comm)[1] != "mumps":  # before a matrix is made for it
+        if direct_solver(self.layout.comm)[1] != "mumps":  # before a matrix is made for it
             return None
         matrix = self.condensed(shift)
         try:
             negative = negative_eigenvalues(matrix, "modal")
         finally:
-            free(self.model.comm, matrix)
+            free(self.layout.comm, matrix)
         own = int((self.auxiliary_diagonal(shift) < 0.0).sum())
-        return None if negative is None else negative + self.model.comm.allreduce(own)
+        return None if negative is None else negative + self.layout.comm.allreduce(own)
 
     def destroy(self) -> None:
         """Free the PETSc matrices."""
         made = (self.stiffness, self.mass, self._coupling)
-        free(self.model.comm, *(matrix for matrix in made if matrix is not None))
+        free(self.layout.comm, *(matrix for matrix in made if matrix is not None))
 
 
 class _Piece:
     """S-elements of one group with one size: equal matrices up to rotation."""
 
-    def __init__(self, model: Structure, group: Group, rows: np.ndarray, highest: float, tolerance: float):
+    def __init__(self, elements: Elements, group: Group, rows: np.ndarray, highest: float, tolerance: float):
         self.group, self.group_rows = group.select(rows), rows
-        self.modulus, inertia = model.scales(self.group)
+        self.modulus, inertia = elements.scales(self.group)
         self.inertia_scale = float(inertia[0])
-        self.unknowns = model.unknowns_of(self.group)
+        self.unknowns = elements.unknowns_of(self.group)
         coupling, inertia = group.solution.coupling, group.solution.inertia
         if tolerance > 0.0 and coupling.shape[1]:
             coupling, inertia = _project(
                 group.solution,
                 highest**2 * self.inertia_scale / self.modulus,
                 tolerance,
-                model.continued_fraction,
+                elements.terms,
             )
         self._coupling, self._inertia = coupling, inertia
         self.auxiliary = inertia.size * len(rows)
@@ -250,12 +257,12 @@ class _Piece:
         return lambda part: self.group.select(part).turned_both(matrix)
 
 
-def _pieces(model: Structure, group: Group, highest: float, tolerance: float) -> list[_Piece]:
+def _pieces(elements: Elements, group: Group, highest: float, tolerance: float) -> list[_Piece]:
     """Split a group by the sizes of its S-elements."""
     sizes = group.sizes
     order = np.argsort(sizes, kind="stable")
     breaks = np.flatnonzero(np.diff(sizes[order]) > 1e-9 * sizes[order][1:]) + 1
-    return [_Piece(model, group, rows, highest, tolerance) for rows in np.split(order, breaks)]
+    return [_Piece(elements, group, rows, highest, tolerance) for rows in np.split(order, breaks)]
 
 
 def _project(solution: SElement, w2: float, tolerance: float, terms: int) -> tuple[np.ndarray, np.ndarray]:
@@ -297,7 +304,7 @@ class CondensedSolve:
     def __init__(self, pencil: Pencil, shift: float, prefix: str, what: str):
         self.pencil, self.shift, self.what = pencil, shift, what
         self.matrix = pencil.condensed(shift)
-        solver = pencil.model.kept_solver
+        solver = pencil.statics.kept_solver
         chosen = bool(PETSc.Options(prefix).getAll())
         definite = shift <= 0.0
         if definite and pencil.small and not chosen:
@@ -309,7 +316,7 @@ class CondensedSolve:
         self._solver = LinearSolver(self.ksp, self.matrix)
         # without a shift the lowest modes of slender structures need more digits than the assembled stiffness
         # has
-        self.refinement = pencil.model.refinement if shift == 0.0 else None
+        self.refinement = pencil.statics.refinement if shift == 0.0 else None
         self.diagonal = pencil.auxiliary_diagonal(shift)
         self.right, self.left = self.matrix.createVecs()
         if shift != 0.0:
@@ -359,23 +366,26 @@ class CondensedSolve:
         """Free the PETSc objects and let go of the pencil: PETSc may keep this context longer than it is of
         use.
         """
-        comm = self.pencil.model.comm
+        comm = self.pencil.layout.comm
         if alone(comm):
             return
         if self.shift != 0.0:
             self.auxiliary.destroy()
         free(comm, self.ksp, self.right, self.left, self.matrix)
-        give_back(self.pencil.model.boundary_unknowns)
+        give_back(self.pencil.layout.count)
         self.__dict__.clear()
 
 
-def top_of_band(model: Structure, count: int) -> float:
+def top_of_band(elements: Elements, count: int) -> float:
     """Estimate of the angular frequency of mode `count` by Weyl's law with its boundary term, rad/s.
 
     It only decides how many auxiliary unknowns are kept at first; the analysis checks it against what it
     finds, and begins anew where it is too low: a fifth more than the law makes that rare.
     """
-    squares = [m.density / m.modulus / np.linalg.eigvalsh(m.elasticity) for m in model.materials]
+    squares = [m.density / m.modulus / np.linalg.eigvalsh(m.elasticity) for m in elements.materials]
     slow, fast = max((float(part.max()), float(part.min())) for part in squares)
-    a, b = model.area * (slow + fast) / (4.0 * math.pi), model.perimeter * math.sqrt(slow) / (2.0 * math.pi)
+    a, b = (
+        elements.layout.area * (slow + fast) / (4.0 * math.pi),
+        elements.layout.perimeter * math.sqrt(slow) / (2.0 * math.pi),
+    )
     return 1.2 * (math.sqrt(b * b + 4.0 * a * count) - b) / (2.0 * a)

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 
 from meshing.warnings import SolverWarning
 
 from ...errors import caller_level
-from ...petsc import PETSc, free, make_ksp, set_up, solver_name, stage
+from ...petsc import PETSc, free, make_ksp, set_up, solver_name
+from ..elements.element_stiffness import Refinement
+from ..layout.layout import Layout
 from ..layout.rows import Rows
 from .linear_solver import LinearSolver
-
-if TYPE_CHECKING:
-    from ..model import Model
-    from ..structure import Structure
 
 # Right-hand sides that are solved for at a time: as many as fit into so many bytes a rank, within limits;
 # fewer would not use what MUMPS gains by blocks.
@@ -28,11 +25,11 @@ _BLOCK_BYTES, _LEAST, _MOST = 2**27, 64, 256
 _SMALL, _LARGE, _SUITED = 300_000, 5_000_000, 50
 
 
-def block_width(model: Structure) -> int:
+def block_width(layout: Layout) -> int:
     """Right-hand sides that are solved for at a time."""
-    if model.comm.size > 1:
+    if layout.comm.size > 1:
         return _LEAST  # PETSc gathers the block for MUMPS on one rank, with lists of all its entries
-    return min(max(_BLOCK_BYTES // (8 * max(1, model.boundary_unknowns)), _LEAST), _MOST)
+    return min(max(_BLOCK_BYTES // (8 * max(1, layout.count)), _LEAST), _MOST)
 
 
 class StaticSolver:
@@ -40,7 +37,11 @@ class StaticSolver:
 
     Parameters
     ----------
-    model : Structure
+    matrix : PETSc.Mat
+        The stiffness.
+    refinement : Refinement
+    by_ranks : callable
+        Makes it as a MATIS, for solvers that ask for one.
 
     Attributes
     ----------
@@ -52,10 +53,10 @@ class StaticSolver:
     slender structures (`element_stiffness`).
     """
 
-    def __init__(self, model: Structure):
-        self.matrix, self.refinement = model.stiffness, model.refinement
+    def __init__(self, matrix: PETSc.Mat, refinement: Refinement, by_ranks: Callable[[], PETSc.Mat]):
+        self.matrix, self.refinement = matrix, refinement
         self._comm = self.matrix.comm.tompi4py()
-        self.ksp = make_ksp(self.matrix, "static_", by_ranks=model.stiffness_by_ranks, later=True)
+        self.ksp = make_ksp(self.matrix, "static_", by_ranks=by_ranks, later=True)
         self.factorised = False
         # the stiffness never changes, though it becomes a block of bordered matrices
         self.ksp.getPC().setReusePreconditioner(True)
@@ -137,43 +138,3 @@ class StaticSolver:
     def destroy(self) -> None:
         """Free the factors."""
         self.ksp.destroy()
-
-
-@dataclass(frozen=True, eq=False)
-class Compliance:
-    """Static response to unit contact forces: the Delassus operator and what the outputs do.
-
-    Attributes
-    ----------
-    gaps : (c, c) array
-        W = G K^-1 G^T and the rows' own flexibility, symmetric, m/N.
-    points : (points, 2, c) array
-        m/N.
-    tips : (tips, 2, c) array
-        K_I and K_II, Pa m^(1/2)/N.
-    """
-
-    gaps: np.ndarray
-    points: np.ndarray
-    tips: np.ndarray
-
-
-@stage("Contact")
-def compliance(model: Model) -> Compliance:
-    """Solve for every contact row, a block of them at a time."""
-    gap = model.gap_operator
-    outputs = (gap.rows, model.point_rows, model.tips.rows)
-    found = [np.empty((len(rows), len(gap))) for rows in outputs]
-    width = block_width(model)
-    for first in range(0, len(gap), width):
-        block = slice(first, min(first + width, len(gap)))
-        solved = model.solver.of_rows(gap.rows, block, "static contact")
-        for target, rows in zip(found, outputs):
-            target[:, block] = rows(solved)
-    gaps, points, tips = found
-    gaps = 0.5 * (gaps + gaps.T) + gap.flexibility
-    tips += model.tips.contact
-    count = len(gap)
-    return Compliance(
-        gaps, points.reshape(len(points) // 2, 2, count), tips.reshape(len(tips) // 2, 2, count)
-    )

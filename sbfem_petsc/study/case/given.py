@@ -1,0 +1,87 @@
+"""A case as a user's file gives it: its tables, and where they stand in the file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ...options import Pair, item
+from .body import Body
+from .geometry import Geometry, Material, Mesh, ModelTable
+from .loads import Load
+from .problems import CaseError
+from .sweep import SweepTable
+from .tables import Name, Path, Problem, Table
+
+
+class Output(Table):
+    """What is kept and drawn."""
+
+    points: list[Name] | None = item(None, text="points whose motion is kept; default: all named points")
+    pictures: bool = item(True, text="draw pictures into the folder's pictures/")
+    animation: bool = item(
+        False,
+        text="draw the first crack over each history and steady state of a reduced model, as a GIF in "
+        "pictures/",
+    )
+    vtu: bool = item(False, text="write modes and static displacements for ParaView")
+    csv: bool = item(False, text="write tables as CSV files into the folder's tables/")
+
+
+class Tables(Table):
+    """The tables of a case file; of what kinds its analyses are, `CaseTables` says."""
+
+    title: str = item("", text="what the case is about")
+    geometry: Geometry | None = item(None, text="what is drawn and meshed; or [body]")
+    body: Body | None = item(None, text="a body by another code's matrices, in the place of [geometry]")
+    mesh: Mesh = item(Mesh(), text="its division into S-elements")
+    points: dict[Name, Pair] = item({}, text="further named points, name = [x, y]", unit="m")
+    material: Material | None = item(None, text="material of the whole body")
+    materials: dict[Name, Material] = item({}, text="materials by region (a gmsh model's surfaces)")
+    model: ModelTable = item(ModelTable(), text="supports, damping, thickness")
+    loads: dict[Name, Load] = item({}, text="loads by name, [loads.NAME]")
+    analyses: dict[Name, Any] = item(text="analyses by name")
+    output: Output = item(Output(), text="what is kept and drawn")
+    sweep: SweepTable | None = item(None, text="many values of the case's keys")
+
+    @property
+    def kind(self) -> str:
+        """That of the geometry or the body."""
+        return getattr(self.body or self.geometry, "kind", "")
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """What a case consists of.
+
+    Attributes
+    ----------
+    tables : Tables
+    data : dict
+        The tables as the user wrote them.
+    text : str
+        The file's text.
+    file : str
+        Its path, for messages.
+    folder : str
+        Folder that the paths in the case are relative to.
+    lines : dict of tuple to int
+        Line of each path of the case.
+    """
+
+    tables: Tables
+    data: dict[str, Any]
+    text: str
+    file: str
+    folder: str
+    lines: Mapping[Path, int] = field(repr=False, default_factory=dict)
+
+    def problem(self, path: Path, text: str) -> CaseError:
+        """The error that something is wrong at a path of the case."""
+        return CaseError(self.file, [Problem(path, text)], self.lines)
+
+    def resolve(self, file: str) -> str:
+        """Path of a file that the case names."""
+        return os.path.join(self.folder, file)

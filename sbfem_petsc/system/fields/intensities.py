@@ -1,0 +1,127 @@
+"""Stress intensity factors of all crack tips as linear forms of the displacements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...material import SectorMaterials
+from ...ranks.parallel import collective
+from ...selement.coefficients import SElementError
+from ...selement.intensity import intensity_rows
+from ...selement.sectors import Sectors
+from ..elements.elements import Elements
+from ..layout.layout import Layout
+from ..layout.rows import Rows, flat_entries
+from .tip_faces import TipFaces, TipPlace
+from .tip_facts import TipFacts
+
+# Length at which stress intensity factors of a crack along an interface are taken, m: K_I + i K_II is then
+# Rice's complex K in SI units.
+REFERENCE_LENGTH = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class TipIntensities(TipFacts):
+    """K_I and K_II of every tip with a tip element.
+
+    Attributes
+    ----------
+    rows : Rows
+        Two for each tip.
+    contact : (2 tips, c) array
+        What forces of the contact rows add at given displacements, Pa m^(1/2)/N: those inside the tip
+        elements.
+    faces : dict of int to (2, m) array
+        The same for all traction modes of the tips that this rank holds, by the tip's number.
+    exponent_errors : (tips,) array
+        Of tips that are not in one isotropic material: how far the exponents of their S-elements are from the
+        exact ones; zero at others.
+    local : dict of int to ((n,) int array, (2, 2 n) array)
+        By the numbers of the tips that this rank holds: its nodes of their S-elements, and the two rows for
+        their displacements.
+    """
+
+    rows: Rows
+    contact: np.ndarray
+    faces: dict[int, np.ndarray]
+    exponent_errors: np.ndarray
+    local: dict[int, tuple[np.ndarray, np.ndarray]]
+
+    @property
+    def facts(self) -> TipFacts:
+        """What the tips are, without the forms."""
+        return TipFacts(self.names, self.exponents, self.interfaces, self.contact_rows)
+
+    def rows_on(self, layout: Layout) -> Rows:
+        """The rows over the unknowns of a layout: of displacements, or of what supports hold. Collective."""
+        return rows_on(layout, self.local)
+
+    def evaluate(self, owned: np.ndarray, more: np.ndarray) -> dict[str, tuple[float, float]]:
+        """K_I and K_II of each tip, on all ranks, from this rank's displacement unknowns and what tractions
+        on the faces inside the tip elements add, (2 tips,). Collective.
+        """
+        values = (self.rows(owned) + more).reshape(-1, 2)
+        return {name: (float(one), float(two)) for name, (one, two) in zip(self.names, values)}
+
+
+def tip_intensities(
+    elements: Elements, places: list[TipPlace], faces_of: list[TipFaces], first_rows: np.ndarray, count: int
+) -> TipIntensities:
+    """The forms of the tips of a structure with so many contact rows. Collective."""
+    layout = elements.layout
+    tips = layout.tip_elements
+    exponents, errors, interfaces = np.zeros((len(tips), 2)), np.zeros(len(tips)), np.zeros(len(tips))
+    contact = np.zeros((2 * len(tips), count))
+    tractions = {faces.number: faces for faces in faces_of}
+    local: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    columns: dict[int, np.ndarray] = {}
+    shared: dict[tuple, Any] = {}  # similar tip elements with the same axis have the same forms
+    with collective(layout.comm):  # the rank that owns a tip must not fail alone
+        for number, group, member in places:
+            tip, rotation, size = tips[number], group.rotations[member], group.sizes[member]
+            material = elements.materials[group.material]
+            axis = rotation @ np.array(tip.axis)
+            key: tuple = (id(group), *np.round(axis, 12))
+            if isinstance(material, SectorMaterials):
+                key += (float(size),)  # complex exponents
+            if key not in shared:
+                try:
+                    shared[key] = intensity_rows(
+                        group.solution.radial,
+                        Sectors(group.shape, group.order, material.elasticity),
+                        axis,
+                        material.isotropic,
+                        reference_length=REFERENCE_LENGTH / size,
+                    )
+                except SElementError as error:
+                    raise SElementError(f"tip {tip.name}: {error}") from None
+            form = shared[key]
+            placed = form.placed(rotation, size, material.modulus).reshape(2, -1)
+            local[number] = (group.nodes[member], placed)
+            exponents[number], interfaces[number] = form.exponents, isinstance(material, SectorMaterials)
+            errors[number] = 0.0 if material.isotropic else np.nan_to_num(form.exponent_error)
+            if number in tractions:
+                faces = tractions[number]
+                columns[number] = form.placed_of_tractions(
+                    faces.tractions, rotation, size, elements.thickness
+                )
+                faces.place(contact[2 * number : 2 * number + 2], columns[number])
+    exponents, contact, errors, interfaces = (
+        layout.comm.allreduce(array) for array in (exponents, contact, errors, interfaces)
+    )
+    names = tuple(tip.name for tip in tips)
+    facts = names, exponents, interfaces > 0.0, first_rows
+    return TipIntensities(*facts, rows_on(layout, local), contact, columns, errors, local)
+
+
+def rows_on(layout: Layout, local: dict[int, tuple[np.ndarray, np.ndarray]]) -> Rows:
+    """The rows of `TipIntensities.local` over the unknowns of a layout. Collective."""
+    rows = {
+        2 * number + k: (layout.part.unknowns[nodes].ravel(), placed[k])
+        for number, (nodes, placed) in local.items()
+        for k in (0, 1)
+    }
+    return Rows.gathered(layout.comm, layout.ranges, flat_entries(rows), 2 * len(layout.tip_elements))
