@@ -73,6 +73,8 @@ POINTS = 400
 NEAR_BY = 40
 # Periods of a history at most, in multiples of the last of `Search.settling`, where friction alone damps it.
 RUBBED = 10
+# So many times the compliance of a row that sticks a step of the modes may give way.
+TREMBLES = 10.0
 # Newton iterations with a derivative of their own after which a branch that leads to the motion is given up.
 EFFORT = 1500
 
@@ -139,7 +141,26 @@ def find_steady_state(
             if shot is not None:
                 return shot, path
     others = f". Tried in vain as well: {'; '.join(tried.notes)}" if tried.notes else ""
-    raise on_all_ranks(SolveError(f"{first}{others}"))
+    raise on_all_ranks(SolveError(f"{first}{others}{_trembles(driven)}"))
+
+
+def _trembles(driven: DrivenPeriod) -> str:
+    """What may help where faces stick by so little compliance that forces tremble from step to step."""
+    period, constants = driven.period, driven.constants
+    rubs = np.append(np.zeros(len(period.laws)), constants.rubbing.static) > 0.0
+    own = np.diag(constants.residual)[rubs]
+    moved = np.diag(constants.flexibility[0])[rubs] - own
+    stiff = moved > TREMBLES * own
+    if not stiff.any():
+        return ""
+    k = int((moved / own).argmax())
+    ratio = float(moved[k] / own[k])
+    return (
+        f". {int(stiff.sum())} of {len(own)} rows that rub give way by as little as {own[k]:.3g} m/N where "
+        f"they stick, {ratio:.3g} times less than the modes in a step: their friction trembles from step to "
+        f"step; give them {moved[k]:.2g} m/N by the law's tangential_compliance or reduce_matrices' "
+        f"tangent_compliance, keep fewer modes, or take {math.ceil(math.sqrt(ratio))} times the steps"
+    )
 
 
 @dataclass(frozen=True)
