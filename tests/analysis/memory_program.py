@@ -44,7 +44,7 @@ def main(name: str) -> None:
     force, pull = sb.PointForce("A", fy=300.0), sb.EdgeLoad("right", tx=1e6)
     wave = sb.PointForce("A", fy=sb.Harmonic(300.0, 180.0))
     tones = sb.PointForce("A", fy=sb.Harmonic(30.0, 6000.0) + sb.Harmonic(200.0, 565.0))
-    structural = name in ("static", "modal", "unreduced")
+    structural = name in ("static", "modal", "unreduced", "load_history")
     subject = plate(0.025) if structural else beam(20 if name == "quasi_periodic" else 40)
     run = {
         "static": lambda: sb.static(subject, pull),
@@ -52,6 +52,7 @@ def main(name: str) -> None:
         "unreduced": lambda: sb.transient(
             subject, sb.EdgeLoad("right", tx=sb.Harmonic(1e6, 100.0)), 1e-4, 1e-5, reduction=None, modes=10
         ),
+        "load_history": lambda: sb.load_history(subject, pull, np.linspace(0.0, 1.0, 200)),
         "transient": lambda: sb.transient(subject, wave, 0.2, 4e-7, decimation=1),
         "periodic": lambda: sb.periodic(subject, force, 180.0, steps=60_000),
         "swept_response": lambda: sb.swept_response(

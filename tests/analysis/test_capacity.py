@@ -161,7 +161,8 @@ def test_a_case_larger_than_the_disk(kind, tmp_path, monkeypatch):
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "case", ["static", "modal", "unreduced", "transient", "periodic", "quasi_periodic", "basins"]
+    "case",
+    ["static", "load_history", "modal", "unreduced", "transient", "periodic", "quasi_periodic", "basins"],
 )
 def test_what_is_told_is_what_is_taken(case):
     """The estimate and the peak of the resident memory are within a factor of two of each other."""

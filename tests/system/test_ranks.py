@@ -206,6 +206,15 @@ def test_exit_code_is_kept():
 
 
 @pytest.mark.slow
+def test_exit_beside_a_barrier_of_the_program():
+    """Which Python tells nobody: `python -m mpi4py` stops all ranks, with the library loaded too."""
+    leaves = f"{BEGIN}\nsys.exit(3) if rank else world.barrier()"
+    program = "import sys; from mpi4py.run import main; sys.argv = ['mpi4py', '-c', sys.argv[1]]; main()"
+    done = on_ranks(2, program, leaves, check=False, timeout=60)
+    assert done.returncode == 3, done.stderr
+
+
+@pytest.mark.slow
 def test_error_known_to_all_is_printed_once():
     done = run("sb.modal(structure(), 0)")
     assert done.returncode == 1
