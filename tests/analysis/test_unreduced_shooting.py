@@ -87,6 +87,21 @@ def test_iterations_and_residual(model):
     )
 
 
+@pytest.mark.parametrize("opening", [pytest.param(0.0458366, marks=pytest.mark.slow), 0.0])
+def test_ends_at_rounding(opening):
+    """A slender beam far below most of its modes, whose steps leave more to rounding than they do elsewhere:
+    Newton's method ends there, beside 120 modes; of the closed notch the crack breathes.
+    """
+    beam, frequency = Beam(0.4, 0.005, (VNotch(0.08, 0.0025, opening),)), 300.0
+    model = sb.Model(beam.mesh(order=3), sb.Material(70e9, 0.33, 2700), rayleigh=(5.0, 1e-6))
+    load = sb.EdgeMotion("left", uy=sb.Harmonic(1e-6, frequency))
+    orbit = sb.periodic(model, load, frequency, steps=129, reduction=None)
+    exact = sb.periodic(model, load, frequency, modes=120, steps=1024, stability=False)
+    assert orbit.path == "Newton" and orbit.products < 30 and orbit.iterations <= 4
+    assert np.abs(harmonics(orbit) - harmonics(exact)).max() < 2e-4 * np.abs(harmonics(exact)[1])
+    assert (orbit.contact_resultant.max() > 1.0) == (opening == 0.0)
+
+
 PROGRAM = """
 import json
 import sbfem_petsc as sb

@@ -19,8 +19,11 @@ from .driven_orbits import LEAST, REST, SPAN, ParameterRange
 
 # The linear solves need no more than Newton's next iterate is good for.
 RELATIVE, LINEAR, ITERATIONS = 1e-8, 1e-4, 20
-# Residual relative to the state that the round-off of a period's steps may leave: 4e-12 was measured.
-ROUND_OFF = 1e-11
+# What rounding leaves of a period's steps, 2e-12 to 5e-11 of the state and more of slender bodies in long
+# steps, is measured where Newton's next iterate may be at it: from this residual relative to the state on.
+# A residual of so many times that is none: few slow modes carry it, and it scatters by five.
+NEAR, ROUNDED = 1e-3, 10.0
+EPSILON = float(np.finfo(float).eps)
 # Difference of a parameter, relative, by which a motion's rate with it is found.
 AHEAD = 1e-5
 # Periods integrated before another search, where Newton's method fails from the linear steady state: bodies
@@ -138,6 +141,12 @@ class UnreducedState:
         """See `problem.State`."""
         return UnreducedLinear(self)
 
+    def round_off(self) -> float:
+        """By how much x(T) - x(0) of two states that differ in the last digit are apart. Collective."""
+        digits = np.where(np.arange(len(self.state)) % 2, 1.0 + EPSILON, 1.0 - EPSILON)
+        state = self.state * digits
+        return self.problem.norm(self.driven.run(state).end - state - self.residual)
+
     def seen(self) -> tuple[np.ndarray, np.ndarray]:
         """(n, points, 2), m: displacements of the named points, from t = 0 on; (n,), N: the contact
         resultant.
@@ -212,7 +221,7 @@ class UnreducedSteady:
         ksp = snes.getKSP()
         pc = preconditioned(ksp, KRYLOV, LINEAR)
         snes.setTolerances(
-            rtol=RELATIVE, atol=finite(ROUND_OFF * max(norm, 1e-300)), stol=0.0, max_it=ITERATIONS
+            rtol=RELATIVE, atol=finite(EPSILON * max(norm, 1e-300)), stol=0.0, max_it=ITERATIONS
         )
         snes.setMonitor(self._told)
         try:
@@ -260,7 +269,11 @@ class UnreducedSteady:
         f.array = self._at(x.array_r).residual
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, matrix: PETSc.Mat, preconditioner: PETSc.Mat) -> None:
-        linear = self._at(x.array_r).linear()
+        state = self._at(x.array_r)
+        if self.residuals[-1] <= NEAR * state.scale:
+            rtol, atol, stol, most = snes.getTolerances()
+            snes.setTolerances(rtol, max(atol, finite(ROUNDED * state.round_off())), stol, most)
+        linear = state.linear()
         border = linear.bordered(self.orbits.value(np.zeros(linear.rows + 1))[1])
         for item in (matrix, snes.getKSP().getPC()):
             item.getPythonContext().border = border

@@ -99,7 +99,7 @@ class UnreducedIntegrator:
             self.march = UnreducedSteps(model, self.pencil, units, steps, found)
             freed.callback(self.march.release)
             self.columns = unreduced_columns(model)
-            self.fields = KeptFields(model, units, steps.kept)
+            self.fields = KeptFields(model, self.pencil, units, steps.kept)
             self.force = self._set_initial(units, initial)
             self._freed = freed.pop_all()
         self.march.stored = self.march.stored_in(self.force)
@@ -199,7 +199,7 @@ class UnreducedIntegrator:
         forces_and_gaps = self.march.padded(force, gap)
         intensities = self.march.intensities()
         if self.fields.wanted:
-            self.fields.add(self.march.owned(), self.march.amplitudes)
+            self.fields.add(self.march.whole(), self.march.amplitudes)
         values = (np.float64(time), places, speeds, acceleration, *forces_and_gaps, energies, intensities)
         return (*values, borne)
 

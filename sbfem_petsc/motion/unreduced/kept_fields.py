@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ...loads import Load
 from ...system.fields.sampling import Field
 from ...system.model import Model
+from ...system.solve.pencil import Pencil
 
 # Bytes on each rank that the fields of a motion may take; beyond it they are not kept.
 MOST = 256_000_000
 
 
 class KeptFields:
-    """Displacement unknowns at the instants of a motion.
+    """Displacement and auxiliary unknowns at the instants of a motion.
 
     Parameters
     ----------
     model : Model
+    pencil : Pencil
+        With all auxiliary unknowns; it is not kept.
     units : sequence of Load
         The unit loads.
     instants : int
@@ -31,24 +35,31 @@ class KeptFields:
         Whether they are kept: up to `MOST` bytes on each rank.
     """
 
-    def __init__(self, model: Model, units: Sequence[Load], instants: int):
-        self.model, self.units = model, tuple(units)
-        self.wanted = 8.0 * instants * model.boundary_unknowns / model.comm.size <= MOST
-        self._owned: list[np.ndarray] = []
+    def __init__(self, model: Model, pencil: Pencil, units: Sequence[Load], instants: int):
+        self.model, self.units, self._owned = model, tuple(units), pencil.owned
+        self.wanted = 8.0 * instants * pencil.unknowns / self.model.comm.size <= MOST
+        # where the auxiliary unknowns of each S-element of this rank begin
+        self._inside = np.zeros(len(pencil.layout.part.elements), dtype=np.int64)
+        for group, _, numbers in pencil.placed():
+            if numbers.size:
+                self._inside[group.elements] = pencil.owned + numbers[:, 0]
+        self._states: list[np.ndarray] = []
         self._amplitudes: list[np.ndarray] = []
 
-    def add(self, owned: np.ndarray, amplitudes: np.ndarray) -> None:
-        """Keep an instant: this rank's displacement unknowns, m, and the amplitudes of the unit loads."""
-        self._owned.append(owned)
+    def add(self, state: np.ndarray, amplitudes: np.ndarray) -> None:
+        """Keep an instant: this rank's displacement (m) and auxiliary unknowns, and the amplitudes of the
+        unit loads.
+        """
+        self._states.append(state)
         self._amplitudes.append(np.array(amplitudes))
 
     def complete(self, instants: int) -> KeptFields | None:
         """These fields if they are those of all instants."""
-        return self if self.wanted and len(self._owned) == instants else None
+        return self if self.wanted and len(self._states) == instants else None
 
     def rolled(self, places: int) -> KeptFields:
         """The same with the last instants put first, as of a period."""
-        for part in (self._owned, self._amplitudes):
+        for part in (self._states, self._amplitudes):
             part[:] = part[-places:] + part[:-places]
         return self
 
@@ -60,17 +71,28 @@ class KeptFields:
         contact : (n, c) array
             Forces of the contact rows, N.
         """
-        columns = self.model.load_columns(self.units)
-        forms = getattr(self.model.places(points, moved=columns.lift is not None), kind)
-        direct = forms.direct(columns)
-        flat = forms.rows(np.stack(self._owned, axis=1)) + forms.contact @ contact.T
-        flat += direct @ np.array(self._amplitudes).reshape(len(self._owned), -1).T
-        return flat.T.reshape(len(self._owned), len(points), -1)
+        model, columns, count = self.model, self.model.load_columns(self.units), len(self._states)
+        forms = getattr(model.places(points, inertia=True, moved=columns.lift is not None), kind)
+        inertia = forms.inertia
+        inside = np.zeros((inertia.fields.shape[1], count))
+        for element, own in inertia.own.items():
+            first = self._inside[element]
+            inside[own] = np.transpose(
+                [state[first : first + own.stop - own.start] for state in self._states]
+            )
+        flat = model.comm.allreduce(inertia.fields @ inside)
+        # the auxiliary unknowns, where there are any, know how supports move
+        still = replace(forms, inertia=None) if model.continued_fraction else forms
+        flat += still.direct(columns) @ np.array(self._amplitudes).reshape(count, -1).T
+        flat += forms.rows(np.stack([state[: self._owned] for state in self._states], axis=1))
+        flat += forms.contact @ contact.T
+        return flat.T.reshape(count, len(points), -1)
 
     def field(self, instant: int, contact: np.ndarray) -> Field:
         """Of one instant, with the forces (c,) of the contact rows. Collective."""
         columns = self.model.load_columns(self.units)
-        amplitudes, nodal = self._amplitudes[instant], self.model.nodal(self._owned[instant])
+        amplitudes, owned = self._amplitudes[instant], self._states[instant][: self._owned]
+        nodal = self.model.nodal(owned)
         loads = {n: forces @ amplitudes for n, forces in columns.tip_forces.items()}
         if columns.lift is not None:
             nodal = nodal + columns.lift.nodal @ amplitudes

@@ -243,14 +243,14 @@ class UnreducedDriven:
     def states(self, state: np.ndarray) -> SampledStates:
         """The instants of the period from a state, from t = 0 on. Collective."""
         march, count = self.march, self.period.steps
-        fields = KeptFields(march.model, self.period.loads.units, count)
+        fields = KeptFields(march.model, march.pencil, self.period.loads.units, count)
         rows: list[tuple] = []
 
         def watch(march: UnreducedSteps, force: np.ndarray, gap: np.ndarray) -> None:
             borne = march.slope[len(march.ground.points) :].reshape(-1, 2)
             rows.append((*march.at_points(), *march.padded(force, gap), march.intensities(), borne))
             if fields.wanted:
-                fields.add(march.owned(), march.amplitudes)
+                fields.add(march.whole(), march.amplitudes)
 
         self.run(state, watch)
         # the last instant is the first one: the rows begin after it

@@ -226,9 +226,13 @@ class UnreducedSteps:
         rows = self.probes[self.pairs + self.pushing][:, self.pencil.owned :]
         return rows.T @ self.amplitudes[self.pushing] / self.pencil.auxiliary_diagonal(0.0)
 
-    def owned(self) -> np.ndarray:
-        """This rank's displacement unknowns."""
-        return self._against_supports() + self.ground.owned @ self._moved
+    def whole(self) -> np.ndarray:
+        """This rank's displacement unknowns, with what follows prescribed displacements, then auxiliary
+        ones.
+        """
+        found = self.u + self.phi @ (self.q - self.q0)
+        found[: self.pencil.owned] += self.ground.owned @ self._moved
+        return found
 
     def _against_supports(self) -> np.ndarray:
         """The same without what follows prescribed displacements."""

@@ -94,6 +94,8 @@ class Inertial:
         Of unit auxiliary unknowns, at the places that this rank holds.
     body_force : (rows, 2) array
         Of a unit acceleration along x and y, at the places that this rank holds.
+    own : dict of int to slice
+        Which auxiliary unknowns are those of an S-element of this rank, by its row in the rank's part.
     """
 
     coupling: Rows
@@ -101,6 +103,7 @@ class Inertial:
     squared: np.ndarray
     fields: sparse.csr_matrix
     body_force: np.ndarray
+    own: dict[int, slice]
 
     def of_modes(self, shapes: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """(rows, k): this rank's share. Collective."""
@@ -295,13 +298,14 @@ def _inertial(elements: Elements, held: list, count: int) -> list[Inertial]:
     before = np.concatenate([[0], np.cumsum(comm.allgather(sum(sizes)))]).astype(int)
     first, total = int(before[comm.rank]), int(before[-1])
     coupling: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-    stretch, squared = np.zeros(total), np.zeros(total)
+    stretch, squared, slices = np.zeros(total), np.zeros(total), {}
     entries: tuple[list, list] = ([], [])  # rows, columns and values of the fields
     body = (np.zeros((2 * count, 2)), np.zeros((3 * count, 2)))
     for places, size in zip(inside.values(), sizes):
         _, (_, group, member, _) = places[0]
         group = moving[order[id(group)]].select(np.array([member]))
         solution, own = group.solution, np.arange(first, first + size)
+        slices[int(group.elements[0])] = slice(first, first + size)
         modulus, mass = elements.scales(group)
         scale = float(mass[0]) / modulus
         unknowns = elements.unknowns_of(group)[0]
@@ -325,7 +329,7 @@ def _inertial(elements: Elements, held: list, count: int) -> list[Inertial]:
     for kind in (0, 1):
         at, own, values = (np.concatenate([*parts]) for parts in zip(_NONE, *entries[kind]))
         fields = sparse.coo_matrix((values, (at, own)), shape=((2 + kind) * count, total)).tocsr()
-        found.append(Inertial(rows, stretch, squared, fields, body[kind]))
+        found.append(Inertial(rows, stretch, squared, fields, body[kind], slices))
     return found
 
 
