@@ -242,8 +242,10 @@ class FiniteElementModel:
         if gap is not None:
             distance = given_gap(gap, x)
         if (distance < 0.0).any() and not interference:
+            least = distance.min()
+            why = f", with offset = {offset:g} m between nodes {least + offset:g} m apart" if offset else ""
             raise ValueError(
-                f"contact: the faces overlap by {-distance.min():g} m; is the normal from left to right? Say "
+                f"contact: the faces overlap by {-least:g} m{why}; is the normal from left to right? Say "
                 "interference=True if they are to press on each other at rest"
             )
         return moving_pairs(one, law, rows, slips, distance)

@@ -1,4 +1,4 @@
-"""Modes and residual flexibility of sparse matrices, by SLEPc and PETSc from one factorisation."""
+"""Modes and residual flexibility of sparse matrices from one factorisation by PETSc."""
 
 from __future__ import annotations
 
@@ -13,20 +13,17 @@ from ..errors import SolveError, caller_level, on_all_ranks
 from ..petsc import (
     MPI,
     PETSc,
-    SLEPc,
-    check_ksp,
-    configure,
     count_pivots,
-    dense_columns,
     factorise,
-    free,
     make_ksp,
     negative_eigenvalues,
     pivot_signs,
     require_thread,
     solving,
 )
+from ..ranks.parallel import collective
 from ..system.solve.linear_solver import LinearSolver
+from .krylov import lowest, share, whole
 
 # Relative residual of K x = b that a solve may have, and the energy of a mode, beside that of its parts, that
 # is told from their round-off.
@@ -34,8 +31,8 @@ RESIDUAL, ZERO = 1e-6, 1e-14
 # Of the squares of the highest frequencies, about: what makes a stiffness definite where 0 is an eigenvalue;
 # and of that, what 0 is told by.
 SHIFT, SAME = 1e-9, 1e-4
-# Relative residual of K^-1 M x = x / w2, at most, that a mode has.
-TOLERANCE = 1e-11
+# Right-hand sides at a time: more of them share a pass over the factor, fewer make a smaller space.
+WIDTH = 8
 
 
 def sparse_modes(
@@ -49,7 +46,7 @@ def sparse_modes(
     Collective.
 
     The residual flexibility is P K^-1 P^T with the projector P = 1 - Phi Phi^T M, without the cancellation
-    of K^-1 - Phi Omega^-2 Phi^T.
+    of K^-1 - Phi Omega^-2 Phi^T. Each rank has a factor of its own, and solves for its share of the columns.
 
     Returns
     -------
@@ -59,17 +56,21 @@ def sparse_modes(
     Raises
     ------
     ValueError
-        If the stiffness is indefinite, or rigid-body motions are more than modes; on all ranks.
+        If a matrix is indefinite, or rigid-body motions are more than modes; on all ranks.
     SolveError
         If modes are not found, or some have been left out; on all ranks.
     """
     require_thread()
-    _require_mass(comm, mass, count)
-    found = _solved((mass, stiffness), columns, count, comm, 0.0)
-    if found is None:  # with rigid-body motions
-        heavy = mass.diagonal() > 0.0
-        shift = SHIFT * float(np.median(stiffness.diagonal()[heavy] / mass.diagonal()[heavy]))
-        found = _solved((mass, stiffness), columns, count, comm, shift)
+    heavy = _heavy(mass, count)
+    try:
+        found = _solved((mass, stiffness), columns, count, comm, 0.0)
+        if found is None:  # with rigid-body motions
+            carried = mass.diagonal() > 0.0
+            shift = SHIFT * float(np.median(stiffness.diagonal()[carried] / mass.diagonal()[carried]))
+            found = _solved((mass, stiffness), columns, count, comm, shift)
+    except (ValueError, SolveError):
+        _require_mass(_negative(comm, heavy)[0])
+        raise
     assert found is not None
     return found
 
@@ -84,39 +85,34 @@ def _solved(
     """See `sparse_modes`, by K + shift M; None where a shift of 0 meets rigid-body motions."""
     mass, stiffness = matrices
     definite = sparse.csr_matrix(stiffness + shift * mass) if shift else stiffness
-    k, m = _matrix(comm, definite), _matrix(comm, mass)
-    ksp = make_ksp(k, "modal_st_", positive_definite=False, later=True)
-    eps = SLEPc.EPS().create(comm)
+    solver = _Columns(comm, definite, "modal_st_")
     try:
-        if not _factorised(ksp, sure=shift > 0.0):
+        if not solver.factorised(sure=shift > 0.0):
             return None
-        values, vectors, inertia = _none_left_out(eps, ksp, k, m, count)
-        whole, values = _whole(comm, vectors), values - shift
-        if not shift:
-            first = np.abs(_whole(comm, np.stack([vectors[:, 0], inertia[:, 0]], axis=1)))
-            if values[0] * (first[:, 0] @ first[:, 1]) <= ZERO * (
-                first[:, 0] @ (abs(stiffness) @ first[:, 0])
-            ):
-                return None
+        values, vectors, inertia = _none_left_out(solver, mass, count)
+        values = values - shift
+        first = np.abs(vectors[:, 0])
+        if not shift and values[0] * (first @ np.abs(inertia[:, 0])) <= ZERO * (
+            first @ (abs(stiffness) @ first)
+        ):
+            return None
         values = np.where(np.abs(values) <= SAME * shift, 0.0, values)
-        if values[0] < 0.0:
-            raise _indefinite(f"eigenvalue {values[0]:g} of M^-1 K")
-        own = slice(*k.getOwnershipRange())
-        right = np.asfortranarray(columns[own].toarray())
-        right -= inertia @ _summed(comm, vectors.T @ right)
+        own = share(comm, columns.shape[1])
+        right = np.asfortranarray(columns[:, own].toarray())
+        right -= inertia @ (vectors.T @ right)
         if shift:
-            answers = _pinned(comm, stiffness, whole[:, values == 0.0], right)
+            answers = _pinned(comm, stiffness, vectors[:, values == 0.0], right)
         else:
-            answers = LinearSolver(ksp, k).columns(right, "reduction")
-        left = np.abs(stiffness[own] @ _whole(comm, answers) - right).max(initial=0.0)
+            answers = solver.own(right)
+        left = np.abs(stiffness @ answers - right).max(initial=0.0)
         if not comm.allreduce(left, MPI.MAX) <= RESIDUAL * comm.allreduce(
             np.abs(right).max(initial=0.0), MPI.MAX
         ):
             raise _not_held(count)
-        answers -= vectors @ _summed(comm, inertia.T @ answers)
-        return values, whole, _whole(comm, answers)
+        answers -= vectors @ (inertia.T @ answers)
+        return values, vectors, whole(comm, answers.T).T
     finally:
-        free(comm, eps, ksp, k, m)
+        solver.free()
 
 
 def _pinned(comm: MPI.Comm, stiffness: sparse.csr_matrix, rigid: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -127,16 +123,42 @@ def _pinned(comm: MPI.Comm, stiffness: sparse.csr_matrix, rigid: np.ndarray, rig
     loose = np.ones(len(rigid))
     loose[pins] = 0.0
     held = sparse.diags(loose) @ stiffness @ sparse.diags(loose)
-    matrix = _matrix(comm, sparse.csr_matrix(held + sparse.diags((1.0 - loose) * stiffness.diagonal())))
-    ksp = make_ksp(matrix, "modal_pinned_", positive_definite=False, later=True)
+    held = sparse.csr_matrix(held + sparse.diags((1.0 - loose) * stiffness.diagonal()))
+    solver = _Columns(comm, held, "modal_pinned_")
     try:
-        if not _factorised(ksp, sure=False):  # more motions without energy than modes that show them
+        if not solver.factorised(sure=False):  # more motions without energy than modes that show them
             raise _not_held(rigid.shape[1])
-        own = slice(*matrix.getOwnershipRange())
-        forces = np.asfortranarray(loose[own, None] * right)
-        return LinearSolver(ksp, matrix).columns(forces, "reduction")
+        return solver.own(np.asfortranarray(loose[:, None] * right))
     finally:
-        free(comm, ksp, matrix)
+        solver.free()
+
+
+class _Columns:
+    """Solves for columns that ranks share out, each by a factor of its own."""
+
+    def __init__(self, comm: MPI.Comm, matrix: sparse.csr_matrix, prefix: str):
+        self.comm, self.csr, self.matrix = comm, matrix, _matrix(matrix)
+        self.ksp = make_ksp(self.matrix, prefix, positive_definite=False, later=True)
+        self.solver = LinearSolver(self.ksp, self.matrix)
+
+    def factorised(self, sure: bool) -> bool:
+        """Whether the matrix is positive definite, see `_factorised`. Collective."""
+        with collective(self.comm):
+            return _factorised(self.ksp, sure)
+
+    def own(self, right: np.ndarray) -> np.ndarray:
+        """Solve for (n, k) columns of this rank's. Collective."""
+        with collective(self.comm):
+            return self.solver.columns(right, "reduction")
+
+    def all(self, right: np.ndarray) -> np.ndarray:
+        """Solve for (n, k) columns that every rank has, on each. Collective."""
+        return whole(self.comm, self.own(right[:, share(self.comm, right.shape[1])]).T).T
+
+    def free(self) -> None:
+        """Destroy what PETSc has of it."""
+        self.ksp.destroy()
+        self.matrix.destroy()
 
 
 def _factorised(ksp: PETSc.KSP, sure: bool) -> bool:
@@ -156,16 +178,25 @@ def _factorised(ksp: PETSc.KSP, sure: bool) -> bool:
 
 
 def _none_left_out(
-    eps: SLEPc.EPS, ksp: PETSc.KSP, k: PETSc.Mat, m: PETSc.Mat, count: int
+    solver: _Columns, mass: sparse.csr_matrix, count: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """`_lowest`, with more of them where the inertia below the last one says that some are missing: SLEPc
-    meets the second vector of a multiple eigenvalue through round-off only.
+    """Lowest eigenvalues, mass-normalised vectors and M times these; with more right-hand sides at a time
+    where the inertia below the last one says that some are missing: as many vectors of a multiple eigenvalue
+    are found, further ones through round-off only.
     """
-    wanted, most = count, max(count, k.getSize()[0] - 1)
-    for _ in range(4):
-        values, *vectors = _lowest(eps, ksp, k, m, wanted)
-        last = values[count - 1] * (1.0 - 1e-6)
-        below, found = _below(k, m, last), int((values < last).sum())
+    heavy = _heavy(mass, count)
+    for doubled in range(4):
+        inverse, vectors, inertia = lowest(solver.comm, solver.all, mass, count, WIDTH << doubled)
+        if mass.diagonal().min() <= 0.0:  # rounding in what has no mass
+            vectors = solver.all(inertia) / inverse
+            inertia = mass @ vectors
+            lengths = np.sqrt((vectors * inertia).sum(axis=0))
+            vectors, inertia = vectors / lengths, inertia / lengths
+        values = 1.0 / inverse
+        last = values[-1] * (1.0 - 1e-6)
+        negative, below = _negative(solver.comm, heavy, solver.csr - last * mass)
+        _require_mass(negative)
+        found = int((values < last).sum())
         if below is None:
             warnings.warn(
                 "reduce_matrices: this PETSc has no MUMPS, which counts eigenvalues: whether modes are "
@@ -174,98 +205,19 @@ def _none_left_out(
                 stacklevel=caller_level(),
             )
         if below is None or below <= found:
-            return values[:count], vectors[0][:, :count], vectors[1][:, :count]
-        wanted = min(wanted + below - found + 4, most)
+            return values, vectors, inertia
     raise on_all_ranks(
         SolveError(
-            f"modal: {below} eigenvalues lie below the last of {count}, but {found} were found; raise "
-            "-modal_eps_ncv or tighten -modal_eps_tol"
+            f"modal: {below} eigenvalues lie below the last of {count}, but {found} were found; keep another "
+            "number of modes"
         )
     )
 
 
-def _lowest(
-    eps: SLEPc.EPS, ksp: PETSc.KSP, k: PETSc.Mat, m: PETSc.Mat, count: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lowest eigenvalues, mass-normalised vectors and M times these, this rank's rows, by SLEPc (prefix
-    ``modal_``), which resets the factor with its own end. It begins out of K^-1 M, where vectors have no part
-    in what has no mass.
+def _heavy(mass: sparse.csr_matrix, count: int) -> sparse.csr_matrix:
+    """The mass of unknowns that are not without; ValueError unless it may be positive definite and so many
+    modes can be of it.
     """
-    comm, n = k.comm.tompi4py(), k.getSize()[0]
-    start, light = k.createVecs()
-    try:
-        eps.setOptionsPrefix("modal_")
-        eps.setOperators(k, m)
-        eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
-        eps.setDimensions(count, min(n, max(2 * count, count + 20)))
-        eps.setTolerances(TOLERANCE, 200)
-        eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
-        eps.setTarget(0.0)
-        st = eps.getST()
-        st.setType(SLEPc.ST.Type.SINVERT)
-        st.setShift(0.0)
-        st.setKSP(ksp)
-        m.getDiagonal(light)
-        # a further solve a vector, for the parts of rounding in what has no mass
-        eps.setPurify(light.min()[1] <= 0.0)
-        start.setRandom()
-        m.mult(start, light)
-        ksp.solve(light, start)
-        check_ksp(ksp, "modal")
-        eps.setInitialSpace(start)
-        configure(eps)
-        with solving("modal"):
-            eps.solve()
-        if eps.getConverged() < count:
-            raise on_all_ranks(
-                SolveError(
-                    f"modal: SLEPc found {eps.getConverged()} of {count} eigenpairs; raise "
-                    "-modal_eps_max_it or -modal_eps_ncv"
-                )
-            )
-        found = np.array([eps.getEigenvalue(i).real for i in range(count)])
-        if found.min() < 0.0:
-            raise _indefinite(f"eigenvalue {found.min():g} of M^-1 K")
-        vectors = np.empty((len(start.array_r), count), order="F")
-        for column, i in enumerate(np.argsort(found)):
-            eps.getEigenvector(int(i), start)
-            vectors[:, column] = start.array_r
-    finally:
-        free(comm, start, light)
-    inertia = _times(m, vectors)
-    lengths = np.sqrt(_summed(comm, (vectors * inertia).sum(axis=0)))
-    return np.sort(found), vectors / lengths, inertia / lengths
-
-
-def _times(matrix: PETSc.Mat, columns: np.ndarray) -> np.ndarray:
-    """A matrix times this rank's rows of columns, in Fortran's order."""
-    given = dense_columns(matrix, columns)
-    product = matrix.matMult(given)
-    try:
-        return product.getDenseArray().copy(order="F")
-    finally:
-        free(matrix.comm.tompi4py(), given, product)
-
-
-def _summed(comm: MPI.Comm, array: np.ndarray) -> np.ndarray:
-    if comm.size > 1:
-        array = np.ascontiguousarray(array)
-        comm.Allreduce(MPI.IN_PLACE, array)
-    return array
-
-
-def _whole(comm: MPI.Comm, own: np.ndarray) -> np.ndarray:
-    """(n, k): the rows of all ranks."""
-    if comm.size == 1:
-        return own
-    rows = np.array(comm.allgather(len(own)))
-    result = np.empty((rows.sum(), own.shape[1]))
-    comm.Allgatherv(np.ascontiguousarray(own), (result, rows * own.shape[1]))
-    return result
-
-
-def _require_mass(comm: MPI.Comm, mass: sparse.csr_matrix, count: int) -> None:
-    """Raise a ValueError unless the mass is positive semi-definite, with unknowns for so many modes."""
     diagonal = mass.diagonal()
     heavy = np.flatnonzero(diagonal)
     if len(heavy) < count:
@@ -274,40 +226,42 @@ def _require_mass(comm: MPI.Comm, mass: sparse.csr_matrix, count: int) -> None:
             "give modes as many or fewer"
         )
     coupled = abs(mass).sum(axis=1).A1 > 0.0
-    wrong = (diagonal < 0.0) | (coupled & (diagonal == 0.0))
-    negative = int(wrong.sum())
-    if not negative:
-        made = _matrix(comm, mass[heavy][:, heavy])
-        try:
-            negative = negative_eigenvalues(made, "modal") or 0
-        finally:
-            free(comm, made)
+    _require_mass(int(((diagonal < 0.0) | (coupled & (diagonal == 0.0))).sum()))
+    return mass[heavy][:, heavy]
+
+
+def _require_mass(negative: int | None) -> None:
+    """ValueError where a mass has negative eigenvalues."""
     if negative:
-        raise ValueError(
-            f"reduce_matrices: mass is indefinite ({negative} negative eigenvalues); a mass is at least 0"
+        raise on_all_ranks(
+            ValueError(
+                f"reduce_matrices: mass is indefinite ({negative} negative eigenvalues); a mass is at least 0"
+            )
         )
 
 
-def _matrix(comm: MPI.Comm, matrix: sparse.csr_matrix) -> PETSc.Mat:
-    """This rank's rows of a matrix that every rank has."""
-    n = matrix.shape[0]
-    first, end = (n * (comm.rank + k) // comm.size for k in range(2))
-    own = matrix[first:end]
-    indices = (own.indptr.astype(PETSc.IntType), own.indices.astype(PETSc.IntType))
-    size = (end - first, n)
-    result = PETSc.Mat().createAIJ((size, size), csr=(*indices, own.data), comm=comm)
+def _negative(comm: MPI.Comm, *matrices: sparse.csr_matrix) -> list[int | None]:
+    """Negative eigenvalues of matrices, which ranks share out; None where PETSc has nothing that counts them.
+    Collective.
+    """
+    found = list[int | None]()
+    with collective(comm):
+        for matrix in matrices[comm.rank :: comm.size]:
+            made = _matrix(matrix)
+            try:
+                found.append(negative_eigenvalues(made, "modal"))
+            finally:
+                made.destroy()
+    told = comm.allgather(found)
+    return [told[k % comm.size][k // comm.size] for k in range(len(matrices))]
+
+
+def _matrix(matrix: sparse.csr_matrix) -> PETSc.Mat:
+    """A matrix of this rank's alone."""
+    indices = (matrix.indptr.astype(PETSc.IntType), matrix.indices.astype(PETSc.IntType))
+    result = PETSc.Mat().createAIJ(matrix.shape, csr=(*indices, matrix.data), comm=MPI.COMM_SELF)
     result.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     return result
-
-
-def _below(k: PETSc.Mat, m: PETSc.Mat, shift: float) -> int | None:
-    """Eigenvalues below a shift; None where PETSc has nothing that counts them."""
-    shifted = k.copy()
-    try:
-        shifted.axpy(-shift, m)
-        return negative_eigenvalues(shifted, "modal")
-    finally:
-        free(k.comm.tompi4py(), shifted)
 
 
 def _indefinite(why: str) -> Exception:

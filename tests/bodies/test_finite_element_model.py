@@ -258,6 +258,10 @@ def test_wrong_models(parts, change, sentence):
         (lambda b: b.contact("LEFT", normal="x", gap=-1e-6), "overlap"),
         (lambda b: b.contact("LEFT", normal="x", offset=1e-6), "at a wall"),
         (lambda b: b.contact("LEFT", "RIGHT", normal="x", gap=2e-6, offset=1e-6), "beside a gap"),
+        (
+            lambda b: b.contact("LEFT", "RIGHT", normal="x", offset=1e-3),
+            "overlap by 0.001 m, with offset = 0.001 m between nodes 0 m apart",
+        ),
         (lambda b: sb.reduce(b, loads={"F": b.at("LEFT", "x")}), "points = None must be a dict"),
         (
             lambda b: sb.reduce(b, loads={"F": sb.SupportMotion()}, points={"p": b.at("LEFT", "x")}),

@@ -11,7 +11,7 @@ from typing import Any
 import sbfem_petsc as sb
 from meshing.boundary_mesh import BoundaryMesh
 
-from ...checks import shown
+from ...checks import integer, shown
 from ...loads import separate
 from ...signals.signal import as_signal
 from .given import Given
@@ -198,6 +198,8 @@ def body(case: Given) -> BodyParts:
     table: Any = case.tables.body
     with located(case, "body"):
         found = table.read(case.resolve)
+        if table.modes is not None:
+            integer("reduce", "modes", table.modes, least=1, most=max(len(found.unknowns) - 1, 1))
     contact: Any = None
     for k, pair in enumerate(table.contacts):
         given = {key: getattr(pair, key) for key in type(pair).model_fields}

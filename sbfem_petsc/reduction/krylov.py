@@ -1,0 +1,160 @@
+"""Lowest modes by block Lanczos: several right-hand sides pass over a factor once, and ranks share them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy import sparse
+
+from ..errors import SolveError, on_all_ranks
+from ..petsc import MPI
+
+# Relative residual of K^-1 M x = x / w2, at most, that a mode has.
+TOLERANCE = 1e-11
+# Parts of a vector that are rounding, and that one pass of orthogonalisation leaves exact enough.
+LOST, ENOUGH = 1e-12, 0.1
+# Vectors at most, in modes and in blocks.
+SPACE, BLOCKS = 2, 60
+
+
+def share(comm: MPI.Comm, count: int) -> slice:
+    """This rank's part of so many rows or columns."""
+    return slice(count * comm.rank // comm.size, count * (comm.rank + 1) // comm.size)
+
+
+def whole(comm: MPI.Comm, own: np.ndarray) -> np.ndarray:
+    """(n, k): the rows of all ranks, of which each has its share."""
+    if comm.size == 1:
+        return own
+    rows = np.array(comm.allgather(len(own)))
+    result = np.empty((rows.sum(), own.shape[1]))
+    comm.Allgatherv(np.ascontiguousarray(own), (result, rows * own.shape[1]))
+    return result
+
+
+def lowest(
+    comm: MPI.Comm,
+    solve: Callable[[np.ndarray], np.ndarray],
+    mass: sparse.csr_matrix,
+    count: int,
+    width: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The largest eigenvalues of K^-1 M, falling, their mass-normalised vectors and M times these, on each
+    rank alike. Collective.
+
+    Eigenvalues of multiplicity `width` or less are all found but by round-off. All vectors are out of K^-1 M,
+    and have no part in what has no mass.
+
+    Raises
+    ------
+    ValueError
+        If a motion has a negative mass.
+    SolveError
+        If modes are not found.
+    """
+    space, random = _Space(comm, mass, SPACE * count + BLOCKS * width), np.random.default_rng(0)
+    projected = np.zeros((space.most, space.most))
+    done, due = 0, count
+    while True:
+        if space.used == done:  # at the beginning, and where vectors are those of an invariant part
+            space.add(solve(mass @ random.standard_normal((mass.shape[0], width))))
+        last = slice(done, space.used)
+        done = space.used
+        if last.start == done or done + width > space.most:
+            raise on_all_ranks(
+                SolveError(
+                    f"modal: fewer than {count} modes were found in {done} vectors; keep fewer modes, or "
+                    "check that the mass moves in so many ways"
+                )
+            )
+        inside, outside = space.add(solve(whole(comm, space.inertia[:, last])))
+        projected[:done, last], projected[done : space.used, last] = inside, outside
+        if done < count or (done < due and len(outside)):
+            continue
+        values, parts = np.linalg.eigh(projected[:done, :done])  # by its lower triangle
+        left = np.linalg.norm(outside @ parts[last, -count:], axis=0)
+        excess = (left / (TOLERANCE * np.abs(values[-count:]))).max()
+        if excess <= 1.0:
+            chosen = np.ascontiguousarray(parts[:, : -count - 1 : -1])
+            vectors, inertia = (whole(comm, part[:, :done] @ chosen) for part in (space.basis, space.inertia))
+            return values[: -count - 1 : -1], vectors, inertia
+        due = done + width * int(0.5 * np.log10(excess))  # a block gains two digits at most
+
+
+class _Space:
+    """Vectors that are orthonormal by the mass, and M times these: this rank's rows.
+
+    Attributes
+    ----------
+    most, used : int
+        Vectors.
+    basis, inertia : (own, most) arrays
+    """
+
+    def __init__(self, comm: MPI.Comm, mass: sparse.csr_matrix, most: int):
+        self.comm, self.own = comm, share(comm, mass.shape[0])
+        self.mass, self.most, self.used = mass[self.own], most, 0
+        self.basis, self.inertia = (np.empty((self.mass.shape[0], most), order="F") for _ in range(2))
+
+    def add(self, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Take in what the columns of (n, k) have beside the vectors.
+
+        Returns
+        -------
+        inside, outside : (used before, k), (new, k) arrays
+            Their coefficients of the vectors that were there, and of those that come in.
+        """
+        before, size = slice(self.used), block.shape[1]
+        inside, outside, rows = np.zeros((self.used, size)), np.eye(size), block[self.own]
+        for _ in range(2):
+            along = self._summed(self.inertia[:, before].T @ rows)
+            rows = np.asfortranarray(rows - self.basis[:, before] @ along)
+            heavy = np.asfortranarray(self.mass @ whole(self.comm, rows))
+            inside += along @ outside
+            kept, triangle, least = self._triangle(rows, heavy, (along**2).sum(axis=0))
+            rows, heavy, outside = rows[:, kept], heavy[:, kept], triangle @ outside
+            if least > ENOUGH:
+                break
+        self.used += len(kept)
+        self.basis[:, before.stop : self.used], self.inertia[:, before.stop : self.used] = rows, heavy
+        return inside, outside
+
+    def _triangle(
+        self, rows: np.ndarray, heavy: np.ndarray, along: np.ndarray
+    ) -> tuple[list[int], np.ndarray, float]:
+        """Make columns orthonormal in place; those that are more than rounding, their coefficients, and the
+        least part of a column that is its own, `along` being squares of what was taken off before.
+        """
+        kept, triangle, least = list[int](), np.zeros((len(along), len(along))), 1.0
+        squares = along + self._summed((rows * heavy).sum(axis=0))
+        for j, square in enumerate(squares):
+            row = self._summed(rows[:, j] @ heavy[:, j:])
+            if not np.isfinite(row).all():
+                raise on_all_ranks(
+                    SolveError(
+                        "modal: a solve overflows; are all entries of mass and stiffness of usual size?"
+                    )
+                )
+            if min(row[0], square) < -LOST * abs(square):
+                raise on_all_ranks(
+                    ValueError(
+                        "reduce_matrices: mass is indefinite, a motion has less than 0; give one of 0 or more"
+                    )
+                )
+            if row[0] <= LOST**2 * square:
+                continue
+            length = np.sqrt(row[0])
+            least = min(least, length / np.sqrt(square))
+            triangle[len(kept), j:] = row / length
+            kept.append(j)
+            for part in (rows, heavy):
+                part[:, j] /= length
+                part[:, j + 1 :] -= part[:, j, None] * (row[1:] / length)
+        return kept, triangle[: len(kept)], least
+
+    def _summed(self, array: np.ndarray) -> np.ndarray:
+        if self.comm.size > 1:
+            array = np.ascontiguousarray(array)
+            self.comm.Allreduce(MPI.IN_PLACE, array)
+        return array
