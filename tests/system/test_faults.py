@@ -134,9 +134,8 @@ def test_ended_and_continued(kind, ranks, number, undisturbed, tmp_path):
     finally:
         kill_all(process)
     assert process.returncode != 0
-    read = sb.read if kind == "branch" else sb.read
     with pytest.warns(sb.IncompleteHistory) if kind != "branch" else pytest.MonkeyPatch.context():
-        part = read(file)
+        part = sb.read(file)
     assert not part.complete
     continued = last(on_ranks(ranks, PROGRAM, kind, str(file), "go"))
     # in one process bit by bit
