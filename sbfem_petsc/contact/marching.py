@@ -16,11 +16,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .compiled import compiled_apart, compiled_loops, inner_loops, inner_sums, typeof, typeof_impl, types
+from .compiled import compiled_loops, inner_loops, inner_sums, typeof, typeof_impl, types
 from .friction import STICKS
+from .held_rows import NO_ROOM, NOTHING, Rubbing, Sets, rubbing_room
 from .law import FREE, RowLaws, Table
-from .pivoting import Factor, add_rows, contact_forces, empty_factor, products
-from .rubbing import NO_ROOM, NOTHING, Rubbing, Sets, rubbing_forces, rubbing_room
+from .pivoting import Factor, add_rows, empty_factor, products
+from .rubbing import rubbing_forces, smooth_forces
 
 
 class Halving(NamedTuple):
@@ -267,20 +268,6 @@ def _begin(step: StepConstants, loads: StepLoads, state: StepState, room: Room) 
         end.gap[i] = state.slip[i - count]
 
 
-@compiled_apart
-def smooth_forces(
-    flexibility: np.ndarray,
-    gap: tuple[np.ndarray, np.ndarray],
-    held: tuple[Table, Rubbing, np.ndarray],
-    sets: Sets,
-    force: np.ndarray,
-) -> int:
-    """`contact_forces` with the arguments of `rubbing_forces`, of which a step calls one."""
-    (laws, _, state), (free, _) = held, gap
-    factor = Factor(sets.inverse, sets.members, sets.solved, sets.free, sets.every)
-    return contact_forces(flexibility, free, laws, state, factor, force)
-
-
 class Address(types.WrapperAddressProtocol):
     """Where the code of a kernel for arguments as those given stands; kernels take it for a function."""
 
@@ -329,18 +316,10 @@ def _layout(given: Any) -> object:
 def _sets(room: Room, level: int) -> Sets:
     """Those of a level."""
     own, of = room.factor, room.sets
+    inverse, known = room.inverses[level], room.known[level]
+    held, at = room.members[level], room.places[level]
     return Sets(
-        room.inverses[level],
-        room.known[level],
-        room.members[level],
-        room.places[level],
-        of.right,
-        own.solved,
-        own.free,
-        of.following,
-        of.swept,
-        of.seen,
-        own.every,
+        inverse, known, held, at, of.right, own.solved, own.free, of.following, of.swept, of.seen, own.every
     )
 
 

@@ -1,277 +1,26 @@
 """Compiled solve of the contact problem of a step with friction, from the states of the step before.
 
 The same exchanges of states, and sweeps of Gauss-Seidel where sets repeat, as in `friction`, where they are
-explained; there stands Lemke's method behind them. Unknowns of a set are the forces of held normal rows and
-of sticking tangential ones, the column of a pressure whose row slips is that of its friction too. From set to
-set few rows change: the inverse follows them by bordering and its reverse. A row that begins to slip is
-counted from what its pressure pulls, and leaves. What rounding leaves of the gaps is solved for again, and
-where that does not help the inverse is built anew. How kernels are written, `pivoting` tells.
+explained; there stands Lemke's method behind them. The inverse of a set follows from that of the one before
+(`held_rows`). What rounding leaves of the gaps is solved for again, and where that does not help the inverse
+is built anew.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from .compiled import compiled_apart, inner_loops, inner_sums
-from .friction import AGAINST, ALONG, STICKS, Friction
+from .friction import AGAINST, ALONG, STICKS
+from .held_rows import MAXIMUM, Rubbing, Sets, follow, pull_of
 from .law import FREE, PRESSED, PULLED, ROUND_OFF, Table
-from .pivoting import add_rows, caught, products
+from .pivoting import Factor, add_rows, caught, contact_forces, products
 
-# Exchanges before sweeps, sweeps before the next exchanges, and how often; rounding of forces.
-_MAXIMUM, _SWEEPS, _ROUNDS, _ROUNDING = 40, 20, 20, 1e-12
-# Pivots, relative to a row's own flexibility, that are none; what may be left of the gaps that are kept,
-# relative to the largest gap without forces or by a row's own force, and how often it is solved for again.
-_LEAST, _LEFT, _REFINED = 1e-9, 1e-13, 2
-
-
-class Rubbing(NamedTuple):
-    """Tangential rows (k), behind the normal ones (c); `Friction` for kernels.
-
-    Attributes
-    ----------
-    rows : (k,) int array
-        The normal row of each.
-    beside : (c,) int array
-        The tangential row of each among all rows, -1 where there is none.
-    kinetic, static : (k,) arrays
-        Coefficients; zero of rows that no force moves.
-    """
-
-    rows: np.ndarray
-    beside: np.ndarray
-    kinetic: np.ndarray
-    static: np.ndarray
-
-
-class Sets(NamedTuple):
-    """The inverse of the set of the step before, and room to work in, of n rows.
-
-    Attributes
-    ----------
-    inverse : (n, n) array
-        Forces of the members (rows) under their gaps (columns).
-    known : (n,) int8 array
-        States that it belongs to.
-    members : (n + 1,) int array
-        Unknowns in the order of the inverse, behind them rows that slip; the last entry is the number of
-        unknowns, -1 where nothing is known.
-    place : (n,) int array
-        Of each row among the members, -1 of others.
-    right : (n + 1,) array
-        Of the members; the last entry is the rounding of forces.
-    solved : (n,) array
-        Forces of the members.
-    free : (n,) array
-        Gaps.
-    following : (n,) int8 array
-    swept : (n,) array
-        Forces of Gauss-Seidel.
-    seen : (_MAXIMUM,) int array
-        Sums that tell sets apart.
-    every : (n,) int array
-        0, 1, ..
-    """
-
-    inverse: np.ndarray
-    known: np.ndarray
-    members: np.ndarray
-    place: np.ndarray
-    right: np.ndarray
-    solved: np.ndarray
-    free: np.ndarray
-    following: np.ndarray
-    swept: np.ndarray
-    seen: np.ndarray
-    every: np.ndarray
-
-
-# Where nothing rubs, but for `beside`.
-NOTHING = Rubbing(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
-
-
-def rubbing_of(friction: Friction, flexibility: np.ndarray, count: int) -> Rubbing:
-    """For kernels, of rows with a flexibility of which so many are normal ones."""
-    beside = np.full(count, -1, dtype=np.int64)
-    moves = np.diag(flexibility) > 0.0
-    rubs = moves[count:] & moves[friction.rows]
-    rows = np.ascontiguousarray(friction.rows, dtype=np.int64)
-    beside[rows] = count + np.arange(len(rows))
-    return Rubbing(rows, beside, np.where(rubs, friction.kinetic, 0.0), np.where(rubs, friction.static, 0.0))
-
-
-def rubbing_room(rows: int) -> tuple[np.ndarray, ...]:
-    """Room of `Sets` that sets of any step share: from `right` on."""
-    following, seen = np.zeros(rows, dtype=np.int8), np.zeros(_MAXIMUM, dtype=np.int64)
-    right, solved, free, swept = (np.empty(n) for n in (rows + 1, rows, rows, rows))
-    return right, solved, free, following, swept, seen, np.arange(rows)
-
-
-# Where nothing rubs.
-NO_ROOM = rubbing_room(0)
-
-
-def empty_sets(rows: int) -> Sets:
-    """Nothing is known yet."""
-    known, place = np.zeros(rows, dtype=np.int8), np.zeros(rows, dtype=np.int64)
-    return Sets(np.empty((rows, rows)), known, np.full(rows + 1, -1), place, *rubbing_room(rows))
-
-
-@inner_loops
-def pull_of(rubbing: Rubbing, state: np.ndarray, row: int) -> float:
-    """Friction of a tangential row that slips, per pressure; 0 of others."""
-    count = rubbing.beside.size
-    if state[row] == ALONG:
-        return rubbing.kinetic[row - count]
-    return -rubbing.kinetic[row - count] if state[row] == AGAINST else 0.0
-
-
-@inner_loops
-def pulled(flexibility: np.ndarray, rubbing: Rubbing, state: np.ndarray, rows: tuple[int, int]) -> float:
-    """Gap of the first of two rows under a unit force of the second, and the friction that follows it."""
-    row, column = rows
-    value = flexibility[column, row]
-    if column < rubbing.beside.size and rubbing.beside[column] >= 0:
-        beside = rubbing.beside[column]
-        pull = pull_of(rubbing, state, beside)
-        if pull != 0.0:
-            value += pull * flexibility[beside, row]
-    return value
-
-
-@inner_loops
-def _hold(flexibility: np.ndarray, rubbing: Rubbing, row: int, sets: Sets) -> bool:
-    """Border the inverse by a row that joins; whether it is regular."""
-    inverse, known, members, right, free = sets.inverse, sets.known, sets.members, sets.right, sets.free
-    n = known.size
-    last = members[n]
-    for a in range(last):
-        right[a] = pulled(flexibility, rubbing, known, (row, members[a]))
-        free[a] = pulled(flexibility, rubbing, known, (members[a], row))
-        inverse[last, a] = 0.0
-    add_rows(inverse, sets.every, right, last, (last, last), inverse[last])
-    own = pulled(flexibility, rubbing, known, (row, row))
-    for a in range(last):
-        own -= inverse[last, a] * free[a]
-    if not abs(own) > _LEAST * flexibility[row, row]:
-        return False
-    products(inverse, free, last, (last, last), right)
-    scale = 1.0 / own
-    for a in range(last):
-        share = right[a] * scale
-        for b in range(last):
-            inverse[a, b] += share * inverse[last, b]
-        inverse[a, last] = -share
-    for b in range(last):
-        inverse[last, b] *= -scale
-    inverse[last, last] = scale
-    members[last], sets.place[row], members[n] = row, last, last + 1
-    return True
-
-
-@inner_loops
-def _drop(flexibility: np.ndarray, row: int, sets: Sets) -> bool:
-    """Take a row that leaves out of the inverse, the last one into its place; whether it is regular."""
-    inverse, members, place, pivot = sets.inverse, sets.members, sets.place, sets.right
-    n, at = place.size, place[row]
-    last = members[n] - 1
-    if not abs(inverse[at, at]) * flexibility[row, row] > _LEAST:
-        return False
-    scale = 1.0 / inverse[at, at]
-    for b in range(last + 1):
-        pivot[b] = scale * inverse[at, b]
-    for a in range(last + 1):
-        share = inverse[a, at]
-        for b in range(last + 1):
-            inverse[a, b] -= share * pivot[b]
-        inverse[a, at] = inverse[a, last]
-    for b in range(last):
-        inverse[at, b] = inverse[last, b]
-    members[at], members[n] = members[last], last
-    place[members[at]], place[row] = at, -1
-    return True
-
-
-@inner_loops
-def _slide(rubbing: Rubbing, row: int, pull: float, sets: Sets) -> None:
-    """Count the friction of a tangential row that is held from what its pressure pulls, which is so much
-    more."""
-    inverse, place = sets.inverse, sets.place
-    at, normal = place[row], place[rubbing.rows[row - rubbing.beside.size]]
-    for b in range(sets.members[place.size]):
-        inverse[at, b] += pull * inverse[normal, b]
-
-
-@inner_loops
-def _leaving(rubbing: Rubbing, state: np.ndarray, row: int, sets: Sets) -> int:
-    """Which row a row takes out of a set with it, -1 for none: itself as it begins to slip or parts, its
-    pressure as its friction turns. It is known from now on.
-    """
-    known, place, count = sets.known, sets.place, rubbing.beside.size
-    before, now = known[row], state[row]
-    if row < count:
-        known[row] = now
-        return row if now == FREE and place[row] >= 0 else -1
-    if before == now or now == STICKS:
-        return -1
-    known[row] = now
-    if before == STICKS:
-        pull = pull_of(rubbing, state, row)
-        if pull != 0.0:
-            _slide(rubbing, row, -pull, sets)
-        return row
-    normal = rubbing.rows[row - count]
-    return normal if place[normal] >= 0 else -1
-
-
-@inner_loops
-def _differs(state: np.ndarray, sets: Sets) -> bool:
-    """Whether a set is another than that of the step before, of which nothing is kept where half of it is."""
-    members, n, changed = sets.members, state.size, 0
-    for i in range(n):
-        changed += sets.known[i] != state[i]
-    if members[n] >= 0 and changed == 0:
-        return False
-    if 2 * changed >= members[n]:
-        members[n] = 0
-        for i in range(n):
-            sets.known[i], sets.place[i] = FREE, -1
-    return True
-
-
-@inner_loops
-def follow(flexibility: np.ndarray, rubbing: Rubbing, state: np.ndarray, sets: Sets) -> bool:
-    """Bring the inverse from the set of the step before to that of some states; whether it is regular. Rows
-    that the others do not determine yet wait until more have joined.
-    """
-    known, place, members = sets.known, sets.place, sets.members
-    n, count = state.size, rubbing.beside.size
-    if not _differs(state, sets):
-        return True
-    for k in range(n):
-        row = _leaving(rubbing, state, k + count if k + count < n else k + count - n, sets)
-        if row >= 0 and not _drop(flexibility, row, sets):
-            members[n] = -1
-            return False
-    waiting, joined = 1, 1
-    while waiting > 0 and joined > 0:
-        waiting, joined = 0, 0
-        for i in range(n):
-            if place[i] >= 0 or state[i] == FREE or (i >= count and state[i] != STICKS):
-                continue
-            if not _hold(flexibility, rubbing, i, sets):
-                waiting += 1
-                continue
-            joined += 1
-            if i >= count:
-                pull = pull_of(rubbing, known, i)
-                if pull != 0.0:
-                    _slide(rubbing, i, pull, sets)
-                known[i] = STICKS
-    if waiting > 0:
-        members[n] = -1
-    return waiting == 0
+# Sweeps before the next exchanges, and how often; rounding of forces.
+_SWEEPS, _ROUNDS, _ROUNDING = 20, 20, 1e-12
+# What may be left of the gaps that are kept, relative to the largest gap without forces or by a row's own
+# force, and how often it is solved for again.
+_LEFT, _REFINED = 1e-13, 2
 
 
 @inner_loops
@@ -511,7 +260,7 @@ def rubbing_forces(
             for _ in range(_SWEEPS):
                 _sweep(flexibility, gap, held, sets)
         done = 0
-        while done < _MAXIMUM and not _repeats(state, sets.seen, done):
+        while done < MAXIMUM and not _repeats(state, sets.seen, done):
             done += 1
             for _ in range(2):  # where rounding has piled up, all is done anew
                 solved = follow(flexibility, held[1], state, sets) and _solve(
@@ -529,3 +278,17 @@ def rubbing_forces(
                 return exchanges
             exchanges += 1
     return -1
+
+
+@compiled_apart
+def smooth_forces(
+    flexibility: np.ndarray,
+    gap: tuple[np.ndarray, np.ndarray],
+    held: tuple[Table, Rubbing, np.ndarray],
+    sets: Sets,
+    force: np.ndarray,
+) -> int:
+    """`contact_forces` with the arguments of `rubbing_forces`, of which a step calls one."""
+    (laws, _, state), (free, _) = held, gap
+    factor = Factor(sets.inverse, sets.members, sets.solved, sets.free, sets.every)
+    return contact_forces(flexibility, free, laws, state, factor, force)

@@ -7,7 +7,7 @@ What a row keeps is written at the last instant at which it has not stuck. The m
 at the instant before it: from these a row either slips or sticks, from its slip at the same instant it might
 do both, so that the derivative would have two values.
 
-From set to set few rows change: inverses of W_a E follow them as in the steps themselves (`rubbing`).
+From set to set few rows change: inverses of W_a E follow them as in the steps themselves (`held_rows`).
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ import numpy as np
 from .closed_sets import Contacts
 from .compiled import compiled_loops, inner_loops, inner_sums
 from .friction import STICKS
+from .held_rows import Rubbing, Sets, empty_sets, follow, pull_of, pulled
 from .law import FREE
 from .marching import StepConstants
 from .pivoting import add_rows, products
-from .rubbing import Rubbing, Sets, empty_sets, follow, pull_of, pulled
 
 # Directions of contact that change the position in a step, in units of it, by less than this are left out.
 LEAST = 1e-8

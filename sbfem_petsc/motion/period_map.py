@@ -16,6 +16,7 @@ import numpy as np
 
 from ..contact.closed_sets import ClosedSets, exact_contacts, located_contacts, thin_factors
 from ..contact.friction import STICKS
+from ..contact.held_rows import empty_sets, rubbing_of
 from ..contact.marching import (
     StepHistory,
     StepLoads,
@@ -24,7 +25,7 @@ from ..contact.marching import (
     step_constants,
 )
 from ..contact.pivoting import contact_forces, empty_factor
-from ..contact.rubbing import empty_sets, rubbing_forces, rubbing_of
+from ..contact.rubbing import rubbing_forces
 from ..contact.rubbing_tangent import rubbing_contacts
 from ..contact.tangent import Derivative, Propagation
 from ..errors import SolveError, called, on_all_ranks

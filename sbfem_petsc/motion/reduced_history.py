@@ -9,6 +9,7 @@ import numpy as np
 from ..contact.closed_sets import thin_factors
 from ..contact.complementarity import Complementarity
 from ..contact.friction import Memory, solve_contact
+from ..contact.held_rows import rubbing_of
 from ..contact.marching import (
     Marched,
     StepConstants,
@@ -18,7 +19,6 @@ from ..contact.marching import (
     march,
     step_constants,
 )
-from ..contact.rubbing import rubbing_of
 from ..errors import SolveError, on_all_ranks
 from ..reduction.reduced_model import ReducedModel
 from ..signals.rate import rate_of

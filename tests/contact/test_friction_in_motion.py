@@ -14,9 +14,10 @@ from scipy.linalg import expm
 import sbfem_petsc as sb
 from sbfem_petsc.contact.complementarity import Complementarity
 from sbfem_petsc.contact.friction import AGAINST, ALONG, STICKS, Friction, Memory, solve_friction
+from sbfem_petsc.contact.held_rows import empty_sets, rubbing_of
 from sbfem_petsc.contact.law import FREE, RowLaws
 from sbfem_petsc.contact.marching import NEVER, StepHistory, StepState, march
-from sbfem_petsc.contact.rubbing import empty_sets, rubbing_forces, rubbing_of
+from sbfem_petsc.contact.rubbing import rubbing_forces
 from sbfem_petsc.motion import reduced_history
 from sbfem_petsc.motion.integration import Steps
 from tests.contact.test_friction import check, enumerated, problem, square

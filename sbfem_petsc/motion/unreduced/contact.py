@@ -6,9 +6,10 @@ import numpy as np
 
 from ...contact.complementarity import one_pass_tie, solve_complementarity
 from ...contact.friction import STICKS, Friction, Memory, solve_friction
+from ...contact.held_rows import empty_sets, rubbing_of
 from ...contact.law import FREE, RowLaws
 from ...contact.pivoting import contact_forces, empty_factor
-from ...contact.rubbing import empty_sets, rubbing_forces, rubbing_of
+from ...contact.rubbing import rubbing_forces
 
 
 class StepContact:
