@@ -35,10 +35,6 @@ if any(name in os.environ for name in _LAUNCHED):
 
     abort.install()
 
-from .processor import name_kernels  # noqa: E402
-
-name_kernels()
-
 __version__ = "0.2.0"
 
 _HOME = {
@@ -86,7 +82,7 @@ _HOME = {
     "load_response": "analysis.response",
     "Branch": "continuation.branch",
     "backbone": "analysis.backbone",
-    "Backbone": "analysis.backbone",
+    "Backbone": "continuation.problems.free_branch",
     "switch_branch": "analysis.branching",
     "locus": "analysis.locus",
     "Locus": "continuation.problems.locus",

@@ -15,7 +15,6 @@ from ..continuation.problems.driven_orbits import Orbits, ParameterRange
 from ..continuation.problems.own_tone import OwnTone, curve_near, first_curve
 from ..continuation.problems.tones import QuasiPeriodic, own_motion, warn_if_unresolved
 from ..errors import PetscFailure, SolveError, on_all_ranks
-from ..motion.period_map import Period
 from ..ranks.parallel import collective
 from .analysis import analysis
 from .options import SwitchOptions
@@ -113,7 +112,7 @@ def _quasi_periodic(
 
 def _doubled(branch: Branch, bifurcation: Bifurcation, sizes: tuple[float, ...]) -> Orbit:
     old = branch.period
-    period = Period(old.reduced, old.excitation.repeated(2), 2 * old.steps, old.pairs > 0)
+    period = old.repeated(2)
     value = bifurcation.own_value
     orbits = Orbits(period, ParameterRange(branch.parameter, value, value, branch.fixed_frequency))
     direction = bifurcation.direction.real / np.linalg.norm(bifurcation.direction.real)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,7 +21,6 @@ from ..continuation.problems.locus import AT_END, KINDS, PACE, Locus, follow_loc
 from ..continuation.problems.locus_problem import LocusStart
 from ..errors import SolveError, caller_level
 from ..motion.family import Family
-from ..motion.period_map import Period
 from ..progress import Progress, progress_bar
 from ..ranks.parallel import collective
 from .analysis import analysis
@@ -126,37 +124,22 @@ def locus(
     begin = LocusStart(bifurcation.kind, bifurcation.state, driven.frequency, value, bifurcation.multiplier)
     limits, factor = (min(start, stop), max(start, stop)), driven.factor
     period = branch.period if branch.parameter == parameter else driven.period
-    with contextlib.ExitStack() as stack:
-        record = None
-        if file is not None:
-            record = stack.enter_context(LineFile(comm, file, resume=resume))
+    with (
+        LineFile.opened(comm, file, resume=resume) as record,
+        progress_bar(comm, "locus", progress) as report,
+    ):
+        if record is not None:
             told = {"kind": bifurcation.kind, "row": -1 if row is None else row, "parameter": parameter}
             told |= {"lower": limits[0], "upper": limits[1], "factor": factor}
             told["largest_step"] = largest_step or "none"
-            period, begin = _recorded(record, period, told, begin)
+            told["frequency"] = begin.frequency
+            period, known = record.begin_period(period, told, begin.packed())
+            begin = LocusStart.unpacked(begin.kind, known)
         family = Family(period, parameter, factor)
         if row is not None:
             family = OpenRowFamily(period, row, parameter, factor)
         pace = replace(PACE, points=points + 1, largest_step=largest_step or np.inf)
-        report = stack.enter_context(progress_bar(comm, "locus", progress))
         return follow_locus(family, begin, limits, pace, record, report)
-
-
-def _recorded(
-    record: LineFile, period: Period, told: dict[str, object], begin: LocusStart
-) -> tuple[Period, LocusStart]:
-    """The period and the start of a line in a file: those of the run that is resumed, if any."""
-    conditions = {
-        **told,
-        "steps": period.steps,
-        "periods": period.excitation.periods,
-        "contact": period.pairs > 0,
-        "frequencies": np.array([begin.frequency]),
-        "loads": period.excitation.amplitudes,
-    }
-    reduced, known = record.begin(period.reduced, conditions, begin.packed())
-    period = Period(reduced, period.excitation, period.steps, period.pairs > 0)
-    return period, LocusStart.unpacked(begin.kind, known)
 
 
 def _require_effect(what: str, branch: Branch, parameter: str) -> None:

@@ -32,7 +32,7 @@ from ..motion.contact_work import MOST, times_more, warn_of_contact_work
 from ..motion.excitation import Excitation
 from ..motion.loading import communicator, loading, serving
 from ..motion.preparation import FAST_STEPS, PeriodSettings, prepare, refuse_falling
-from ..motion.step_plan import CONTACT_STEP, warn_if_coarse
+from ..motion.step_plan import contact_steps, warn_if_coarse
 from ..motion.two_tones import drives, highest, tone
 from ..ranks.capacity import require_compiler
 from ..ranks.parallel import collective
@@ -216,8 +216,10 @@ def _steps(
                 "quasi_periodic", steps, frequencies[0], fastest, period="period of the faster tone"
             )
         return steps
-    shortest = math.ceil(float(reduced.frequencies.max(initial=0.0)) / (CONTACT_STEP * frequencies[0]))
-    return max(STEPS, shortest, math.ceil(FAST_STEPS * fastest / frequencies[0])) if contact else STEPS
+    if not contact:
+        return STEPS
+    fast = math.ceil(FAST_STEPS * fastest / frequencies[0])
+    return max(STEPS, contact_steps(reduced, frequencies[0]), fast)
 
 
 def _checked(frequencies, samples: int, guess: QuasiPeriodic | None) -> tuple[float, float] | float:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ..checks import instance
 from ..continuation.line_file import LineFile
 from ..continuation.problems.curve_branch import PACE, QuasiPeriodicBranch, follow_curves, line_from
-from ..continuation.problems.own_tone import Curves, OwnTone, curve_near
+from ..continuation.problems.own_tone import Curves, curve_near
 from ..continuation.problems.tones import QuasiPeriodic, own_curve
 from ..errors import SolveError, on_all_ranks
-from ..motion.period_map import Period
 from ..progress import Progress, progress_bar
 from ..ranks.parallel import collective
 from .analysis import analysis
@@ -91,42 +90,26 @@ def quasi_periodic_response(
         if abs(stop - known[-1]) <= SAME * stop:
             raise ValueError(f"{what}: stop = {stop:g} is where guess is; give another end")
     growing, pace = parameter is None, replace(PACE, points=points, largest_step=largest_step or np.inf)
-    with contextlib.ExitStack() as stack:
-        record, lines = None, []
-        if file is not None:
-            record = stack.enter_context(LineFile(own.comm, file, resume=resume))
-            told = {"stop": stop, "stability": stability, "growing": growing}
-            own, known = _recorded(record, own, told | {"largest_step": largest_step or "none"}, known)
-        report = stack.enter_context(progress_bar(own.comm, "quasi-periodic response", progress))
-        finer = own.finer(what)
+    with (
+        LineFile.opened(own.comm, file, resume=resume) as record,
+        progress_bar(own.comm, "quasi-periodic response", progress) as report,
+    ):
         if record is not None:
-            lines = record.lines(Curves(own, known, finer))
+            told: dict[str, Any] = {
+                "stop": stop,
+                "stability": stability,
+                "growing": growing,
+                "samples": own.samples,
+            }
+            told |= {"parameter": own.parameter, "frequency": own.frequency or 0.0}
+            told |= {"load": own.load, "damping": own.damping, "gap": own.gap}
+            told["largest_step"] = largest_step or "none"
+            period, known = record.begin_period(own.period, told, known)
+            own = replace(own, period=period)
+        finer = own.finer(what)
+        lines = [] if record is None else record.lines(Curves(own, known, finer))
         try:
             line = lines[0] if lines else line_from(curve_near(own, known, finer=finer), growing)
             return follow_curves(line, stop, pace, stability=stability, recorder=record, report=report)
         except SolveError as error:
             raise on_all_ranks(error) from None
-
-
-def _recorded(
-    record: LineFile, own: OwnTone, told: dict[str, object], known: np.ndarray
-) -> tuple[OwnTone, np.ndarray]:
-    """The map and the start of a branch in a file: those of the run that is resumed, if any."""
-    period = own.period
-    conditions = {
-        **told,
-        "parameter": own.parameter,
-        "frequency": own.frequency or 0.0,
-        "load": own.load,
-        "damping": own.damping,
-        "gap": own.gap,
-        "samples": own.samples,
-        "steps": period.steps,
-        "periods": period.excitation.periods,
-        "contact": period.pairs > 0,
-        "frequencies": period.excitation.orders,
-        "loads": period.excitation.amplitudes,
-    }
-    reduced, known = record.begin(period.reduced, conditions, known)
-    period = Period(reduced, period.excitation, period.steps, period.pairs > 0)
-    return replace(own, period=period), known

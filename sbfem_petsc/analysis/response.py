@@ -14,8 +14,8 @@ import numpy as np
 
 from ..checks import instance
 from ..continuation.branch import Branch
-from ..continuation.branch_file import BranchFile
 from ..continuation.branch_following import HARMONICS, BranchSettings, follow_response, linear_branch
+from ..continuation.line_file import LineFile, conditions_of
 from ..continuation.orbit import Orbit
 from ..continuation.problems.driven_orbits import Orbits, ParameterRange
 from ..continuation.problems.unreduced import UnreducedOrbits, UnreducedSteady
@@ -125,7 +125,7 @@ def frequency_response(
         return linear_branch(prepare(over.owner, model, load, highest, settings=settings), start, stop)
     asked = BranchSettings(points, largest_step or math.inf, stability is not False)
     run = _Run(model, load, settings, guess, asked, file, resume, progress)
-    return run.unreduced(over, stability) if reduction is None else run.reduced(over, reduction, stability)
+    return run.followed(over, reduction, stability)
 
 
 @analysis(LoadResponseOptions, rubs=True)
@@ -170,7 +170,7 @@ def load_response(
     settings = PeriodSettings(periods, steps, modes)
     asked = BranchSettings(points, largest_step or math.inf, stability is not False)
     run = _Run(model, load, settings, guess, asked, file, resume, progress)
-    return run.unreduced(over, stability) if reduction is None else run.reduced(over, reduction, stability)
+    return run.followed(over, reduction, stability)
 
 
 @dataclass(frozen=True)
@@ -191,14 +191,24 @@ class _Run:
         """The model's ranks."""
         return communicator(self.model)
 
-    def _recorder(self) -> contextlib.AbstractContextManager[BranchFile | None]:
-        """The file of the branch, if there is to be one."""
-        if self.file is None:
-            return contextlib.nullcontext()
-        return BranchFile(self.comm, self.file, resume=self.resume)
+    def _recorder(self) -> contextlib.AbstractContextManager[LineFile | None]:
+        return LineFile.opened(self.comm, self.file, "branch", resume=self.resume)
 
-    def reduced(self, over: ParameterRange, reduction: object, stability: bool | None) -> Branch:
-        """Of a reduced model."""
+    def _conditions(self, over: ParameterRange) -> dict[str, Any]:
+        """What a run must have been begun with to be gone on with."""
+        step = self.asked.largest_step
+        return {
+            "parameter": over.name,
+            "start": over.start,
+            "stop": over.stop,
+            "largest_step": step if math.isfinite(step) else "none",
+            "fixed_frequency": over.frequency or 0.0,
+        }
+
+    def followed(self, over: ParameterRange, reduction: object, stability: bool | None) -> Branch:
+        """Over a parameter, of the model as it is or of a reduced one."""
+        if reduction is None:
+            return self._unreduced(over, stability)
         what, guess, most = over.owner, self.guess, MOST if self.settings.steps is None else 1
         begins = over.frequency or over.start
         with collective(self.comm):
@@ -214,10 +224,8 @@ class _Run:
             asked = replace(asked, stability=tells_stability(what, period, stability))
             asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
             if record is not None:  # in the steps of the file where none are asked for
-                reduced, steps = record.begin(
-                    period, over, asked.largest_step, any_steps=asked.most_steps > period.steps
-                )
-                period = Period(reduced, period.excitation, steps, period.pairs > 0)
+                any_steps, begin = asked.most_steps > period.steps, np.array([over.start])
+                period, _ = record.begin_period(period, self._conditions(over), begin, any_steps)
             with progress_bar(self.comm, f"{over.name} response", self.progress) as report:
                 while True:
                     first = functools.partial(_first, period, over, guess)
@@ -228,10 +236,9 @@ class _Run:
                     except StepsTooLong as error:
                         period = finer(what, period, error.times)
                         if record is not None:
-                            record.former = None
+                            record.anew(period.steps)
 
-    def unreduced(self, over: ParameterRange, stability: bool | None) -> Branch:
-        """Of the unreduced model."""
+    def _unreduced(self, over: ParameterRange, stability: bool | None) -> Branch:
         what = over.owner
         with collective(self.comm):
             # damping and gaps are in the model's matrices
@@ -248,7 +255,10 @@ class _Run:
             progress_bar(self.comm, f"{over.name} response", self.progress) as report,
         ):
             if record is not None:
-                record.begin_unreduced(period, over, self.asked.largest_step)
+                march = period.march(begins)
+                told = {**self._conditions(over), "contact": period.contact, "steps": period.steps}
+                told |= {"fingerprint": march.fingerprint(), **conditions_of(period.excitation)}
+                record.begin(None, told, np.array([over.start]), period.pencil)
             asked = replace(_with_room(what, period, self.asked), stability=False)
             orbits = UnreducedOrbits(period, over)
             return follow_response(

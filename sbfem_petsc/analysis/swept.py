@@ -14,7 +14,7 @@ from ..motion.loading import amplitudes_only, communicator, loading, serving
 from ..motion.preparation import check_guess
 from ..motion.reduced_history import ReducedIntegrator
 from ..motion.states import ModalStates
-from ..motion.step_plan import CONTACT_STEP
+from ..motion.step_plan import contact_steps
 from ..motion.swept import SweptResponse, cycle_ends, directions, over_cycles, settling_cycles, swept_motion
 from ..progress import Progress, progress_bar
 from ..ranks.capacity import require_memory
@@ -96,7 +96,7 @@ def swept_response(
     if steps is None:
         steps = STEPS
         if len(reduced.initial_gap):
-            steps = max(steps, math.ceil(float(reduced.frequencies.max()) / (CONTACT_STEP * highest)))
+            steps = max(steps, contact_steps(reduced, highest))
     count = math.ceil(duration * highest * steps)
     if count > LONGEST:
         raise on_all_ranks(

@@ -79,7 +79,7 @@ class Attraction:
         """An orbit over so many periods of the map in its steps; None if there is none nearby."""
         if len(orbit.time) == count * self.period.steps:
             return orbit
-        period = self._repeated(count)
+        period = self.period.repeated(count)
         try:
             fixed = shoot(period.at(self.frequency), orbit.state)
         except SolveError:
@@ -174,14 +174,14 @@ class Attraction:
             if np.linalg.norm(cycle - state, axis=1).min() <= SAME * self._size(state):
                 return k
         own = self.period.excitation.periods
-        period = self._repeated(repeats)
+        period = self.period.repeated(repeats)
         try:
             fixed = shoot(period.at(self.frequency), state)
             # a disturbance changes least over the periods in which it makes a whole turn, so that histories
             # seem to repeat themselves after these, whatever the period of the motion
             times = math.lcm(minimal_periods(fixed), own) // own
             if times < repeats:
-                period = self._repeated(times)
+                period = self.period.repeated(times)
                 fixed = shoot(period.at(self.frequency), fixed.state)
         except SolveError:
             return -1
@@ -189,8 +189,3 @@ class Attraction:
             return -1
         self.add(make_orbit(fixed, *orbit_stability(fixed), "history"))
         return len(self.orbits) - 1
-
-    def _repeated(self, times: int) -> Period:
-        """The period so many times over."""
-        p = self.period
-        return p if times == 1 else Period(p.reduced, p.excitation.repeated(times), times * p.steps)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..record.record import Record, described, quantity
 from . import extrapolation
-from .events import find_zero, fold
+from .events import find_zero, folds
 from .follow import Line
 from .multipliers import Multipliers, multipliers_of
 from .problem import Point
@@ -61,15 +61,16 @@ def locate(line: Line, found: list[Multipliers]) -> list[Bifurcation]:
     found : list of Multipliers
         Of all its points.
     """
-    result = []
+    result, turns = [], dict(folds(line))
     for k in range(1, len(line.points)):
-        turn = fold(line, k) if k + 1 < len(line.points) else None
-        if turn is not None:
-            result.append(_fold(line, *turn))
+        if k - 1 in turns:
+            result.append(_fold(line, k - 1, turns[k - 1]))
         one, other = (int(outside(item).sum()) for item in found[k - 1 : k + 1])
         if one != other:
             crossing = _crossing(line, k, max(one, other) - 1, found)
-            if crossing is not None:
+            # a real multiplier through +1 at a turning point is the fold itself
+            turned = bool(turns.keys() & {k - 2, k - 1, k}) or _turns(line.points, k)
+            if crossing is not None and not (crossing.kind == "branch point" and turned):
                 result.append(crossing)
     return result
 
@@ -145,9 +146,6 @@ def _crossing(line: Line, k: int, rank: int, found: list[Multipliers]) -> Bifurc
     )
     rows = np.flatnonzero(one.state.touching != other.state.touching)
     row = int(rows[0]) if kind == "grazing" and len(rows) == 1 else None
-    # a real multiplier through +1 at a turning point is the fold itself, which has been found by its turn
-    if kind == "branch point" and _turns(points, k):
-        return None
     if kind == "grazing":
         place, error = extrapolation.jump(line, k - 1, (point, one, other))
     else:

@@ -15,13 +15,22 @@ from meshing.warnings import IncompleteBranch
 from ..checks import index_of
 from ..errors import caller_level
 from ..motion.of_period import OfPeriod
-from ..motion.period_map import FixedPoint, Period
+from ..motion.period_map import Period
 from ..motion.states import Point
 from ..record.record import derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
-from ..system.elements.plausibility import furthest_of_lines
 from .bifurcations import Bifurcation
-from .orbit import FLOOR, Orbit, Orbits, component, make_orbit, multiplier_error, untold, verdict_of
+from .orbit import (
+    FLOOR,
+    Orbit,
+    Orbits,
+    component,
+    make_orbit,
+    multiplier_error,
+    run_again,
+    untold,
+    verdict_of,
+)
 from .problems.driven_orbits import ParameterRange
 
 
@@ -206,12 +215,6 @@ class Branch(Orbits, OfPeriod):
         """(n, periods) complex: amplitudes at j f / periods, m; the first is the mean."""
         return component(self.point_subharmonics[:, self._index(point)], direction, 1)
 
-    def _furthest(self, least: float = 0.0) -> float:
-        """Largest displacement of a named point by its harmonics, m; less than `least` where that is known to
-        be so.
-        """
-        return furthest_of_lines(self.point_harmonics[..., None], least)
-
     def peak(self, point: Point) -> Peak:
         """The curve's highest resonance at a point."""
         return find_peak(self.value, self.amplitude(point))
@@ -219,9 +222,7 @@ class Branch(Orbits, OfPeriod):
     def orbit(self, k: int) -> Orbit:
         """The k-th point as an `Orbit`, integrated again from its state."""
         k = index_of("orbit", "k", k, len(self.value))
-        driven = self.over.at(self.period, float(self.value[k]))
-        motion = driven.run(self.states[k])
-        fixed = FixedPoint(self.states[k], driven, motion, (float(np.linalg.norm(motion.residual)),))
+        fixed = run_again(self.over.at(self.period, float(self.value[k])), self.states[k])
         values, error = self.multipliers[k], float(self.multiplier_error[k])
         if len(values) and math.isnan(error):
             later = functools.partial(multiplier_error, fixed, values[0])
@@ -279,33 +280,20 @@ def find_peak(value: np.ndarray, amplitude: np.ndarray) -> Peak:
     top = int(np.argmax(amplitude))
     frequency, height = float(value[top]), float(amplitude[top])
     if 0 < top < len(value) - 1:
-        arc = np.concatenate(
-            [
-                [0.0],
-                np.cumsum(
-                    np.hypot(
-                        np.diff(value[top - 1 : top + 2]) / np.ptp(value),
-                        np.diff(amplitude[top - 1 : top + 2]) / height,
-                    )
-                ),
-            ]
-        )
-        bend = np.polyfit(arc, amplitude[top - 1 : top + 2], 2)
-        if bend[0] < 0.0:
-            at = -0.5 * bend[1] / bend[0]
-            if arc[0] <= at <= arc[2]:
-                frequency, height = (
-                    float(np.polyval(np.polyfit(arc, value[top - 1 : top + 2], 2), at)),
-                    float(np.polyval(bend, at)),
-                )
+        values, heights = value[top - 1 : top + 2], amplitude[top - 1 : top + 2]
+        steps = np.hypot(np.diff(values) / np.ptp(value), np.diff(heights) / height)
+        arc = np.concatenate([[0.0], np.cumsum(steps)])
+        bend = np.polyfit(arc, heights, 2)
+        if bend[0] < 0.0 and arc[0] <= (at := -0.5 * bend[1] / bend[0]) <= arc[2]:
+            frequency = float(np.polyval(np.polyfit(arc, values, 2), at))
+            height = float(np.polyval(bend, at))
     level = height / math.sqrt(2.0)
 
     def crossing(indices: range) -> float:
         for a, b in zip(indices[:-1], indices[1:]):
             if amplitude[a] >= level > amplitude[b]:
-                return float(
-                    value[a] + (value[b] - value[a]) * (amplitude[a] - level) / (amplitude[a] - amplitude[b])
-                )
+                rise = (value[b] - value[a]) * (amplitude[a] - level)
+                return float(value[a] + rise / (amplitude[a] - amplitude[b]))
         return math.nan
 
     left, right = crossing(range(top, -1, -1)), crossing(range(top, len(value)))

@@ -7,7 +7,6 @@ import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from .branch import Branch
 from .events import beside, insert, refine
 from .extrapolation import uncertainty_at
 from .follow import CLOSED, Follower, Line, Settings, follow
+from .line_file import LineFile
 from .multipliers import Multipliers, multipliers_of
 from .orbit import FLOOR, NEAR
 from .problem import Point, Range
@@ -44,22 +44,6 @@ AHEAD = 1e-4
 SPARSE, FAR = 32, 5.0
 # A branch that first leads away from its range may do so by this share of the parameter or of the range.
 EXCURSION = 0.02
-
-
-class BranchRecorder(Protocol):
-    """Keeps a branch while it is followed.
-
-    Attributes
-    ----------
-    former : (states (n, k), values (n,), float, str, bool) or None
-        Points of the run that is resumed, of all ranks, the length of its next step, why it ended, and
-        whether it is complete, with the points between others.
-    """
-
-    former: tuple[np.ndarray, np.ndarray, float, str, bool] | None
-
-    def update(self, branch: Callable[[], Branch], line: Line, last: bool = False) -> None:
-        """Keep the branch as it is and the line that is followed. Collective."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +79,7 @@ def follow_response(
     first: Callable[[], np.ndarray],
     *,
     settings: BranchSettings,
-    recorder: BranchRecorder | None = None,
+    recorder: LineFile | None = None,
     report: Callable[[float], None] | None = None,
 ) -> Branch:
     """Follow a branch over a range of its parameter.
@@ -106,7 +90,7 @@ def follow_response(
     first : callable
         State of a motion at the start.
     settings : BranchSettings
-    recorder : BranchRecorder, optional
+    recorder : LineFile, optional
     report : callable, optional
         Called with the fraction done.
 
@@ -130,28 +114,21 @@ def follow_response(
         raise on_all_ranks(
             ValueError(f"{what}: no load oscillates; give a number, the amplitude of sin(2 pi f t)")
         )
-    former = recorder.former if recorder is not None else None
-    if former is None:
-        known = [np.append(first(), parameter.start)]
-    else:
-        known = [problem.own(np.append(*point)) for point in zip(*former[:2])]
-    rows, line = PointRows(period, settings.stability, settings.most_steps), Line([])
-    within = parameter.range
-    for u in known:
-        line.points.append(Point.known(problem, u))
-        rows.add(line.points[-1])
-        if settings.leave and len(line.points) == 1:
-            within = led_away(line, within)
-        if len(line.points) > 2:
-            line.points[-3].state.forget()
-    if former is not None:
-        line.length, line.reason, line.complete = former[2:]
+    lines = recorder.lines(problem) if recorder is not None else []
+    line = lines[0] if lines else Line([Point.known(problem, np.append(first(), parameter.start))])
+    rows, within = PointRows(period, settings.stability, settings.most_steps), parameter.range
+    if settings.leave:
+        within = led_away(line, within)
+    for point in line.points:
+        rows.add(point)
+        if point not in line.points[-2:]:
+            point.state.forget()
     made = functools.partial(_branch, line, rows, problem)
 
     def step(_: Line) -> None:
         rows.add(line.points[-1])
         if recorder is not None:
-            recorder.update(lambda: made(False), line)
+            recorder.update(lambda: made(False), [line])
         if report is not None:
             report(min(1.0, abs(line.points[-1].value - parameter.start) / within.extent))
 
@@ -164,7 +141,7 @@ def follow_response(
     result = made(True)
     warn_of_contact_work(what, rows.work, period.steps // period.excitation.periods)
     if recorder is not None:
-        recorder.update(lambda: result, line, last=True)
+        recorder.update(lambda: result, [line], last=True)
     _tell(line, parameter, settings, result)
     return result
 
@@ -172,7 +149,14 @@ def follow_response(
 def _tell(line: Line, parameter: ParameterRange, settings: BranchSettings, result: Branch) -> None:
     """Warn of, or raise, why a branch has not come to the end of its range."""
     what, last = parameter.owner, float(result.value[-1])
-    if len(result.value) >= settings.points and not result.complete:
+    if line.full and result.complete:
+        warnings.warn(
+            f"{what}: the curve has all the {settings.points} points that it may have, and would have more "
+            f"where it bends or multipliers pass the unit circle; {settings.more}",
+            BranchWarning,
+            stacklevel=caller_level(),
+        )
+    elif len(result.value) >= settings.points and not result.complete:
         warnings.warn(
             f"{what}: the curve ends at {last:.8g} after {settings.points} points, before "
             f"{parameter.stop:.8g}; {settings.more}, or take more steps a period if it zigzags",
@@ -300,7 +284,7 @@ def _separate(line: Line, rows: PointRows) -> None:
             if place is None:
                 continue
             insert(line, k, place, rows.add)
-        if not any(places.values()):
+        if line.full or not any(places.values()):
             break
 
 

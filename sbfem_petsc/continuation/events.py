@@ -264,10 +264,16 @@ def located(
     return k, (nearer if abs(test(nearer)) < abs(test(point)) else point)
 
 
-def fold(line: Line, k: int) -> tuple[int, Point] | None:
-    """Where the value turns between the neighbours of point k: the number of the point before it, and the
-    point there; None if it does not turn, or if neither the tangents of the smooth branch do nor a stretch of
-    `TEETH` points to either side, as where steps of time give it teeth.
+def folds(line: Line) -> list[tuple[int, Point]]:
+    """Where the value turns along a line: numbers of the points before, and the points there."""
+    found = (_fold(line, k) for k in range(1, len(line.points) - 1))
+    return sorted({item[0]: item for item in found if item is not None}.values(), key=lambda item: item[0])
+
+
+def _fold(line: Line, k: int) -> tuple[int, Point] | None:
+    """The turn of the value between the neighbours of point k. Where steps of time give the branch teeth its
+    points turn elsewhere than the tangents of the smooth branch, which then turn within `TEETH` points to
+    either side; None if they do not, or if the value goes on beyond point k there.
     """
     before, here, behind = line.points[k - 1 : k + 2]
     if not (here.value - before.value) * (behind.value - here.value) < 0.0:
@@ -291,13 +297,16 @@ def fold(line: Line, k: int) -> tuple[int, Point] | None:
         value, sign = direction(point)
         return math.copysign(1.0, ahead) * sign * value
 
-    for first in (k - 1, k):
+    beyond = [first for n in range(1, TEETH) for first in (k - 1 - n, k + n)]
+    for first in (k - 1, k, *(first for first in beyond if 0 <= first < len(line.points) - 1)):
         ends = pace(line.points[first]), pace(line.points[first + 1])
         if ends[0] >= 0.0 >= ends[1]:
             return located(line, first, pace, ends)
-    around = line.points[max(0, k - TEETH) : k + TEETH + 1]
-    furthest = all((point.value - here.value) * (here.value - before.value) <= 0.0 for point in around)
-    return (k, here) if furthest else None
+        if first == k:
+            around = line.points[max(0, k - TEETH) : k + TEETH + 1]
+            if any((point.value - here.value) * (here.value - before.value) > 0.0 for point in around):
+                break
+    return None
 
 
 def refine(
@@ -308,7 +317,7 @@ def refine(
     shortest: float = 0.0,
 ) -> None:
     """Points between those where heights bend over the value, so that chords show the curve and peaks stand
-    where they are.
+    where they are; as many as the line may have, spread over all such places.
 
     Parameters
     ----------
@@ -324,19 +333,23 @@ def refine(
     """
     for _ in range(PASSES):
         along = places()
-        bent = {k for curve in heights() if curve.any() for k in coarse_chords(along, curve)}
-        for k in sorted(bent, reverse=True):
+        bent = sorted({k for curve in heights() if curve.any() for k in coarse_chords(along, curve)})
+        for k in reversed(bent[:: 1 + len(bent) // max(line.most - len(line.points), 1)]):
             one, other = line.points[k : k + 2]
             if len(one.u) == len(other.u):  # of one discretisation
                 metric = Metric(other.problem, one.u)
                 if metric.length(metric.way(one, other)) > shortest:
                     insert(line, k, 0.5, add)
-        if not bent:
+        if not bent or line.full:
             break
 
 
 def insert(line: Line, k: int, fraction: float, add: Callable[[Point, int], None]) -> None:
-    """A further point of a line between point k and the next one, unless a corner is there."""
+    """A further point of a line, if it may have more, between point k and the next one, unless a corner is
+    there.
+    """
+    if line.full:
+        return
     try:
         point = between(line, k, fraction)
     except SolveError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
@@ -95,6 +96,8 @@ class Line:
         Whether it has come to an end of its range, or closed.
     advice : str
         What may help where it stopped.
+    most : int
+        Points at most.
     """
 
     points: list[Point]
@@ -103,6 +106,12 @@ class Line:
     reason: str = ""
     complete: bool = False
     advice: str = field(default="", repr=False)
+    most: int = field(default=sys.maxsize, repr=False)
+
+    @property
+    def full(self) -> bool:
+        """Whether it has all the points it may have."""
+        return len(self.points) >= self.most
 
     @property
     def problem(self) -> Problem:
@@ -144,7 +153,7 @@ class Follower:
     def __init__(self, line: Line, within: Range, settings: Settings):
         self.line, self.within, self.settings = line, within, settings
         self.problem, self.points = line.problem.unrestricted, line.points
-        line.length = line.length or settings.first
+        line.length, line.most = line.length or settings.first, settings.points
         # why no step has been found, and why none ever will be
         self.why = self.fallen = ""
         self.tried = 0  # points at the last leap in vain
@@ -158,7 +167,7 @@ class Follower:
             line.reason, line.complete = self._end()
             if line.reason:
                 return
-        while len(self.points) < self.settings.points:
+        while not line.full:
             point = self.next()
             if point is None:
                 return
@@ -264,13 +273,8 @@ class Follower:
         """Direction in which the linearised equations do not change, in units, and the determinant's sign;
         `near` is a direction not across it.
         """
-        border = linear.bordered(self.metric.row(near))
-        tangent = self.metric.unit(
-            border.solve(np.eye(1, linear.rows + 1, linear.rows)[0]) / self.metric.units
-        )
-        if border.sign is None:
-            return tangent, None
-        return (tangent if self.line.sign in (None, border.sign) else -tangent), border.sign
+        tangent, sign = self.metric.tangent(linear, near)
+        return (tangent if sign is None or self.line.sign in (None, sign) else -tangent), sign
 
     def _found(self, tangent: np.ndarray) -> Point | None:
         """The next point by steps, or beyond what stops or turns the branch by a leap."""

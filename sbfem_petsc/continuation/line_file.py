@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
 
+from ..motion.excitation import Excitation
 from ..motion.files import run_file
 from ..motion.files.run_file import RunFile
+from ..motion.period_map import Period
+from ..motion.unreduced.ranks import Labels, kept_layouts, layout_of, layouts_in, moved_whole
 from ..petsc import MPI
 from ..ranks.parallel import collective, on_root
 from ..record.files import image
 from ..record.journal import Frame
 from ..record.record import Record
 from ..reduction.reduced_model import ReducedModel
+from ..system.solve.pencil import Pencil
 from .follow import Line
 from .problem import Point, Problem
 
@@ -28,22 +33,35 @@ class LineFile(RunFile):
     """The file of a result under way, whose lines a later run can go on with; a context manager.
 
     A frame holds points of a line, and from which one on they take the place of former ones; the state beside
-    the journal is the result that was made of them, at most two seconds ago.
+    the journal is the result that was made of them, at most two seconds ago. Whose the unknowns of an
+    unreduced model are stands in the head, and in the first frame of a run on another number of ranks.
 
     Parameters
     ----------
-    comm, path, resume
+    comm, path, kept, resume
         See `RunFile`.
     """
 
-    def __init__(self, comm: MPI.Comm, path: Any, *, resume: bool = False):
-        super().__init__(comm, path, "result", resume=resume)
+    def __init__(self, comm: MPI.Comm, path: Any, kept: str = "result", *, resume: bool = False):
+        super().__init__(comm, path, kept, resume=resume)
         self._head, self._lines = dict[str, Any](), list[Frame]()
         self._told: list[tuple[list[Point], tuple]] = []
         self._begun, self._written = False, -np.inf
+        self._layouts: dict[str, np.ndarray] = {}  # those that are to stand in the next frame; on rank 0
+
+    @classmethod
+    def opened(
+        cls, comm: MPI.Comm, path: Any, kept: str = "result", *, resume: bool = False
+    ) -> contextlib.AbstractContextManager[LineFile | None]:
+        """The file at a path; None where there is to be none."""
+        return contextlib.nullcontext() if path is None else cls(comm, path, kept, resume=resume)
 
     def begin(
-        self, reduced: System, conditions: Mapping[str, Any], start: np.ndarray
+        self,
+        reduced: System,
+        conditions: Mapping[str, Any],
+        start: np.ndarray,
+        pencil: Pencil | None = None,
     ) -> tuple[System, np.ndarray]:
         """Note what is followed, and read the lines of a former run under the same conditions. Collective.
 
@@ -55,6 +73,9 @@ class LineFile(RunFile):
             Texts, numbers and arrays by their names, the same for a run that is gone on with.
         start : (n,) array
             What the lines begin with, to rounding the same.
+        pencil : Pencil, optional
+            Of an unreduced model, whose unknowns the ranks share: a run of another number of them is gone on
+            with to 1e-6, of as many bit by bit.
 
         Returns
         -------
@@ -69,32 +90,82 @@ class LineFile(RunFile):
         known: Any = None if reduced is None else self.adopt(reduced)
         found = self.comm.bcast(on_root(self.comm, lambda: self._read(conditions)))
         begin = np.array(start, dtype=float)
+        layouts: dict[str, np.ndarray] = {}
+        if pencil is not None:
+            layouts = kept_layouts(self.comm, layout_of(pencil))
         if found is not None:
-            begin, self._lines = found
+            begin, self._lines, runs = found
+            if pencil is not None and self._moved(pencil, runs):
+                self._layouts = layouts
         if self.comm.rank == 0:
-            self._head = {"kept": self.kept, **conditions, "begins": begin}
+            self._head = {"kept": self.kept, **conditions, "begins": begin, **layouts}
             if known is not None:
                 self._head["model"] = image(known)
         return known, begin
 
-    def _read(self, conditions: Mapping[str, Any]) -> tuple[np.ndarray, list[Frame]] | None:
+    def begin_period(
+        self, period: Period, conditions: Mapping[str, Any], start: np.ndarray, any_steps: bool = False
+    ) -> tuple[Period, np.ndarray]:
+        """As `begin`, of motions of a map, whose loads and steps are conditions as well; `any_steps` goes on
+        in the steps of the former run, whatever they are. Collective.
+        """
+        steps = period.steps
+        if any_steps:
+            former = self._former
+            found = on_root(self.comm, lambda: steps if former is None else former.head["steps"])
+            steps = self.comm.bcast(found)
+        told = {**conditions, "steps": steps, **conditions_of(period.excitation)}
+        reduced, start = self.begin(period.reduced, {**told, "contact": period.pairs > 0}, start)
+        return Period(reduced, period.excitation, steps, period.pairs > 0), start
+
+    def anew(self, steps: int) -> None:
+        """Begin again, in so many steps."""
+        self._head["steps"], self._begun, self._written = steps, False, -np.inf
+        self._lines, self._told, self._layouts = [], [], {}
+        if self._journal is not None:
+            self._journal.former = None
+
+    def _read(
+        self, conditions: Mapping[str, Any]
+    ) -> tuple[np.ndarray, list[Frame], list[list[Labels]]] | None:
+        """What the lines began with, the lines, and the layouts of the ranks of each run."""
         if self._former is None:
             return None
         self.require_same(conditions)
-        lines: list[Frame] = []
+        lines, runs = list[Frame](), [layouts_in(self._former.head)]
         for frame in self._former.frames():
+            if layouts := layouts_in(frame):
+                runs.append(layouts)
             number, first = frame["line"], frame["first"]
             former = lines[number] if number < len(lines) else {"points": []}
             own = zip(*(np.split(frame[n], np.cumsum(frame[f"{n} sizes"])[:-1]) for n in _PARTS))
-            points = [(u, value, m) for (u, m), value in zip(own, frame["value"].tolist())]
+            values, run = frame["value"].tolist(), len(runs) - 1
+            points = [(u, value, kept, run) for (u, kept), value in zip(own, values)]
             lines[number : number + 1] = [{**frame, "points": former["points"][:first] + points}]
-        return self._former.head["begins"], lines
+        return self._former.head["begins"], lines, runs
+
+    def _moved(self, pencil: Pencil, runs: list[list[Labels]]) -> bool:
+        """Put the points of runs on another number of ranks in the order of these; whether the last one is
+        such a run. Collective.
+        """
+        others = [len(layouts) != self.comm.size for layouts in runs]
+        for line in self._lines:
+            points = line["points"]
+            for run in np.flatnonzero(others):
+                of_run = [k for k, point in enumerate(points) if point[3] == run]
+                if not of_run:
+                    continue
+                u = np.array([points[k][0] for k in of_run])
+                states = moved_whole(pencil, runs[run], u[:, :-1])
+                for k, state in zip(of_run, states):
+                    points[k] = np.append(state, points[k][0][-1]), *points[k][1:]
+        return others[-1]
 
     def lines(self, problem: Problem) -> list[Line]:
         """The lines of the run that is gone on with, as solutions of a problem."""
         found = [
             Line(
-                [problem.recalled(*point) for point in line["points"]],
+                [problem.recalled(problem.own(u), value, kept) for u, value, kept, _ in line["points"]],
                 line["length"],
                 line["sign"],
                 line["reason"],
@@ -110,36 +181,49 @@ class LineFile(RunFile):
         of them. Collective.
         """
         due = self.comm.bcast(last or time.monotonic() - self._written > run_file.PAUSE)
-        found = result() if due else None
+        found, news = (
+            result() if due else None,
+            [self._new(number, line) for number, line in enumerate(lines)],
+        )
         with collective(self.comm):
             if self._journal is not None:
                 if not self._begun:
                     former = self._former
                     self._journal.begin(self._head, 0 if former is None else len(former.ends) - 1)
                     self._begun = True
-                for number, line in enumerate(lines):
-                    self._keep(number, line)
+                for frame in filter(None, news):
+                    self._journal.append({**frame, **self._layouts})
+                    self._layouts = {}
                 if found is not None:
                     self._journal.checkpoint({"result": image(found)})
                     self._written = time.monotonic()
 
-    def _keep(self, number: int, line: Line) -> None:
-        """A frame of what is new of a line."""
+    def _new(self, number: int, line: Line) -> Frame | None:
+        """A frame of what is new of a line; None if nothing is. Collective."""
         told, facts = self._told[number] if number < len(self._told) else ([], None)
         same = [one is other for one, other in zip(told, line.points)]
         first = same.index(False) if False in same else len(same)
         new = line.points[first:]
         if not new and len(told) == len(line.points) and facts == _facts(line):
-            return
+            return None
         frame: Frame = {"line": number, "first": first, "value": np.array([point.value for point in new])}
         frame |= dict(zip(("length", "sign", "reason", "complete"), _facts(line)))
         memories = [point.problem.memory(point) for point in new]
-        for name, parts in zip(_PARTS, ([point.u for point in new], memories)):
+        unknowns = [point.problem.whole(point.u) for point in new]
+        for name, parts in zip(_PARTS, (unknowns, memories)):
             frame[name] = np.concatenate([*parts, np.zeros(0)])
             frame[f"{name} sizes"] = np.array([len(part) for part in parts], dtype=int)
-        assert self._journal is not None  # the caller has asked
-        self._journal.append(frame)
         self._told[number : number + 1] = [(list(line.points), _facts(line))]
+        return frame
+
+
+def conditions_of(excitation: Excitation) -> dict[str, Any]:
+    """What a run must have been begun with to be gone on with, of its loads."""
+    return {
+        "periods": excitation.periods,
+        "frequencies": excitation.orders,
+        "loads": excitation.amplitudes,
+    }
 
 
 def _facts(line: Line) -> tuple[float, float | None, str, bool]:

@@ -102,25 +102,12 @@ def eigenvalues(matrix: np.ndarray) -> np.ndarray:
     reduced = np.asfortranarray(np.triu(reduced, -1))
     real, imaginary, unused = np.empty(n), np.empty(n), np.empty(1)
     size, one, no, failed = (ctypes.c_int(k) for k in (n, 1, 0, 0))
-    held, real_at, imaginary_at, unused_at = (
-        array.ctypes.data_as(ctypes.c_void_p) for array in (reduced, real, imaginary, unused)
-    )
-    by = ctypes.byref
+    given = no, no, size, one, size, reduced, size, real, imaginary, one, size, unused, one, failed
     _plain_iteration()(
-        by(no),
-        by(no),
-        by(size),
-        by(one),
-        by(size),
-        held,
-        by(size),
-        real_at,
-        imaginary_at,
-        by(one),
-        by(size),
-        unused_at,
-        by(one),
-        by(failed),
+        *(
+            item.ctypes.data_as(ctypes.c_void_p) if isinstance(item, np.ndarray) else ctypes.byref(item)
+            for item in given
+        )
     )
     if failed.value:
         return linalg.eigvals(matrix, check_finite=False)

@@ -18,6 +18,7 @@ from ..motion.period_map import DrivenPeriod, FixedPoint, PeriodMotion, stays
 from ..motion.states import ModalStates, Point
 from ..record.record import derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
+from ..system.elements.plausibility import furthest_of_lines
 from .multipliers import multipliers_of
 from .shooting import WHOLE, shoot, shoot_nearby
 
@@ -247,6 +248,12 @@ class Orbits:
             row[: len(values)] = values
         return found
 
+    def _furthest(self, least: float = 0.0) -> float:
+        """Largest displacement of a named point by its harmonics, m; less than `least` where that is known to
+        be so.
+        """
+        return furthest_of_lines(self.point_harmonics[..., None], least)
+
     def _index(self, point: str) -> int:
         return at_point({name: k for k, name in enumerate(self.points)}, point)
 
@@ -307,6 +314,12 @@ def _edge_rates(driven: DrivenPeriod) -> np.ndarray | None:
     lines = np.fft.rfft(driven.loads[:-1, edges], axis=0)
     speeds = 2j * np.pi / driven.duration * np.arange(len(lines))[:, None]
     return np.concatenate([np.fft.irfft(speeds**k * lines, count, axis=0) for k in (1, 2)], axis=1)
+
+
+def run_again(driven: DrivenPeriod, state: np.ndarray) -> FixedPoint:
+    """A periodic motion that is known by its state."""
+    motion = driven.run(state)
+    return FixedPoint(state, driven, motion, (float(np.linalg.norm(motion.residual)),))
 
 
 def make_orbit(

@@ -81,9 +81,10 @@ class State(Protocol):
         """Let go of what takes memory and can be computed again."""
 
 
-class Problem(Protocol):
-    """A family of solutions, by its equations alone. Unknowns are one vector u of n + 1 numbers, or this
-    rank's part of it.
+class Problem:
+    """A family of solutions, by its equations alone: a subclass says what they are, their units and the value
+    that the range is over, and what differs from the answers given here. Unknowns are one vector u of n + 1
+    numbers, or this rank's part of it.
 
     Attributes
     ----------
@@ -110,73 +111,6 @@ class Problem(Protocol):
         What may help where a branch comes to a stop.
     """
 
-    closed: float
-    settled: float
-    patience: int
-    shares: tuple[float, ...]
-    gain: float
-    corners: bool
-    narrow: float
-    begins: np.ndarray | None
-    isolated: str
-    advice: str
-
-    @property
-    def unrestricted(self) -> Problem:
-        """Itself, or of which this one is in a symmetric subspace."""
-
-    def at(self, u: np.ndarray) -> State:
-        """Raises `Lost`, or another SolveError, where the unknowns have no meaning."""
-
-    def units(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Units of the unknowns, and the weights, 0 or 1, with which their changes count as arc length."""
-
-    def value(self, u: np.ndarray) -> tuple[float, np.ndarray]:
-        """What the range is over, and its gradient."""
-
-    def placed(self, u: np.ndarray, value: float) -> np.ndarray:
-        """The unknowns with exactly this value, where it is one of them; as they are otherwise."""
-
-    def sum(self, local: float) -> float:
-        """Over the ranks: every inner product passes through it."""
-
-    def alike(self, one: Point, other: Point) -> bool:
-        """Whether two points lie on one smooth part of the branch."""
-
-    def refuse(self, last: Point, point: Point) -> str:
-        """Why a converged point is none of this branch, for good: it ends there; "" if it is one."""
-
-    def restricted(self, point: Point) -> Problem | None:
-        """The same equations in the symmetric subspace that a point lies in, for steps that fail outside."""
-
-    def projected(self, u: np.ndarray) -> np.ndarray:
-        """Unknowns or a change of them in that subspace; as they are otherwise."""
-
-    def leap(self, points: list[Point], direction: int) -> Point | None:
-        """A point beyond what stops or turns the branch, by other means than continuation."""
-
-    def advanced(self, points: list[Point]) -> tuple[Problem, Point] | None:
-        """Another discretisation and the last point in it, where this one no longer resolves it."""
-
-    def finer(self, times: int) -> Problem:
-        """The same equations in so many times the steps of time."""
-
-    def whole(self, u: np.ndarray) -> np.ndarray:
-        """The unknowns of all ranks, for a file, on rank 0. Collective."""
-
-    def own(self, u: np.ndarray) -> np.ndarray:
-        """This rank's of such unknowns."""
-
-    def memory(self, point: Point) -> np.ndarray:
-        """What of a point, beside its unknowns, its neighbours depend on: numbers for a file."""
-
-    def recalled(self, u: np.ndarray, value: float, memory: np.ndarray) -> Point:
-        """The point of a former run with these unknowns, value and memory."""
-
-
-class BaseProblem:
-    """Answers that most problems give."""
-
     closed, settled, patience, corners, narrow = 1e-11, 1e-9, 1, False, 0.0
     shares: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1, 0.03)
     gain = GAIN
@@ -185,60 +119,72 @@ class BaseProblem:
     advice = "take more steps"
 
     @property
-    def unrestricted(self: Problem) -> Problem:
-        """See `Problem`."""
+    def unrestricted(self) -> Problem:
+        """Itself, or of which this one is in a symmetric subspace."""
         return self
 
+    def at(self, u: np.ndarray) -> State:
+        """Raises `Lost`, or another SolveError, where the unknowns have no meaning."""
+        raise NotImplementedError
+
+    def units(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Units of the unknowns, and the weights, 0 or 1, with which their changes count as arc length."""
+        raise NotImplementedError
+
+    def value(self, u: np.ndarray) -> tuple[float, np.ndarray]:
+        """What the range is over, and its gradient: the last unknown."""
+        return float(u[-1]), np.eye(1, len(u), len(u) - 1)[0]
+
     def placed(self, u: np.ndarray, value: float) -> np.ndarray:
-        """See `Problem`."""
-        return u
+        """The unknowns with exactly this value, where it is one of them; as they are otherwise."""
+        return np.append(u[:-1], value)
 
     def sum(self, local: float) -> float:
-        """See `Problem`."""
+        """Over the ranks: every inner product passes through it."""
         return local
 
     def alike(self, one: Point, other: Point) -> bool:
-        """See `Problem`."""
+        """Whether two points lie on one smooth part of the branch."""
         return True
 
     def refuse(self, last: Point, point: Point) -> str:
-        """See `Problem`."""
+        """Why a converged point is none of this branch, for good: it ends there; "" if it is one."""
         return ""
 
     def restricted(self, point: Point) -> Problem | None:
-        """See `Problem`."""
+        """The same equations in the symmetric subspace that a point lies in, for steps that fail outside."""
         return None
 
     def projected(self, u: np.ndarray) -> np.ndarray:
-        """See `Problem`."""
+        """Unknowns or a change of them in that subspace; as they are otherwise."""
         return u
 
     def leap(self, points: list[Point], direction: int) -> Point | None:
-        """See `Problem`."""
+        """A point beyond what stops or turns the branch, by other means than continuation."""
         return None
 
     def advanced(self, points: list[Point]) -> tuple[Problem, Point] | None:
-        """See `Problem`."""
+        """Another discretisation and the last point in it, where this one no longer resolves it."""
         return None
 
     def finer(self, times: int) -> Problem:
-        """See `Problem`."""
+        """The same equations in so many times the steps of time."""
         raise Lost("the equations have no finer steps")
 
     def whole(self, u: np.ndarray) -> np.ndarray:
-        """See `Problem`."""
+        """The unknowns of all ranks, for a file, on rank 0. Collective."""
         return u
 
     def own(self, u: np.ndarray) -> np.ndarray:
-        """See `Problem`."""
+        """This rank's of such unknowns."""
         return u
 
     def memory(self, point: Point) -> np.ndarray:
-        """See `Problem`."""
+        """What of a point, beside its unknowns, its neighbours depend on: numbers for a file."""
         return np.zeros(0)
 
-    def recalled(self: Problem, u: np.ndarray, value: float, memory: np.ndarray) -> Point:
-        """See `Problem`."""
+    def recalled(self, u: np.ndarray, value: float, memory: np.ndarray) -> Point:
+        """The point of a former run with these unknowns, value and memory."""
         return Point(self, u, self.at(u), value)
 
 
@@ -338,6 +284,13 @@ class Metric:
     def row(self, tangent: np.ndarray) -> np.ndarray:
         """The row whose product with a change of the unknowns is its arc length along a tangent."""
         return tangent * self.weights**2 / self.units
+
+    def tangent(self, linear: Linear, near: np.ndarray) -> tuple[np.ndarray, float | None]:
+        """Direction in which linearised equations do not change, in units, and their determinant's sign;
+        `near` is a direction not across it.
+        """
+        border = linear.bordered(self.row(near))
+        return self.unit(border.solve(np.eye(1, linear.rows + 1, linear.rows)[0]) / self.units), border.sign
 
     def pace(self, u: np.ndarray) -> float:
         """Change of the value, at most, over a unit of arc length."""

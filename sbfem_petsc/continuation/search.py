@@ -290,7 +290,7 @@ class _Attempts:
                     return shot
             repeat = history.repeat
             if repeat and self.multiples:
-                shot = self._newton(_repeated(period, repeat), history.past[-1], frequency)
+                shot = self._newton(period.repeated(repeat), history.past[-1], frequency)
                 if shot is not None:
                     return shot
             history.over = 0 < repeat and not self.multiples and history.changes[repeat - 1] < 1e-2 * RETURNED
@@ -424,8 +424,3 @@ def _recurrence(changes: list[float]) -> int:
         if changes[n - 1] < RETURNED and changes[n - 1] < TRULY * min(changes[: n - 1]):
             return n
     return 0
-
-
-def _repeated(period: Period, times: int) -> Period:
-    """The same map over several of its periods."""
-    return Period(period.reduced, period.excitation.repeated(times), times * period.steps, period.pairs > 0)

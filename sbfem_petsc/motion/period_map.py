@@ -135,6 +135,12 @@ class Period:
         result._load(self.excitation)
         return result
 
+    def repeated(self, times: int) -> Period:
+        """The map over several of its periods; itself for one."""
+        if times == 1:
+            return self
+        return Period(self.reduced, self.excitation.repeated(times), times * self.steps, self.pairs > 0)
+
     def of(self, steps: int) -> Period:
         """The map over so many steps, for parts of the period (`DrivenPeriod.part`)."""
         result = copy.copy(self)

@@ -18,7 +18,7 @@ from ..system.model import Model
 from .excitation import LINES, Excitation
 from .loading import Loading, communicator, loading, serving
 from .period_map import Period
-from .step_plan import CONTACT_STEP, warn_if_coarse
+from .step_plan import contact_steps, warn_if_coarse
 
 # Steps a forcing period, and most forcing periods that a common period of tones is looked for in.
 STEPS, LONGEST = 512, 64
@@ -109,8 +109,8 @@ def prepare(
     if steps is None:
         steps = STEPS
         if contact:
-            steps = max(steps, math.ceil(reduced.frequencies.max(initial=0.0) / (CONTACT_STEP * frequency)))
-            steps = max(steps, math.ceil(FAST_STEPS * fastest / frequency))
+            fast = math.ceil(FAST_STEPS * fastest / frequency)
+            steps = max(steps, contact_steps(reduced, frequency), fast)
         if len(excitation.orders) > LINES:  # none of them is to fold back
             steps = max(steps, math.ceil((2 * excitation.orders.max() + 1) / excitation.periods))
         multiple = settings.segments // math.gcd(settings.segments, excitation.periods)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -25,70 +25,6 @@ NOT_KEPT = (
     "a motion of an unreduced model keeps its fields up to 256 MB a rank, and neither in files nor when it "
     "goes on from one; name further points, keep fewer steps (decimation), or use the reduced model"
 )
-
-
-class States(Protocol):
-    """What every motion can be asked, (n, ...) over its instants."""
-
-    @property
-    def points(self) -> tuple[str, ...]:
-        """Named points."""
-
-    @property
-    def tips(self) -> tuple[str, ...]:
-        """Names of the crack tips."""
-
-    @property
-    def tip_facts(self) -> TipFacts:
-        """What kind of tips they are."""
-
-    @property
-    def pairs(self) -> int:
-        """Number of contact rows that are node pairs."""
-
-    @property
-    def gaps(self) -> int | None:
-        """Contact rows that are gaps, behind which slips stand; None: all."""
-
-    @property
-    def contact(self) -> np.ndarray:
-        """(n, c): forces of all contact rows, N."""
-
-    @property
-    def gap(self) -> np.ndarray:
-        """(n, c): gaps of all contact rows, m."""
-
-    def displacement(self, point: Point) -> np.ndarray:
-        """(n, 2), m."""
-
-    def bound(self) -> float:
-        """No named point moves further, m."""
-
-    def velocity(self, point: Point) -> np.ndarray:
-        """(n, 2), m/s."""
-
-    def acceleration(self, point: Point) -> np.ndarray:
-        """(n, 2), m/s^2."""
-
-    def stress(self, place: Point) -> np.ndarray:
-        """(n, 3): xx, yy, xy, Pa. Collective."""
-
-    def along(self, points: list[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement (n, points, 2), m, and stress (n, points, 3), Pa. Collective."""
-
-    def stress_intensity(self, tip: str) -> np.ndarray:
-        """(n, 2): K_I and K_II, Pa m^(1/2)."""
-
-    @property
-    def supports(self) -> tuple[str, ...]:
-        """What is supported; nothing where no reactions are told."""
-
-    def reactions(self) -> np.ndarray | None:
-        """(n, supports, 2): forces of the supports, N; None where they are not told."""
-
-    def field(self, instant: int) -> Field:
-        """Displacements of this rank's nodes, and what contact does inside the tips' S-elements.
-        Collective."""
 
 
 @described

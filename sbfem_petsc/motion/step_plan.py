@@ -10,6 +10,7 @@ from meshing.warnings import StepWarning
 from ..errors import caller_level, on_all_ranks
 from ..petsc import MPI
 from ..ranks.capacity import PlannedFile, default_decimation, require_disk, require_memory
+from ..reduction.reduced_model import ReducedModel
 from ..signals.signal import STEPS_A_PERIOD
 from .integration import FormerRun, Steps
 
@@ -28,6 +29,11 @@ def default_step(duration: float, highest: float, top: float) -> float:
     """Time step for the highest frequencies of the loads and of the modes, Hz."""
     step = 1.0 / (STEPS_A_PERIOD * highest) if highest > 0.0 else duration / 2000.0
     return min(step, CONTACT_STEP / top) if top > 0.0 else step
+
+
+def contact_steps(reduced: ReducedModel, frequency: float) -> int:
+    """Steps in a period of a frequency (Hz) that are no longer than this share of the shortest modal one."""
+    return math.ceil(float(reduced.frequencies.max(initial=0.0)) / (CONTACT_STEP * frequency))
 
 
 def warn_if_coarse(owner: str, steps: int, frequency: float, fastest: float, *, period: str) -> None:

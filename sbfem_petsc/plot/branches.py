@@ -12,10 +12,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from scipy.interpolate import PchipInterpolator
 
-from ..analysis.backbone import Backbone
 from ..checks import instance
 from ..continuation.bifurcations import Bifurcation
 from ..continuation.branch import Branch
+from ..continuation.problems.free_branch import Backbone
 from ..motion.states import Point
 from ..petsc import MPI
 from ..record.units import frequency_unit, length_unit

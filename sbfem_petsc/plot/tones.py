@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..analysis.backbone import Backbone
 from ..continuation.problems.curve_branch import QuasiPeriodicBranch
+from ..continuation.problems.free_branch import Backbone
 from ..continuation.problems.tones import QuasiPeriodic
 from ..indicators.lines import Sidebands
 from ..petsc import MPI

@@ -11,7 +11,7 @@ import sbfem_petsc as sb
 from meshing.warnings import BranchWarning
 from sbfem_petsc.analysis.locus import _passes
 from sbfem_petsc.continuation.follow import Follower, Line, Settings
-from sbfem_petsc.continuation.problem import BaseProblem, Point, Range
+from sbfem_petsc.continuation.problem import Point, Problem, Range
 from sbfem_petsc.continuation.problems import grazing
 from sbfem_petsc.continuation.search import NEWTON_ALONE
 from sbfem_petsc.plot import plot_loci
@@ -238,7 +238,7 @@ def test_where_a_line_is_closed(end, closed):
     passes beside it, is on another strand and goes on.
     """
 
-    class Plane(BaseProblem):
+    class Plane(Problem):
         def units(self, u):
             return np.ones(2), np.ones(2)
 

@@ -234,6 +234,15 @@ def test_a_corner_where_a_branch_turned_about(monkeypatch):
     assert not other.complete and "run back along itself" in other.reason
 
 
+def test_finer_points_are_among_those_allowed():
+    """A curve that comes to its end has 39 points or more, of which 36 are allowed."""
+    system, ends = two_masses(), (0.5 / TURN, 0.6 / TURN)
+    with pytest.warns(sb.BranchWarning, match="has all the 36 points that it may have.*raise points"):
+        curve = sb.frequency_response(system, [0.1], *ends, steps=256, points=36)
+    assert curve.complete and len(curve.value) == 36 and curve.value[-1] == ends[1]
+    assert len(sb.frequency_response(system, [0.1], *ends, steps=256).value) > 36
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "damping, compliance, force, steps, highest",

@@ -13,7 +13,7 @@ import sbfem_petsc as sb
 from sbfem_petsc.continuation import bifurcations, branch_following, events, extrapolation
 from sbfem_petsc.continuation.follow import Settings
 from sbfem_petsc.continuation.multipliers import Multipliers, eigenvalues, inverse_iteration, multipliers
-from sbfem_petsc.continuation.problem import BaseProblem, Point
+from sbfem_petsc.continuation.problem import Point, Problem
 from sbfem_petsc.continuation.problems import driven_orbits
 from sbfem_petsc.continuation.shooting import shoot
 from sbfem_petsc.continuation.unit_circle import ambiguous, excursion, passages
@@ -606,6 +606,34 @@ def test_a_curve_from_beside_a_fold(which, before):
     assert across[0] @ across[1] < -0.99 * np.linalg.norm(across, axis=1).prod()
 
 
+@pytest.mark.long
+@pytest.mark.filterwarnings("ignore::meshing.warnings.StepWarning")
+def test_a_fold_among_teeth_is_told_once():
+    """In 256 steps the points turn three steps of the curve behind the place at which the multiplier passes
+    1: that is one fold, where an exact integration turns, and no branch point beside a fold of another
+    multiplier.
+    """
+    damping, compliance, force = 0.018806269343763747, 0.02287420151227054, 0.10012491490519909
+    curve = sb.frequency_response(
+        two_masses(damping, compliance), [force], 0.8741760234829364 / TURN, 0.5 / TURN, steps=256
+    )
+    near = [item for item in curve.bifurcations if abs(item.value * TURN - 0.7626) < 2e-3]
+    assert [item.kind for item in near] == ["fold"] and abs(near[0].multiplier - 1.0) < 1e-3
+    exact = two_masses_exactly(force, compliance, damping)
+    orbit = curve.orbit(near[0].after)
+    first = np.array([of(p)[0, 1] for of in (orbit.displacement, orbit.velocity) for p in "12"])
+    turned, places = [], first[0] * np.array([0.999, 1.0, 1.001])
+    for place in places:  # the motions with this displacement at t = 0, and their frequencies
+        found = optimize.root(
+            lambda z, place=place: exact.period(np.append(place, z[:3]), z[3])[0] - np.append(place, z[:3]),
+            np.append(first[1:], orbit.frequency),
+        )
+        assert found.success
+        turned.append(found.x[3])
+    bend, slope, level = np.polyfit(places - places[1], turned, 2)
+    assert near[0].value == pytest.approx(level - 0.25 * slope**2 / bend, rel=3e-5)
+
+
 def test_motions_that_are_not_isolated():
     """Without damping, at half its frequency: every motion comes back after a period, at any amplitude."""
     free = one_mass(1.0, 0.0, stiffness=0.5)
@@ -657,7 +685,7 @@ def test_no_bifurcation_off_the_unit_circle():
     assert max(abs(abs(b.multiplier) - 1.0) for b in curve.bifurcations) < 1e-4
 
 
-class _Spectrum(BaseProblem):
+class _Spectrum(Problem):
     """A branch whose multipliers are given functions of the parameter, with points at -1, 0, 1 and 2."""
 
     def __init__(self, values, monkeypatch):

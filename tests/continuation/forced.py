@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sbfem_petsc.continuation.events import find_zero, fold
+from sbfem_petsc.continuation.events import find_zero, folds
 from sbfem_petsc.continuation.follow import Line, Settings, follow
 from sbfem_petsc.continuation.line_file import LineFile
 from sbfem_petsc.continuation.newton import correct
@@ -52,8 +52,8 @@ def follow_forced(problem, first, within, file, resume=False, progress=lambda sh
         follow(line, within, Settings(), told)
         kept.update(lambda: Values(line.values), [line], last=True)
     pairs = [tuple(map(doubled, line.points[k : k + 2])) for k in range(len(line.points) - 1)]
-    folds = [found[1] for k in range(1, len(pairs)) if (found := fold(line, k))]
-    return line, folds, [find_zero(line, k, doubled, p)[0] for k, p in enumerate(pairs) if p[0] * p[1] < 0.0]
+    turns = [point for _, point in folds(line)]
+    return line, turns, [find_zero(line, k, doubled, p)[0] for k, p in enumerate(pairs) if p[0] * p[1] < 0.0]
 
 
 def doubled(point):

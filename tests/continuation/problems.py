@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sbfem_petsc.continuation.linear import Dense, Krylov
-from sbfem_petsc.continuation.problem import BaseProblem, Lost
+from sbfem_petsc.continuation.problem import Lost, Problem
 from sbfem_petsc.record.record import Record, described, quantity
 
 
@@ -16,7 +16,7 @@ class Values(Record):
     value: np.ndarray = quantity("rad/s", "frequencies", "point")
 
 
-class Equations(BaseProblem):
+class Equations(Problem):
     """f(u) = 0 with its matrix of derivatives; the last unknown is the value."""
 
     def __init__(self, function, derivative, units=None, finest=None):

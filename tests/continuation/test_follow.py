@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from sbfem_petsc.continuation.events import between, find_zero, fold, place_of, refine
+from sbfem_petsc.continuation.events import between, find_zero, folds, place_of, refine
 from sbfem_petsc.continuation.follow import CLOSED, Line, Settings, follow
 from sbfem_petsc.continuation.newton import ITERATIONS, TooManyIterations, correct
 from sbfem_petsc.continuation.problem import Lost, Metric, Point, Range
@@ -78,7 +78,7 @@ def test_folds_of_an_s_shape():
     """x^3 - x = v turns at x = -+1 / sqrt 3: v = +-2 / sqrt 27."""
     problem = Equations(lambda u: u[0] ** 3 - u[0] - u[1], lambda u: [3.0 * u[0] ** 2 - 1.0, -1.0])
     line = follow(Line([at(problem, -2.0, -3.0)]), Range(-3.0, 3.0, 1))
-    found = [item for k in range(1, len(line.points) - 1) if (item := fold(line, k)) is not None]
+    found = folds(line)
     assert line.complete and len(found) == 2
     values = [point.value for _, point in found]
     assert values == pytest.approx([2.0 / math.sqrt(27.0), -2.0 / math.sqrt(27.0)], rel=1e-7)
@@ -96,7 +96,7 @@ def test_folds_of_a_duffing_oscillator(start, stop):
     for point in line.points:
         squared = float(point.u[:2] @ point.u[:2])
         assert np.abs(problem.amplitudes(point.value) - squared).min() < 1e-7 * squared
-    found = [item[1].value for k in range(1, len(line.points) - 1) if (item := fold(line, k)) is not None]
+    found = [point.value for _, point in folds(line)]
     assert sorted(found) == pytest.approx([lower, upper], rel=1e-7)
 
 

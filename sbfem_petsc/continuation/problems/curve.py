@@ -17,7 +17,7 @@ import numpy as np
 from ...errors import SolveError
 from ...motion.period_map import DrivenPeriod, Period, PeriodMotion, stays
 from ...petsc import MPI
-from ..problem import BaseProblem, Linear, Point
+from ..problem import Linear, Point, Problem
 from .curve_system import (
     Border,
     CurveMaps,
@@ -55,7 +55,7 @@ def spectral_tail(states: np.ndarray) -> float:
     return float(np.linalg.norm(size[-math.ceil(len(size) / 4) :])) / whole
 
 
-class InvariantCurves(BaseProblem):
+class InvariantCurves(Problem):
     """What curves of any kind have in common: each of N samples has a map, `at_sample(value)(i)`.
 
     Attributes
@@ -89,17 +89,9 @@ class InvariantCurves(BaseProblem):
         """See `Problem`."""
         return CurveState(self, u)
 
-    def value(self, u: np.ndarray) -> tuple[float, np.ndarray]:
-        """See `Problem`."""
-        return float(u[-1]), np.eye(1, len(u), len(u) - 1)[0]
-
     def units(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See `Problem`."""
         return self._units, np.ones(len(u))
-
-    def placed(self, u: np.ndarray, value: float) -> np.ndarray:
-        """See `Problem`."""
-        return np.append(u[:-1], value)
 
     def off_phase(self, u: np.ndarray) -> float:
         """What curves are in phase where it vanishes."""

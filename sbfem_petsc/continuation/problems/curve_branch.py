@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from ...errors import SolveError, on_all_ranks
 from ...record.record import Record, derived, described, quantity
 from ..events import refine
 from ..follow import CLOSED, Follower, Line, Settings
+from ..line_file import LineFile
 from ..problem import Point, Range
 from .own_tone import beginning
 from .tones import QuasiPeriodic, attracts, own_motion, told_motion
@@ -129,23 +130,13 @@ class QuasiPeriodicBranch(Record):
         )
 
 
-class BranchRecorder(Protocol):
-    """Keeps a branch while it is followed."""
-
-    def lines(self, problem: Any) -> list[Line]:
-        """The branch of a former run that is resumed."""
-
-    def update(self, result: Callable[[], Any], lines: Sequence[Line], last: bool = False) -> None:
-        """Keep what has been found so far."""
-
-
 def follow_curves(
     line: Line,
     stop: float,
     pace: Settings,
     *,
     stability: bool,
-    recorder: BranchRecorder | None = None,
+    recorder: LineFile | None = None,
     report: Callable[[float], None] | None = None,
 ) -> QuasiPeriodicBranch:
     """Invariant curves from one on.
@@ -160,7 +151,7 @@ def follow_curves(
     stability : bool
         Compute exponents; behind a motion that a history stays with the branch ends before one that it
         leaves.
-    recorder : BranchRecorder, optional
+    recorder : LineFile, optional
     report : callable, optional
         Called with the fraction done.
     """

@@ -15,7 +15,7 @@ from ...motion.contact_work import contact_work
 from ...motion.period_map import DrivenPeriod, FixedPoint, Period, PeriodMotion
 from ..linear import Dense
 from ..orbit import modal_motion
-from ..problem import BaseProblem, Lost, Point, Range
+from ..problem import Lost, Point, Problem, Range
 from .several_periods import minimal_periods, passes_shorter
 
 # Arc length in which the state's relative change and SPAN times the parameter's change, as a share of its
@@ -73,7 +73,7 @@ class ParameterRange:
         return period.at(self.frequency, **{"factor" if self.name == "load" else self.name: value})
 
 
-class Orbits(BaseProblem):
+class Orbits(Problem):
     """Unknowns are x(0) and the parameter.
 
     Parameters
@@ -119,14 +119,6 @@ class Orbits(BaseProblem):
         size = max(self.period.size(u[:-1]), self.least, 1e-300)
         unit = self.extent / SPAN or max(abs(float(u[-1])), LEAST)
         return np.append(np.full(len(u) - 1, size), unit), np.ones(len(u))
-
-    def value(self, u: np.ndarray) -> tuple[float, np.ndarray]:
-        """See `Problem`."""
-        return float(u[-1]), np.eye(1, len(u), len(u) - 1)[0]
-
-    def placed(self, u: np.ndarray, value: float) -> np.ndarray:
-        """See `Problem`."""
-        return np.append(u[:-1], value)
 
     def alike(self, one: Point, other: Point) -> bool:
         """See `Problem`: the same pairs touch."""

@@ -24,7 +24,7 @@ from ...motion.period_map import DrivenPeriod, FixedPoint, Period
 from ...reduction.reduced_model import ReducedModel
 from ..linear import Dense, DenseBorder
 from ..newton import correct
-from ..problem import BaseProblem, Linear, Lost, Metric, Point
+from ..problem import Linear, Lost, Metric, Point, Problem
 from .driven_orbits import OrbitState
 
 # Difference of xi, relative to the frequency in rad/s, by which a motion's rate with it is found: the map is
@@ -154,7 +154,7 @@ class FreeSystem:
         return self.without(self.damped(added).again(point, point.value, added), added)
 
 
-class FreeMotions(BaseProblem):
+class FreeMotions(Problem):
     """u = (x(0), ln f, xi); the value is the energy, J.
 
     Parameters
@@ -207,6 +207,10 @@ class FreeMotions(BaseProblem):
         """See `Problem`."""
         energy, slope = self.system.energy(u[:-2])
         return energy, np.append(slope, [0.0, 0.0])
+
+    def placed(self, u: np.ndarray, value: float) -> np.ndarray:
+        """See `Problem`: the energy is none of the unknowns."""
+        return u
 
     def alike(self, one: Point, other: Point) -> bool:
         """See `Problem`: the same pairs touch."""
@@ -294,9 +298,7 @@ def _goes_along(point: Point) -> bool:
     """Whether the branch goes mostly along the state itself."""
     metric = Metric(point.problem, point.u)
     along = metric.unit(np.append(point.u[:-2], [0.0, 0.0]) / metric.units)
-    border = point.linear.bordered(metric.row(along))
-    tangent = metric.unit(border.solve(np.eye(1, len(along), len(along) - 1)[0]) / metric.units)
-    return metric.dot(tangent, along) >= MOSTLY
+    return metric.dot(metric.tangent(point.linear, along)[0], along) >= MOSTLY
 
 
 class FreeState(OrbitState):

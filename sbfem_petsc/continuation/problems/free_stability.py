@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...record.record import Record, described, quantity
-from ..events import find_zero, fold, insert
+from ..events import find_zero, folds, insert
 from ..follow import Line
 from ..problem import Metric, Point
 from .free import FreeState, FreeSystem
@@ -58,12 +58,6 @@ def free_multipliers(state: FreeState, *, damped: bool) -> np.ndarray:
     return rest[np.argsort(-np.abs(rest), kind="stable")]
 
 
-def turns(line: Line) -> list[tuple[int, Point]]:
-    """Where the branch turns in energy: numbers of the points before, and the points there."""
-    found = (fold(line, k) for k in range(1, len(line.points) - 1))
-    return [item for item in found if item is not None]
-
-
 def free_events(line: Line, *, damped: bool, stability: bool) -> tuple[FreeEvent, ...]:
     """Turns at points of a branch and, if its stability is asked for, changes of it between them."""
     result = []
@@ -74,11 +68,11 @@ def free_events(line: Line, *, damped: bool, stability: bool) -> tuple[FreeEvent
     def excess(point: Point) -> float:
         return abs(largest(point)) - 1.0 - UNCERTAIN
 
-    folds = {before + 1: here for before, here in turns(line)}
+    turns = {before + 1: here for before, here in folds(line)}
     stability = stability and len(line.points[0].state.spectrum[0]) + damped > 0
     for k, point in enumerate(line.points):
-        if k in folds:
-            here = folds[k]
+        if k in turns:
+            here = turns[k]
             value = largest(here) if stability else complex(math.nan)
             result.append(FreeEvent(KINDS[0], here.value, here.state.frequency, value, k))
         if k == 0 or not stability or point.leapt:
@@ -88,7 +82,7 @@ def free_events(line: Line, *, damped: bool, stability: bool) -> tuple[FreeEvent
             continue
         here, *sides = find_zero(line, k - 1, excess, ends)
         value = largest(max(sides, key=excess))
-        if abs(value - 1.0) > OF_TURN or not folds.keys() & {k - 2, k - 1, k, k + 1}:
+        if abs(value - 1.0) > OF_TURN or not turns.keys() & {k - 2, k - 1, k, k + 1}:
             result.append(FreeEvent(_kind(value), here.value, here.state.frequency, value, k))
     return tuple(result)
 
@@ -199,7 +193,6 @@ def _form(system: FreeSystem, one: np.ndarray, other: np.ndarray) -> np.ndarray:
 def _part(point: Point, vector: np.ndarray, near: np.ndarray) -> float:
     """Of the branch's direction at a point, the part in a multiplier's vector."""
     metric = Metric(point.problem, point.u)
-    border = point.linear.bordered(metric.row(near))
-    tangent = metric.unit(border.solve(np.eye(1, len(near), len(near) - 1)[0]) / metric.units)[:-2]
+    tangent = metric.tangent(point.linear, near)[0][:-2]
     share = np.abs(_form(point.state.system, vector[:, None], tangent[:, None]))[0, 0]
     return float(share * np.linalg.norm(vector))

@@ -10,18 +10,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
 from ...errors import SolveError
 from ...motion.family import Family
-from ...motion.period_map import FixedPoint
 from ...record.record import Record, described, quantity
-from ..events import fold
+from ..events import folds
 from ..follow import CLOSED, Line, Settings, follow
+from ..line_file import LineFile
 from ..newton import correct
-from ..orbit import make_orbit
+from ..orbit import make_orbit, run_again
 from ..problem import Lost, Metric, Point, Range
 from .locus_problem import LocusProblem, LocusStart
 
@@ -77,22 +77,12 @@ class Locus(Record):
         )
 
 
-class LocusRecorder(Protocol):
-    """Keeps a locus while it is followed."""
-
-    def lines(self, problem: LocusProblem) -> list[Line]:
-        """Sides of a former run that is resumed."""
-
-    def update(self, result: Callable[[], Locus], lines: Sequence[Line], last: bool = False) -> None:
-        """Keep what has been found so far."""
-
-
 def follow_locus(
     family: Family,
     start: LocusStart,
     limits: tuple[float, float],
     pace: Settings = PACE,
-    recorder: LocusRecorder | None = None,
+    recorder: LineFile | None = None,
     report: Callable[[float], None] | None = None,
 ) -> Locus:
     """Follow a bifurcation over the frequency and a second parameter, from a known point to both sides.
@@ -106,7 +96,7 @@ def follow_locus(
         Of the second parameter, between which the locus is followed.
     pace : Settings
         Of each side.
-    recorder : LocusRecorder, optional
+    recorder : LineFile, optional
     report : callable, optional
         Called with the fraction done.
 
@@ -173,10 +163,7 @@ def _joined(family: Family, kind: str, lines: Sequence[Line], located: bool = Fa
         sides, reasons = [sides[0][:-1]], [CLOSED, CLOSED]
     points = [*reversed(sides[0]), lines[0].points[0], *(sides[1] if len(sides) > 1 else ())]
     if located:
-        line = Line(points)
-        found = [fold(line, k) for k in range(1, len(points) - 1)]
-        points = list(points)
-        for k, point in reversed([item for item in found if item is not None]):
+        for k, point in reversed(folds(Line(points))):
             points.insert(k + 1, point)
     size = points[0].problem.modes2
     u = np.array([point.u for point in points])
@@ -196,8 +183,9 @@ def _largest_displacement(family: Family, locus: Locus) -> float:
     """Of named points in the motion whose state is the largest, m."""
     k = int(np.argmax(np.linalg.norm(locus.states, axis=1)))
     driven = family.at(float(locus.frequency[k]), float(locus.value[k]))
-    fixed = FixedPoint(locus.states[k], driven, driven.run(locus.states[k]), ())
-    return make_orbit(fixed, np.zeros(0), math.nan, "point of a locus")._furthest()
+    return make_orbit(
+        run_again(driven, locus.states[k]), np.zeros(0), math.nan, "point of a locus"
+    )._furthest()
 
 
 def _reason(line: Line) -> str:

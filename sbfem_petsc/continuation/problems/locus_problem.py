@@ -27,7 +27,7 @@ from scipy import linalg
 from ...motion.family import Family
 from ...motion.period_map import DrivenPeriod, PeriodMotion
 from ..multipliers import inverse_iteration
-from ..problem import BaseProblem, Linear, Lost, Point
+from ..problem import Linear, Lost, Point, Problem
 from .grazing import OpenRowFamily, least
 
 # Unit of the frequency: itself over this number. Share of g in the residual.
@@ -73,7 +73,7 @@ class LocusStart(NamedTuple):
         return cls(kind, numbers[:-4], frequency, value, complex(real, imaginary))
 
 
-class LocusProblem(BaseProblem):
+class LocusProblem(Problem):
     """u = (x(0), frequency, factor), behind them the multiplier's angle for Neimark-Sacker points.
 
     Parameters

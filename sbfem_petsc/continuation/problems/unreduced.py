@@ -13,7 +13,7 @@ from ...errors import SolveError, on_all_ranks
 from ...motion.unreduced.period import KRYLOV, UnreducedDriven, UnreducedMotion, UnreducedPeriod
 from ...petsc import PETSc, configure, finite, free, scripted, solving
 from ..linear import PREFIX, Krylov, Product, preconditioned
-from ..problem import BaseProblem, Point
+from ..problem import Point, Problem
 from ..shooting import snes_reason
 from .driven_orbits import LEAST, REST, SPAN, ParameterRange
 
@@ -31,7 +31,7 @@ AHEAD = 1e-5
 SETTLING = (10, 40)
 
 
-class UnreducedOrbits(BaseProblem):
+class UnreducedOrbits(Problem):
     """Unknowns are this rank's part of x(0), and the parameter, which all ranks have.
 
     Parameters
@@ -80,10 +80,6 @@ class UnreducedOrbits(BaseProblem):
     def value(self, u: np.ndarray) -> tuple[float, np.ndarray]:
         """See `Problem`; the gradient is this rank's share of it."""
         return float(u[-1]), np.eye(1, len(u), len(u) - 1)[0] / self.comm.size
-
-    def placed(self, u: np.ndarray, value: float) -> np.ndarray:
-        """See `Problem`."""
-        return np.append(u[:-1], value)
 
     map = None
 

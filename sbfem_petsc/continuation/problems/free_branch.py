@@ -1,0 +1,366 @@
+"""Branches of free motions over their energy: what is kept of each point, finer points, what lies between."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable
+from dataclasses import field, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ...checks import index_of
+from ...errors import SolveError, on_all_ranks
+from ...motion.excitation import one_sided
+from ...motion.of_period import require_waves
+from ...record.record import Record, derived, described, quantity
+from ...reduction.reduced_model import ReducedModel
+from ..events import folds
+from ..events import refine as refine_points
+from ..follow import Line, Settings, follow
+from ..line_file import LineFile
+from ..orbit import Orbit, Orbits, make_orbit, run_again
+from ..problem import Lost, Point, Range
+from .free import ADDED, FreeMotions, FreeState, FreeSystem
+from .free_stability import FreeEvent, Interactions, free_events, free_multipliers
+from .free_start import first_motion
+
+# Points a decade where the motions of all energies are alike.
+DECADE = 8
+# Without damping all multipliers have modulus one; what the steps and their eigenvalues add to it.
+UNCERTAIN = 1e-5
+# A point is next to each turn in energy, relative.
+NEXT = 2e-3
+HARMONICS = 20
+
+
+@described
+class Backbone(Orbits, Record):
+    """Free periodic motions, point by point along their branch.
+
+    Errors are what half the step changes, estimates; nan without refinement, or where half the step leads
+    elsewhere, as it may at an interaction with a high mode. The damping ratio by the rate of decay is
+    xi / (4 pi f), of a linear system of the same frequency whose amplitude falls as that of a free vibration
+    does at the moment, by exp(-xi t / 2) (the modal damping ratio of Krack 2015); without damping the trace
+    that the steps leave, about 1e-14. That by the energy is what the dampers take in a period over 4 pi times
+    the energy; it is the other one times twice the mean kinetic energy over the energy, and the same where
+    nothing touches.
+
+    Multipliers, empty if they were not asked for, are without those that every free motion has: +1 along the
+    motion and, without damping, +1 along the branch; with damping less what the self-excitation gives to
+    every disturbance. Interactions that were passed over are all on whose tongue the state would change by
+    more than 1e-3 of itself. Events are turns in energy, located between the points, and where the branch
+    becomes stable or unstable.
+    """
+
+    labels: ClassVar = {"place": "points"}
+    coordinates: ClassVar = ("energy", "frequency", "stable")
+
+    mode: int = quantity("1", "the followed one, from 1", least=1)
+    energy: np.ndarray = quantity(
+        "J", "energy at t = 0, where the velocity of the followed mode vanishes", "point", least=0.0
+    )
+    frequency: np.ndarray = quantity("Hz", "its frequency", "point", least=1e-300)
+    frequency_error: np.ndarray = quantity("Hz", "error of the frequency", "point", finite=False)
+    damping_ratio: np.ndarray = quantity("1", "damping ratio by the rate of decay", "point")
+    damping_error: np.ndarray = quantity("1", "error of damping_ratio", "point", finite=False)
+    energy_damping_ratio: np.ndarray = quantity("1", "damping ratio by the energy", "point")
+    energy_damping_error: np.ndarray = quantity("1", "error of energy_damping_ratio", "point", finite=False)
+    states: np.ndarray = quantity("m sqrt(kg)/s", "(Omega q, q') at t = 0", "point state", detail=True)
+    multipliers: np.ndarray = quantity(
+        "1", "Floquet multipliers, by falling modulus", "point multiplier", kinds="c", detail=True
+    )
+    point_harmonics: np.ndarray = quantity(
+        "m",
+        "harmonics 0 to 20 of the displacement",
+        "point place xy harmonic",
+        called="harmonics",
+        kinds="c",
+        detail=True,
+    )
+    point_amplitudes: np.ndarray = quantity(
+        "m", "half the peak-to-peak of u_y", "point place", called="amplitude", least=0.0
+    )
+    passed: tuple[tuple[float, float], ...] = quantity(
+        "J", "energies on either side of interactions with higher modes passed over", "interaction side"
+    )
+    events: tuple[FreeEvent, ...] = quantity(text="in order", part="FreeEvent")
+    damped: bool = quantity("1", "whether with the model's damping")
+    reason: str = quantity(text="why the branch ends")
+    complete: bool = quantity("1", "whether it reached the last energy", row=True)
+    _system: FreeSystem = field(repr=False)
+    excitation: np.ndarray = quantity(
+        "1/s", "self-excitation that makes up for damping", "point", detail=True
+    )
+    own_frequency: np.ndarray = quantity(
+        "Hz",
+        "frequency in the branch's own steps",
+        "point",
+        detail=True,
+        least=1e-300,
+    )
+
+    @derived(text="the reduced model", part="ReducedModel", back=True, detail=True)
+    def reduced_model(self) -> ReducedModel:
+        """The reduced model."""
+        return self.reduced
+
+    @derived("1", "time steps a period of the motion", back=True, detail=True, least=1)
+    def steps(self) -> int:
+        """A period."""
+        return self._system.steps
+
+    @classmethod
+    def _revived(cls, found: dict[str, Any]) -> Backbone:
+        """From a file: the system anew."""
+        reduced, steps = found.pop("reduced_model"), found.pop("steps")
+        if reduced is None or steps is None or found["mode"] > len(reduced.omega):
+            raise ValueError("the reduced model, the steps or the mode is missing")
+        require_waves(steps, 1)
+        return cls(**found | {"_system": FreeSystem(reduced, found["mode"] - 1, steps)})
+
+    def check(self) -> None:
+        """Raise ValueError unless points and model belong together."""
+        modes = len(self.reduced.omega)
+        if (
+            not len(self.energy)
+            or self.states.shape[1] != 2 * modes
+            or self.point_harmonics.shape[1:3] != self.reduced.points.modes.shape[:2]
+            or any(event.after > len(self.energy) for event in self.events)
+        ):
+            raise ValueError(
+                f"{len(self.energy)} motions are not those of {modes} modes and {len(self.points)} points"
+            )
+
+    @property
+    def reduced(self) -> ReducedModel:
+        """The reduced model whose motions these are."""
+        return self._system.reduced
+
+    @derived("1", "whether small disturbances die out", "point", kinds="b")
+    def stable(self) -> np.ndarray:
+        """(n,) bool: no multiplier outside the unit circle by more than 1e-5; False throughout where
+        stability was not asked for.
+        """
+        return ~self.unstable & bool(self.multipliers.shape[1])
+
+    @property
+    def unstable(self) -> np.ndarray:
+        """(n,) bool: some multiplier is; False throughout where stability was not asked for."""
+        largest = np.abs(self.multipliers).max(axis=1, initial=0.0)
+        return largest > 1.0 + UNCERTAIN
+
+    def orbit(self, k: int) -> Orbit:
+        """The k-th motion over its period, integrated again from its state; with damping under the
+        self-excitation that keeps it going.
+        """
+        k = index_of("orbit", "k", k, len(self.energy))
+        driven = self._system.at(float(self.own_frequency[k]), float(self.excitation[k]))
+        return make_orbit(
+            run_again(driven, self.states[k]), self.multipliers[k], UNCERTAIN, "point of a backbone"
+        )
+
+    def __len__(self) -> int:
+        return len(self.energy)
+
+    def __repr__(self) -> str:
+        return (
+            f"Backbone(mode {self.mode}, {len(self.energy)} points, {self.energy.min():.4g} to "
+            f"{self.energy.max():.4g} J, {self.frequency.min():.7g} to {self.frequency.max():.7g} Hz, "
+            f"{int(self.unstable.sum())} unstable, {self.reason})"
+        )
+
+
+def follow_backbone(
+    rows: Rows,
+    start: float,
+    stop: float,
+    pace: Settings,
+    recorder: LineFile | None = None,
+    report: Callable[[float], None] | None = None,
+) -> Backbone:
+    """Follow free motions from one energy (J) towards another.
+
+    Parameters
+    ----------
+    rows : Rows
+        Of the system, without points as yet.
+    start, stop : float
+    pace : Settings
+    recorder : LineFile, optional
+    report : callable, optional
+        Called with the fraction done.
+
+    Raises
+    ------
+    SolveError
+        If no motion is found at the first energy.
+    """
+    limits = min(start, stop), max(start, stop)
+    line = _begun(FreeMotions(rows.system, limits, rows.interactions), recorder, rows, start, stop)
+
+    def keep(line: Line) -> None:
+        rows.add(line.points[-1])
+        if recorder is not None:
+            recorder.update(lambda: rows.backbone(line), [line])
+        if report is not None:
+            report(min(1.0, abs(math.log(line.points[-1].value / start) / math.log(stop / start))))
+
+    if not line.reason or line.reason.endswith(" points"):  # otherwise it has come to its end
+        follow(line, Range(*limits, 1 if stop > start else -1), pace, keep)
+        if line.complete:
+            rows.refine_line(line, math.log(limits[1] / limits[0]))
+    result = rows.finished(line)
+    if recorder is not None:
+        recorder.update(lambda: result, [line], last=True)
+    return result
+
+
+def _begun(problem: FreeMotions, recorder: LineFile | None, rows: Rows, start: float, stop: float) -> Line:
+    """The branch of a former run, or its first motion; all of it where motions of all energies are alike."""
+    for line in recorder.lines(problem) if recorder is not None else ():
+        for point in line.points:
+            rows.add(point)
+            point.state.forget()
+        return line
+    try:
+        first = first_motion(problem.system, start)
+    except SolveError as error:
+        if not isinstance(error, Lost):  # it says so itself
+            raise on_all_ranks(error) from None
+        mode = problem.system.mode + 1
+        text = f"backbone: no free motion of mode {mode} was found at {start:.6g} J: {error}"
+        raise on_all_ranks(SolveError(text)) from None
+    first = problem.recalled(first.u, start, np.zeros(2))
+    rows.add(first)
+    if not problem.system.reduced.homogeneous:
+        return Line([first])
+    line = Line([first], reason=f"end of the range at {stop:.8g}", complete=True)
+    count = max(2, 1 + math.ceil(DECADE * abs(math.log10(stop / start))))
+    for energy in np.geomspace(start, stop, count)[1:].tolist():
+        u = first.u.copy()
+        u[:-2] *= math.sqrt(energy / start)
+        line.points.append(problem.recalled(u, energy, np.zeros(2)))
+        rows.add(line.points[-1])
+    return line
+
+
+class Rows:
+    """What is kept of each point.
+
+    Parameters
+    ----------
+    system : FreeSystem
+    refine, stability : bool
+        Whether frequencies are solved for with half the step too, and multipliers computed.
+    damped, interactions : bool
+        With the model's damping; into interactions.
+    """
+
+    def __init__(self, system: FreeSystem, refine: bool, stability: bool, damped: bool, interactions: bool):
+        self.system, self.refine, self.stability = system, refine, stability
+        self.damped, self.interactions = damped, interactions
+        self.rows: list[tuple[np.ndarray, ...]] = []
+        self.first = np.zeros(0)
+
+    def add(self, point: Point, place: int | None = None) -> None:
+        """Note a point, at the end or before another one."""
+        state, alike = point.state, self.system.reduced.homogeneous
+        if self.rows and alike:  # one motion times a factor
+            harmonics, amplitudes, *others = self.rows[0]
+            factor = float(np.linalg.norm(state.state) / np.linalg.norm(self.first))
+            self.rows.append((harmonics * factor, amplitudes * factor, *others))
+            return
+        if not self.rows:
+            self.first = state.state
+        values = free_multipliers(state, damped=self.damped) if self.stability else np.zeros(0, complex)
+        own, changed = _numbers(state), np.full(3, np.nan)
+        found = own.copy()
+        # where half the step leads elsewhere the point stays as it is, with an error that is not known
+        with contextlib.suppress(SolveError):
+            if self.refine:
+                difference = _numbers(self._finer(point)) - own
+                found, changed = own + 4.0 / 3.0 * difference, np.abs(difference)
+        u = state.seen()[0]
+        harmonics = np.moveaxis(one_sided(u)[: HARMONICS + 1], 0, -1)
+        row = (harmonics, 0.5 * np.ptp(u[..., -1], axis=0), values, own, found, changed)
+        self.rows.insert(len(self.rows) if place is None else place, row)
+
+    def _bend(self) -> np.ndarray:
+        """(1, n): how far frequencies are from the lowest one, and the range of them: what a curve over the
+        energy shows.
+        """
+        frequency = np.array([row[3][0] for row in self.rows])
+        return (frequency - frequency.min() + np.ptp(frequency))[None]
+
+    def _finer(self, point: Point) -> FreeState:
+        """The same motion in half the step; that of closed faces by way of damped ones where it has to be."""
+        finer = point.problem.finer(2)
+        try:
+            return finer.of_energy(point.u, point.value, point.linear).state
+        except SolveError:
+            if not self.system.reduced.homogeneous:
+                raise
+            return finer.system.around(point, ADDED).state
+
+    def refine_line(self, line: Line, decades: float) -> None:
+        """Further points where the branch bends, passes interactions or turns in energy."""
+        refine_points(line, lambda: np.log(line.values) / decades, self._bend, self.add)
+        if self._passes:
+            Interactions(line).divide(self.add)
+        for before, point in reversed(folds(line)):
+            nearest = min(abs(line.points[k].value - point.value) for k in (before, before + 1))
+            if nearest > NEXT * point.value:
+                self.add(point, before + 1)
+                line.points.insert(before + 1, point)
+
+    @property
+    def _passes(self) -> bool:
+        """Whether interactions are looked for: with damping there are none."""
+        return not (self.damped or self.interactions or self.system.reduced.homogeneous)
+
+    def finished(self, line: Line) -> Backbone:
+        """The result with what lies between its points."""
+        result = self.backbone(line)
+        if self.system.reduced.homogeneous:
+            return result
+        return replace(
+            result,
+            passed=Interactions(line).energies() if self._passes else result.passed,
+            events=free_events(line, damped=self.damped, stability=self.stability),
+        )
+
+    def backbone(self, line: Line) -> Backbone:
+        """The result as it is."""
+        points = line.points
+        harmonics, amplitudes, multipliers, own, found, changed = (
+            np.array(column) for column in zip(*self.rows)
+        )
+        return Backbone(
+            self.system.mode + 1,
+            line.values,
+            found[:, 0].copy(),
+            changed[:, 0].copy(),
+            found[:, 1].copy(),
+            changed[:, 1].copy(),
+            found[:, 2].copy(),
+            changed[:, 2].copy(),
+            np.array([point.state.state for point in points]),
+            multipliers,
+            harmonics,
+            amplitudes,
+            tuple((one.value, other.value) for one, other in zip(points, points[1:]) if other.leapt),
+            (),
+            self.damped,
+            line.reason or "unfinished",
+            line.complete,
+            self.system,
+            np.array([point.state.excitation for point in points]),
+            own[:, 0].copy(),
+        )
+
+
+def _numbers(state: FreeState) -> np.ndarray:
+    """(3,): frequency and both damping ratios."""
+    return np.array([state.frequency, state.damping_ratio, state.energy_damping_ratio])
