@@ -13,7 +13,7 @@ from ..continuation.basins import Basins, StartAxis, count_of, initial_states, s
 from ..continuation.orbit import Orbit
 from ..errors import SolveError, on_all_ranks
 from ..motion.loading import communicator
-from ..motion.preparation import PeriodSettings, check_guess, prepare
+from ..motion.preparation import PeriodSettings, check_guess, prepare, refuse_falling
 from ..petsc import MPI
 from ..progress import Progress, progress_bar
 from ..ranks.capacity import require_memory
@@ -24,7 +24,7 @@ from .analysis import analysis
 from .options import BasinsOptions
 
 
-@analysis(BasinsOptions)
+@analysis(BasinsOptions, rubs=True)
 def basins(
     model: Model | ReducedModel,
     load,
@@ -106,16 +106,17 @@ def basins(
         f"{count:,d} initial states of {period.modes} modes",
         lambda share: f"give at most {int(share * count):,d}, or fewer modes",
     )
+    refuse_falling(what, period.friction)
     with collective(ranks):
         for orbit in given:
             check_guess(what, orbit, period.reduced)
-        origin = np.zeros(2 * period.modes) if around is None else state_of(around, period.modes)
+        origin = np.zeros(period.unknowns) if around is None else state_of(around, period.unknowns)
         axes, states = initial_states(starts, period.reduced, period.weights, origin)
         if not period.excitation.oscillating.amplitudes.any():
             raise ValueError(f"basins: no load oscillates at {frequency:g} Hz; give one that is not zero")
         attraction = Attraction(period, frequency, Patience(longest, tolerance, limit), ranks)
         for orbit in orbits:
-            state_of(orbit, period.modes)
+            state_of(orbit, period.unknowns)
             attraction.add(orbit)
     flat = states.reshape(-1, states.shape[-1])
     with progress_bar(ranks, "basins", progress) as report:
@@ -123,9 +124,9 @@ def basins(
             reached, periods = attraction.follow(flat, report)
         except SolveError as error:
             raise on_all_ranks(error) from None
-    shape = states.shape[:-1]
+    shape, moving = states.shape[:-1], states[..., : 2 * period.modes]
     return Basins(
-        frequency, tuple(attraction.orbits), reached.reshape(shape), periods.reshape(shape), states, axes
+        frequency, tuple(attraction.orbits), reached.reshape(shape), periods.reshape(shape), moving, axes
     )
 
 

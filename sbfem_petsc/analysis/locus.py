@@ -16,11 +16,13 @@ from ..continuation.bifurcations import Bifurcation
 from ..continuation.branch import Branch
 from ..continuation.follow import CLOSED
 from ..continuation.line_file import LineFile
+from ..continuation.multipliers import eigenvalues
 from ..continuation.problems.grazing import OpenRowFamily, find_grazing, grazing_row
 from ..continuation.problems.locus import AT_END, KINDS, PACE, Locus, follow_locus
 from ..continuation.problems.locus_problem import LocusStart
 from ..errors import SolveError, caller_level
 from ..motion.family import Family
+from ..motion.preparation import refuse_falling
 from ..progress import Progress, progress_bar
 from ..ranks.parallel import collective
 from .analysis import analysis
@@ -36,7 +38,7 @@ ONE = 0.03
 AT = 1e-6
 
 
-@analysis(LocusOptions)
+@analysis(LocusOptions, rubs=True)
 def locus(
     branch: Branch,
     bifurcation: Bifurcation,
@@ -89,10 +91,16 @@ def locus(
         For input that makes no sense; for a branch point, which is no line in the plane.
     SolveError
         If Newton's method does not find the bifurcation again.
+
+    Notes
+    -----
+    Where faces rub, multipliers are those with each change from stick to slip located inside its step; of
+    more than 16 rows a branch's own are those of its steps, some percent off the unit circle there.
     """
     what = "locus"
     instance(what, "branch", branch, Branch, "a Branch")
     comm = branch.period.reduced.comm
+    refuse_falling(what, branch.period.friction)
     with collective(comm):
         instance(what, "bifurcation", bifurcation, Bifurcation, "a Bifurcation of the branch")
         if bifurcation.kind not in KINDS:
@@ -100,7 +108,7 @@ def locus(
                 f"locus: bifurcation = {bifurcation!r} cannot be followed; give a fold, a period doubling, "
                 "a Neimark-Sacker or a grazing point"
             )
-        if bifurcation.kind == "fold" and abs(bifurcation.multiplier - 1.0) > SMOOTH:
+        if bifurcation.kind == "fold" and not _smooth(branch, bifurcation):
             raise ValueError(
                 f"locus: bifurcation = {bifurcation!r} is a corner of the branch, where a pair begins to "
                 "touch, and no multiplier is 1 there; give a smooth fold"
@@ -153,7 +161,7 @@ def _require_effect(what: str, branch: Branch, parameter: str) -> None:
         )
 
 
-@analysis(LociOptions)
+@analysis(LociOptions, rubs=True)
 def loci(
     branch: Branch,
     start: float,
@@ -193,12 +201,13 @@ def loci(
     """
     what = "loci"
     instance(what, "branch", branch, Branch, "a Branch")
+    refuse_falling(what, branch.period.friction)
     with collective(branch.period.reduced.comm):
         if branch.parameter != "frequency":
             raise ValueError(f"{what}: branch = {branch!r} is over the load; give one over the frequency")
         _require_effect(what, branch, parameter)
     found = [b for b in branch.bifurcations if b.kind in SMOOTH_KINDS and b.kind in kinds]
-    found = [b for b in found if b.kind != "fold" or abs(b.multiplier - 1.0) <= SMOOTH]
+    found = [b for b in found if b.kind != "fold" or _smooth(branch, b)]
     if "grazing" in kinds:
         found += grazing_points(branch)
     along = partial(locus, parameter=parameter, points=points, largest_step=largest_step, progress=progress)
@@ -223,6 +232,16 @@ def loci(
                     stacklevel=caller_level(),
                 )
     return tuple(result)
+
+
+def _smooth(branch: Branch, item: Bifurcation) -> bool:
+    """Whether a fold is no corner; where faces rub, multipliers of the steps do not tell."""
+    multiplier = item.multiplier
+    if branch.period.friction is not None and item.state.shape == branch.states.shape[1:]:
+        driven = branch.over.at(branch.period, item.own_value)
+        values = eigenvalues(driven.monodromy(driven.run(item.state), rubbing=True))
+        multiplier = values[np.argmin(np.abs(values - 1.0))]
+    return bool(abs(multiplier - 1.0) <= SMOOTH)
 
 
 def _passes(line: Locus, item: Bifurcation, branch: Branch) -> bool:

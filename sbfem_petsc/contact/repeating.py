@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .compiled import compiled_loops
+from .friction import STICKS
 from .law import FREE
 from .marching import (
     Room,
@@ -16,10 +17,11 @@ from .marching import (
     StepLoads,
     StepState,
     _march,
+    _sets,
     contact_kernel,
     empty_room,
 )
-from .pivoting import add_rows, caught, contact_forces, products
+from .pivoting import add_rows, caught, products
 
 # What a motion has come to; from 0 on the number of a known one.
 UNSOLVED, UNSETTLED, REPEATS = -3, -2, -1
@@ -50,8 +52,10 @@ class Known(NamedTuple):
     ----------
     weights : (m,) array
         Of q in the norm of states, rad/s.
-    states : (k, 2 m) array
-        (weights q, v) at the beginning of a period.
+    units : (s,) array
+        Of slips there, m; (0,) where nothing rubs.
+    states : (k, 2 m + s) array
+        (weights q, v, slip / units) at the beginning of a period, slips of the instant before.
     radii : (k,) array
         Distance at which each is reached.
     size : float
@@ -59,13 +63,14 @@ class Known(NamedTuple):
     """
 
     weights: np.ndarray
+    units: np.ndarray
     states: np.ndarray
     radii: np.ndarray
     size: float
 
 
 class _Repetition(NamedTuple):
-    """Room for what the last periods began with (longest + 1, 2 m), and for the steps of one."""
+    """Room for what the last periods began with (longest + 1, 2 m + s), and for the steps of one."""
 
     recent: np.ndarray
     history: StepHistory
@@ -75,7 +80,7 @@ class _Repetition(NamedTuple):
 def settle(
     step: StepConstants,
     free_gap: np.ndarray,
-    state: tuple[np.ndarray, np.ndarray],
+    state: tuple[np.ndarray, np.ndarray, np.ndarray],
     known: Known,
     patience: Patience,
 ) -> tuple[int, int, int]:
@@ -86,8 +91,8 @@ def settle(
     step : StepConstants
     free_gap : (n + 1, pairs) array
         Over the period.
-    state : ((m,), (m,)) arrays
-        q, v; advanced in place.
+    state : ((m,), (m,), (s,)) arrays
+        q, v and the slips of the instant before; advanced in place.
     known : Known
     patience : Patience
 
@@ -97,13 +102,14 @@ def settle(
         Number of the known state that is reached, or REPEATS, UNSETTLED, UNSOLVED (a contact problem);
         periods done; periods after which the motion repeats itself, 0 unless it does.
     """
-    steps, pairs, m = len(free_gap) - 1, step.left.shape[1], len(known.weights)
+    steps, pairs, m, slips = len(free_gap) - 1, step.left.shape[1], len(known.weights), len(known.units)
+    told = np.empty((steps, m)), np.empty((steps, m)), np.empty((steps, pairs)), np.empty(steps)
     room = _Repetition(
-        np.zeros((patience.longest + 1, 2 * m)),
-        StepHistory(np.empty((steps, m)), np.empty((steps, m)), np.empty((steps, pairs)), np.empty(steps)),
+        np.zeros((patience.longest + 1, 2 * m + slips)),
+        StepHistory(*told, slips=np.empty((steps, slips))),
         empty_room(step),
     )
-    moving = StepState(*state, np.zeros(pairs), np.zeros(pairs, dtype=np.int8))
+    moving = StepState(*state[:2], np.zeros(pairs), np.zeros(pairs, dtype=np.int8), state[2])
     loads = StepLoads(np.zeros((0, m)), np.ascontiguousarray(free_gap), np.zeros(steps, dtype=np.int8))
     forces_of = contact_kernel(step, moving, room.steps)
     return _settle(step, loads, moving, (known, patience), room, forces_of)
@@ -118,25 +124,27 @@ def _settle(
     room: _Repetition,
     forces_of: Callable[..., int],
 ) -> tuple[int, int, int]:
-    (q, v, force, rows, _), (known, patience) = state, until
+    (q, v, force, rows, slip), (known, patience) = state, until
     recent, gap, thin, factor = room.recent, room.steps.before.gap, room.steps.thin, room.steps.factor
     steps, pairs, m = loads.free_gap.shape[0] - 1, gap.size, q.size
-    rank, kept = thin.size, recent.shape[0]
+    rank, (kept, size), count, former = thin.size, recent.shape, pairs - slip.size, room.steps.after.gap
     change_allowed = (patience.tolerance * known.size) ** 2
     for done in range(patience.limit + 1):
         place = done % kept
         for j in range(m):
             recent[place, j] = known.weights[j] * q[j]
             recent[place, m + j] = v[j]
+        for k in range(slip.size):
+            recent[place, 2 * m + k] = slip[k] / known.units[k]
         for k in range(known.radii.size):
             distance = 0.0
-            for j in range(2 * m):
+            for j in range(size):
                 distance += (recent[place, j] - known.states[k, j]) ** 2
             if distance <= known.radii[k] ** 2:
                 return k, done, 0
         for n in range(1, min(done, kept - 1) + 1):
             change, other = 0.0, (done - n) % kept
-            for j in range(2 * m):
+            for j in range(size):
                 change += (recent[place, j] - recent[other, j]) ** 2
             if change <= change_allowed:
                 return -1, done, n
@@ -148,14 +156,22 @@ def _settle(
             force[i] = 0.0
         products(step.right, q, rank, (m, m), thin)
         add_rows(step.left, factor.every, thin, rank, (pairs, pairs), gap)
-        for i in range(pairs):
+        for i in range(count):
             rows[i] = caught(step.laws, i, gap[i])
             touches |= rows[i] != FREE
+        for i in range(count, pairs):
+            rows[i], former[i] = FREE, slip[i - count]
+        sets = _sets(room.steps, 0)
         if touches:
-            factor.members[pairs] = -1
-            if contact_forces(step.residual, gap, step.laws, rows, factor, force) < 0:
+            sets.members[pairs] = -1
+            if forces_of(step.residual, (gap, former), (step.laws, step.rubbing, rows), sets, force) < 0:
                 return -3, done, 0
+        for i in range(count, pairs):
+            if rows[i] != STICKS:
+                slip[i - count] = sets.free[i] if touches else gap[i]
         reached, _, _, _ = _march(step, loads, state, room.history, room.steps, forces_of)
         if reached < steps:
             return -3, done, 0
+        for k in range(slip.size):
+            slip[k] = room.history.slips[steps - 2, k]
     return -2, patience.limit, 0

@@ -50,6 +50,9 @@ class Attraction:
         self.driven = period.at(frequency)
         self.orbits: list[Orbit] = []
         self._cycles: list[np.ndarray] = []
+        # the linear steady state without slips, which are not counted from those at rest
+        self._linear = self.driven.linear_state.copy()
+        self._linear[2 * period.modes :] = 0.0
 
     def add(self, orbit: Orbit) -> None:
         """Make an orbit known; one in other steps is found again in those of the map.
@@ -136,16 +139,17 @@ class Attraction:
     ) -> tuple[int, int, int, np.ndarray]:
         """Outcome, periods, repeats and last state of the history from one state."""
         d, p, m = self.driven, self.period, self.period.modes
-        difference = start - d.linear_state
-        q, v = difference[:m] / p.weights, difference[m:].copy()
+        q, v, slip = np.split(start - self._linear, [m, 2 * m])
+        q, slip = q / p.weights, p.slip_units * slip
         outcome, periods, repeats = settle(
             d.constants,
             d.free_gap,
-            (q, v),
-            Known(p.weights, known, radii, d.oscillation),
+            (q, v, slip),
+            Known(p.weights, p.slip_units, known, radii, d.oscillation),
             self.patience,
         )
-        return outcome, periods, repeats, d.linear_state + np.concatenate([p.weights * q, v])
+        end = np.concatenate([p.weights * q, v, slip / p.slip_units])
+        return outcome, periods, repeats, self._linear + end
 
     def _targets(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """States of the stable orbits, relative to the linear one, how near they capture, and whose they
@@ -160,11 +164,14 @@ class Attraction:
                 nearest = min(
                     (float(np.linalg.norm(other - state, axis=1).min()) for other in others), default=math.inf
                 )
-                states.append(state - self.driven.linear_state)
+                states.append(state - self._linear)
                 radii.append(min(CAPTURED * self._size(state), APART * nearest))
                 owners.append(k)
-        size = 2 * self.period.modes
-        return np.array(states).reshape(-1, size), np.array(radii), np.array(owners, dtype=int)
+        return (
+            np.array(states).reshape(-1, self.period.unknowns),
+            np.array(radii),
+            np.array(owners, dtype=int),
+        )
 
     def _identified(self, state: np.ndarray, repeats: int) -> int:
         """The number of the orbit that a history has settled on, a new one where it is not known; -1 if
@@ -172,6 +179,9 @@ class Attraction:
         """
         for k, cycle in enumerate(self._cycles):
             if np.linalg.norm(cycle - state, axis=1).min() <= SAME * self._size(state):
+                return k
+        for k, orbit in enumerate(self.orbits):
+            if orbit.sticking and repeats == 1 and self._alike(state, self._cycles[k]):
                 return k
         own = self.period.excitation.periods
         period = self.period.repeated(repeats)
@@ -189,3 +199,13 @@ class Attraction:
             return -1
         self.add(make_orbit(fixed, *orbit_stability(fixed), "history"))
         return len(self.orbits) - 1
+
+    def _alike(self, state: np.ndarray, cycle: np.ndarray) -> bool:
+        """Whether two motions of one period differ, but for where they rest, by no more than slips that stick
+        throughout make of them: these stay wherever they are, and such motions are no finite number.
+        """
+        if len(cycle) > 1:
+            return False
+        one, other = (self.driven.run(item).states for item in (state, cycle[0]))
+        apart = self.period.weights * (one - other)
+        return bool(np.abs(apart - apart.mean(axis=0)).max() <= NEAR * self.driven.oscillation)

@@ -174,7 +174,8 @@ class Basins(Record):
         elsewhere = self.states[(self.reached != k) & (self.reached >= 0)]
         if not len(elsewhere):
             return math.inf
-        return 0.5 * float(((elsewhere - self.orbits[k].state) ** 2).sum(axis=-1).min())
+        state = self.orbits[k].state[: self.states.shape[-1]]  # slips stand behind
+        return 0.5 * float(((elsewhere - state) ** 2).sum(axis=-1).min())
 
     def _furthest(self, least: float = 0.0) -> float:
         """Largest displacement of a named point in the motions that are reached, m; less than `least` where
@@ -234,12 +235,12 @@ def count_of(starts: Any) -> int:
     return 0
 
 
-def state_of(orbit: Orbit, modes: int) -> np.ndarray:
-    """(2 m,): the state of a motion at t = 0; ValueError if it has another number of modes."""
-    if orbit.state.shape != (2 * modes,):
+def state_of(orbit: Orbit, unknowns: int) -> np.ndarray:
+    """(2 m + k,): the state of a motion at t = 0; ValueError if it has another number of unknowns."""
+    if orbit.state.shape != (unknowns,):
         raise ValueError(
             f"basins: {orbit!r} has a state of {orbit.state.size} values, the reduced model one of "
-            f"{2 * modes}; give orbits of the same reduced model"
+            f"{unknowns}; give orbits of the same reduced model"
         )
     return orbit.state
 
@@ -252,7 +253,9 @@ def initial_states(
         axes = tuple(starts)
         for axis in axes:
             _check_axis(axis, reduced)
-        return axes, grid_of(axes, origin, [start_direction(axis, reduced, weights) for axis in axes])
+        behind = np.zeros(len(origin) - 2 * len(weights))  # axes do not move slips
+        ways = [np.append(start_direction(axis, reduced, weights), behind) for axis in axes]
+        return axes, grid_of(axes, origin, ways)
     if not isinstance(starts, tuple) or len(starts) != 2:
         raise TypeError(
             f"basins: starts = {shown(starts)} must be a sequence of StartAxis, or two arrays (..., m), "
@@ -266,7 +269,8 @@ def initial_states(
             f"basins: starts has the shapes {q.shape} and {v.shape}; two arrays (..., {len(weights)}) are "
             "expected"
         )
-    return (), origin + np.concatenate([weights * q, v], axis=-1)
+    slips = np.zeros((*q.shape[:-1], len(origin) - 2 * len(weights)))
+    return (), origin + np.concatenate([weights * q, v, slips], axis=-1)
 
 
 def _check_axis(axis: StartAxis, reduced: ReducedModel) -> None:

@@ -17,6 +17,7 @@ import numpy as np
 from ..contact.closed_sets import ClosedSets, exact_contacts, located_contacts, thin_factors
 from ..contact.friction import STICKS
 from ..contact.held_rows import empty_sets, rubbing_of
+from ..contact.located_rubbing import located_rubbing
 from ..contact.marching import (
     StepHistory,
     StepLoads,
@@ -37,6 +38,9 @@ from .steps import step_coefficients
 
 # How often a period is integrated again, for the states that rows begin in.
 _AGAIN = 4
+# Rows up to which switches of those that rub are located wherever those of others are: of more it costs
+# several times what the steps do, and is done for loci alone.
+FEW = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -391,14 +395,15 @@ class DrivenPeriod:
         columns: np.ndarray,
         parameters: tuple[str, ...] = (),
         located: bool = False,
+        rubbing: bool = False,
     ) -> np.ndarray:
         """Derivative of x(T) along columns of x(0), (2 m + k, c), and behind them with the named parameters,
         "frequency" or "load", at fixed x(0).
 
         Exact for the steps as they are, but that slips which stay what they are over the whole period count
         as if they came to nothing: any others are as periodic. `located` moves closing and opening pairs to
-        where they do so inside a step (see `closed_sets.located_contacts`), where nothing rubs; without
-        parameters.
+        where they do so inside a step (see `closed_sets.located_contacts`), and with `rubbing`, of periodic
+        motions, also what slips and sticks (`located_rubbing`); without parameters.
         """
         p, m = self.period, self.period.modes
         gap_rates = np.zeros((p.steps + 1, p.pairs, len(parameters)))
@@ -407,12 +412,13 @@ class DrivenPeriod:
             gap_rates[:, :, k], shifts[: 2 * m, k] = (
                 self._frequency_rates() if name == "frequency" else self._load_rates()
             )
+        located &= rubbing or p.friction is None
         derivative = self._derivative(motion, gap_rates, located, keep=columns.shape[1] < m)
         columns = np.concatenate([columns, -shifts], axis=1)
         columns[:m] /= p.weights[:, None]
         # slips that do not stick at t = 0 are forgotten there
         kept = columns[: 2 * m].any(axis=0)
-        kept |= columns[2 * m :][motion.rows[:1, len(p.laws) :].ravel() == STICKS].any(axis=0)
+        kept |= located | columns[2 * m :][motion.rows[:1, len(p.laws) :].ravel() == STICKS].any(axis=0)
         kept[columns.shape[1] - len(parameters) :] = True
         result = np.zeros_like(columns)
         result[:, kept] = derivative(
@@ -432,15 +438,17 @@ class DrivenPeriod:
         key = (located, motion)
         if gap_rates.shape[2] == 0 and self._kept is not None and self._kept[0] == key:
             return self._kept[1]
-        if p.friction is not None:
+
+        def gaps(instants: np.ndarray, rows: np.ndarray) -> np.ndarray:
+            elastic = np.einsum("kr,kr->k", motion.states[instants] @ p.right, p.left[rows])
+            residual = np.einsum("kc,kc->k", motion.forces[instants], p.residual_flexibility[rows])
+            return self.free_gap[instants, rows] + elastic + residual
+
+        if p.friction is not None and located:
+            contacts = located_rubbing(self.constants, (motion.rows, motion.forces), gaps, p.slip_units)
+        elif p.friction is not None:
             contacts = rubbing_contacts(self.constants, motion.rows, p.slip_units, gap_rates)
         elif located:
-
-            def gaps(instants: np.ndarray, rows: np.ndarray) -> np.ndarray:
-                elastic = np.einsum("kr,kr->k", motion.states[instants] @ p.right, p.left[rows])
-                residual = np.einsum("kc,kc->k", motion.forces[instants], p.residual_flexibility[rows])
-                return self.free_gap[instants, rows] + elastic + residual
-
             closed = p.laws.acting(motion.forces)
             contacts = located_contacts(
                 p.sets, p.right, self.coefficients, closed=closed, gaps=gaps, forces=motion.forces
@@ -453,9 +461,12 @@ class DrivenPeriod:
             self._kept = key, result
         return result
 
-    def monodromy(self, motion: PeriodMotion) -> np.ndarray:
-        """dx(T) / dx(0) of the motion, with switches located inside their steps, see `carried`."""
-        return self.carried(motion, np.eye(self.period.unknowns), located=True)
+    def monodromy(self, motion: PeriodMotion, rubbing: bool = False) -> np.ndarray:
+        """dx(T) / dx(0) of a periodic motion, with switches located inside their steps, see `carried`;
+        those of more than a few rows that rub only if asked for.
+        """
+        rubbing |= self.period.pairs <= FEW
+        return self.carried(motion, np.eye(self.period.unknowns), located=True, rubbing=rubbing)
 
     def _frequency_rates(self) -> tuple[np.ndarray, np.ndarray]:
         """Rates of the free gaps and of the linear state with the frequency."""

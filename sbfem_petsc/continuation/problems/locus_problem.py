@@ -111,7 +111,7 @@ class LocusProblem(Problem):
         if isinstance(family, OpenRowFamily):
             self.unit = max(float(np.ptp(family.gap(driven, driven.run(start.state), start.value))), 1e-300)
         elif not self.borders:
-            matrix = driven.monodromy(driven.run(start.state))
+            matrix = driven.monodromy(driven.run(start.state), rubbing=True)
             self.borders = _null_vectors(matrix, self.place(self.begin))
 
     def place(self, u: np.ndarray) -> complex:
@@ -288,7 +288,7 @@ class _AtMultiplier(LocusState):
     """g of the bordered monodromy."""
 
     def _begin(self) -> None:
-        problem, matrix = self.problem, self.driven.monodromy(self.motion)
+        problem, matrix = self.problem, self.driven.monodromy(self.motion, rubbing=True)
         (right, left), place, n = problem.borders, problem.place(self.u), len(matrix)
         bordered = np.zeros((n + 1, n + 1), dtype=np.result_type(right, matrix))
         bordered[:n, :n] = matrix
@@ -314,7 +314,7 @@ class _AtMultiplier(LocusState):
 
     def _change(self, u: np.ndarray, driven: DrivenPeriod, motion: PeriodMotion) -> np.ndarray:
         parts = [self.right.real, self.right.imag] if np.iscomplexobj(self.right) else [self.right]
-        moved = driven.carried(motion, np.array(parts).T, located=True)
+        moved = driven.carried(motion, np.array(parts).T, located=True, rubbing=True)
         image = moved[:, 0] + 1j * moved[:, 1] if len(parts) > 1 else moved[:, 0]
         place = self.problem.place(u) - self.problem.place(self.u)
         return self._real(-(self.left @ (image - self.image - place * self.right)))

@@ -50,6 +50,7 @@ class Basins(BasinsOptions, Loaded):
     kind: Literal["basins"] = item(text="basins of attraction")
     starts: list[StartAxis] = item(text="axes of the grid", min_length=1, max_length=3)
     signals = PERIODIC
+    rubs = True
     saved = "result.h5"
 
     def problems(self) -> Iterator[Problem]:

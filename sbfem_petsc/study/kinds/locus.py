@@ -29,6 +29,11 @@ class Locus(LineOptions, FrequencyRange, Loaded):
     signals = ("constant",)
     saved = "result.h5"
 
+    @property
+    def frictionless(self) -> str | None:
+        """See `Kind`."""
+        return " of grazing points" if "grazing" in self.bifurcations else None
+
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """A range of one factor, too."""
         yield from super().contradictions()
