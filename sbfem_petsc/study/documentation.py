@@ -51,15 +51,6 @@ from .case.sweep import Noise, Range, SweepTable
 from .case.tables import kind_name
 from .kinds.basins import StartAxis
 
-_HEAD = """# The case file
-
-A case file describes a structure, its loads and the analyses that are wanted, in [TOML](https://toml.io):
-tables in brackets, `key = value`, comments after `#`. `sbfem new beam case.toml` writes a commented one
-(`plate`, `gmsh`, `body`, `modulation`, `nonlinear` and `sweep` are others), `sbfem check case.toml` checks
-it, `sbfem run case.toml --output DIR` runs it. Lengths are in m, all units are SI, angles are in degrees.
-Keys without a default have to be given. This page is generated from the program's own tables;
-[`case_file.schema.json`](case_file.schema.json) lets an editor check and complete a case file.
-"""
 _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     (
         "[geometry]",
@@ -107,13 +98,6 @@ _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
 )
 
 
-_WORDS = """# Words of the analyses
-
-One word means one thing in all analyses, in Python and in a case file; where it is about another quantity it
-has a line for each. This page is generated from the classes of options (`sbfem_petsc/analysis/options.py`),
-which check them.
-
-"""
 # Arguments that are no options: of a call, not of what is computed.
 _ARGUMENTS = {
     "guess": "a motion that an iteration or a curve begins from",
@@ -123,72 +107,6 @@ _ARGUMENTS = {
     "progress": 'a function that is told the fraction done, "auto": a bar, or nothing',
     "reduction": "nothing: the unreduced model",
 }
-
-
-_RESULTS = """# Results: hold, save, read, plot, export
-
-In Python, and of a case whose results are in a folder `DIR`:
-
-- **See** what it is: `print(result)`, or its name at the end of a notebook's cell; `sbfem info DIR`.
-- **Hold** numbers: the attributes below, `result.displacement("A")`, of many results at any (x, y) too; of a
-  case `sb.read(DIR).value("push", "displacement", "A")`, of a [sweep](sweeps.md)
-  `sb.read(DIR).values["steady/A2_A1/A"]`, and `summary.json`; histories, motions and curves of a case are
-  files in `DIR/analyses` for `sb.read`.
-- **Save and read**: `sb.save(path, result)` writes any of these, or a list or dict of them, `sb.read(path)`
-  gives it back. Histories, curves and loci are kept while they run with `file=path`, and go on from there
-  with `resume=True`; a case goes on by the same command.
-- **Tables**: `result.to_csv(path)`, one for each axis, `result.to_xarray()`; `csv = true` or
-  `sbfem export DIR --csv`.
-- **Plot**: `plot_...` of [sbfem_petsc.plot](reference/plot.md), `save_picture(axes, path)`; `sbfem plot DIR`.
-- **Fields in ParaView**: `sb.write_vtu`, `sb.write_modes`, `sb.write_animation`; `vtu = true` or
-  `sbfem export DIR --vtu`.
-- **A report** of a case, one HTML file: `sbfem report DIR`.
-
-Other programs open the file as it is, xarray by `xarray.open_datatree(path)` (complex numbers come as pairs
-`r`, `i`, or with `auto_complex=True` as such), h5py, MATLAB and Octave (`ncread` of its package netcdf, which
-reads numbers alone) by the names below, and `pandas.read_csv` what `result.to_csv(path)` writes:
-
-```python
-import h5py
-import sbfem_petsc as sb
-from meshing import Beam, VNotch
-from sbfem_petsc.plot import plot_field, plot_harmonics, save_picture
-
-mesh = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.02)]).mesh()
-model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700.0), damping=0.01)
-push = sb.static(model, sb.PointForce("A", fy=100.0))
-orbit = sb.periodic(model, sb.PointForce("A", fy=300.0), 1000.0, modes=12, steps=64)
-print(push.reactions["left"][1], push.contact_resultant)  # N
-print(orbit.stable, orbit.amplitude("A"))  # m
-
-sb.save("both.h5", {"push": push, "orbit": orbit})
-both = sb.read("both.h5")
-with h5py.File("both.h5") as file:
-    force = file["push/contact_force"][:]  # N
-print(both["orbit"].to_csv("orbit.csv"))  # the tables that it has made
-save_picture(plot_harmonics(both["orbit"], "A"), "harmonics.png")
-save_picture(plot_field(model, {"push": push}), "stress.png")
-sb.write_vtu("stress.vtu", model, {"push": push, "orbit at 0.2 ms": orbit.field(2e-4)})
-```
-
-```text
--99.99999999777934 105.11232720796397
-True 2.6772487068344354e-05
-['orbit.csv', 'orbit_values.csv', 'orbit_iterate.csv', 'orbit_multiplier.csv', 'orbit_note.csv', ...]
-```
-
-Each name is an attribute in Python and, where another one stands behind it, that one in files and tables.
-
-- **file**: a data set with `units`, `long_name` and the axes named here as its dimensions, a text as an
-  attribute, a result inside this one as a group (several of them as groups `0000`, `0001` and so on). The
-  axis `*` is that of the result that the part is in. Fields of the nodes have [Body](#body) beside them.
-- **table**: a column, with the unit in its head, in the table of the first axis; without an axis a line of
-  `..._values.csv`.
-- **sweep**: a column of the table of a sweep.
-
-This page is generated from the classes of results, which write and read the files, too.
-
-"""
 
 
 def results() -> str:
@@ -213,7 +131,7 @@ def results() -> str:
         lines += ["| name | type or axes | unit | meaning | in |", "|---|---|---|---|---|"]
         lines += [_result_line(entry) for entry in entries(kind).values()]
         sections.append("\n".join(lines) + "\n")
-    return _RESULTS + "\n".join(sections)
+    return "\n".join(sections)
 
 
 def _result_line(entry: Entry) -> str:
@@ -255,13 +173,12 @@ def words() -> str:
         for (text, unit), names in under.items():
             listed = ", ".join(f"`{name}`" for name in names)
             lines.append(f"| `{word}` | {text} | {unit} | {listed} |")
-    return _WORDS + "\n".join(lines) + "\n"
+    return "\n".join(lines) + "\n"
 
 
 def markdown() -> str:
     """The reference page."""
-    parts = [_HEAD]
-    parts.append("## Top level\n\n" + _table(CaseTables, skip=("sweep",)))
+    parts = ["## Top level\n\n" + _table(CaseTables, skip=("sweep",))]
     for heading, text, tables in _SECTIONS:
         parts.append(f"## `{heading}`\n\n{text}".rstrip() + "\n")
         for table in tables:
@@ -379,13 +296,19 @@ def _kinds(annotation: Any) -> Iterator[str]:
 
 
 PAGES = {"results.md": results, "words.md": words, "case_file.md": markdown, "case_file.schema.json": schema}
+MARK = "<!-- Made by python -m sbfem_petsc.study.documentation from here on -->\n\n"
+
+
+def page(path: pathlib.Path) -> str:
+    """A file of `PAGES` as it is to be: what a person has written, up to the mark, stays."""
+    made = PAGES[path.name]()
+    return made if path.suffix == ".json" else path.read_text(encoding="utf-8").split(MARK)[0] + MARK + made
 
 
 def main() -> None:
-    """Write the files into the folder docs of the working directory."""
-    folder = pathlib.Path("docs")
-    for name, made in PAGES.items():
-        (folder / name).write_text(made(), encoding="utf-8")
+    """Write the files in the folder docs of the working directory anew."""
+    for path in (pathlib.Path("docs", name) for name in PAGES):
+        path.write_text(page(path), encoding="utf-8")
 
 
 if __name__ == "__main__":
