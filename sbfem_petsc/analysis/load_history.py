@@ -132,7 +132,7 @@ class LoadHistory(Record):
         "time tip component",
         called="stress_intensity",
         finite=False,
-        unit_of=lambda found: found.states[0].tip_facts.common,
+        unit_of=lambda found: found.states[0].tip_facts.by_tip,
     )
     def stress_intensities(self) -> np.ndarray:
         """(n, tips, 2): as `stress_intensity` of one tip."""

@@ -58,14 +58,14 @@ class Static(Record):
     field: np.ndarray = quantity("m", "displacements of the nodes", "node xy", distributed=True)
     iterations: int = quantity("1", "iterations of the active set")
     solver: str = quantity(text="what has solved it")
-    residual: float = quantity("1", "||K u - f - G' force|| / ||f||", least=0.0)
+    residual: float = quantity("1", "||K u - f - G' force|| / ||f||", least=0.0, row=True)
     stress_intensity: dict[str, tuple[float, float]] = quantity(
         "Pa m^(1 - exponent)",
         "K_I and K_II of each crack tip with a tip element",
         "tip component",
         row=True,
         finite=False,
-        unit_of=lambda found: found.tip_facts.common,
+        unit_of=lambda found: found.tip_facts.by_tip,
     )
     energy_release_rate: dict[str, float] = quantity(
         "J/m^2",
@@ -81,7 +81,9 @@ class Static(Record):
         "tip",
         finite=False,
     )
-    reactions: dict[str, np.ndarray] = quantity("N", "force of each support on the structure", "support xy")
+    reactions: dict[str, np.ndarray] = quantity(
+        "N", "force of each support on the structure", "support xy", row=True
+    )
     load: Loads
     model: Model
     columns: LoadColumns = attribute(repr=False)

@@ -121,7 +121,6 @@ class Orbit(Motion):
         "harmonic place xy",
         called="harmonics",
         kinds="c",
-        row=True,
     )
     def point_harmonics(self) -> np.ndarray:
         """(41 at most, points, 2): of the named points."""

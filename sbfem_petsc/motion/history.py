@@ -82,7 +82,7 @@ class Motion(Record):
         "K_I and K_II of each crack tip",
         "time tip component",
         called="stress_intensity",
-        unit_of=lambda motion: motion.states.tip_facts.common,
+        unit_of=lambda motion: motion.states.tip_facts.by_tip,
     )
     def stress_intensities(self) -> np.ndarray | None:
         """(n, tips, 2): as `stress_intensity` of one tip; None without tips."""

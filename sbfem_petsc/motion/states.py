@@ -202,7 +202,7 @@ class SampledStates(Record):
         "K_I and K_II of the crack tips",
         "time tip component",
         by="tip",
-        unit_of=lambda states: states.tip_facts.common,
+        unit_of=lambda states: states.tip_facts.by_tip,
     )
     tip_facts: TipFacts = quantity(text="kinds of the tips", part="TipFacts")
     gaps: int | None = quantity(

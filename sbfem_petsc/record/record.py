@@ -13,7 +13,7 @@ import importlib
 import math
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
@@ -84,7 +84,8 @@ class About:
     part : str
         Name of the record class that it, or each of a tuple, is of; of several classes that it may be of.
     unit_of : callable
-        The unit of one record, where that depends on it.
+        The unit of one record, where that depends on it; or units of its entries by their names, that of all
+        by "".
     """
 
     unit: str = "1"
@@ -103,7 +104,7 @@ class About:
     distributed: bool = False
     kept: bool = False
     part: str = ""
-    unit_of: Callable[[Any], str] | None = None
+    unit_of: Callable[[Any], str | Mapping[str, str]] | None = None
 
 
 def quantity(
@@ -194,6 +195,8 @@ class Quantity:
     dims : tuple of str
     names : dict of str to tuple of str
         Entries along some of the axes.
+    units : dict of str to str
+        Of entries by their names, where they have different ones.
     """
 
     entry: Entry
@@ -201,6 +204,7 @@ class Quantity:
     unit: str
     dims: tuple[str, ...]
     names: Mapping[str, tuple[str, ...]]
+    units: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -338,10 +342,10 @@ class Record:
                     continue
             if isinstance(value, tuple) and not value and len(dims) > 1:
                 value = np.zeros((0,) * len(dims))
-            unit = about.unit if about.unit_of is None else about.unit_of(self)
-            yield Quantity(entry, np.asarray(value) if dims else value, unit, dims, names).of_points(
-                self.of_rows
-            )
+            told = about.unit if about.unit_of is None else about.unit_of(self)
+            units: Mapping[str, str] = {"": told} if isinstance(told, str) else told
+            found = np.asarray(value) if dims else value
+            yield Quantity(entry, found, units[""], dims, names, units).of_points(self.of_rows)
 
     @classmethod
     def _labelled(cls, given: tuple[str, ...] = ()) -> dict[str, str]:
@@ -376,12 +380,15 @@ class Record:
             names = {"place": tuple(self.point_directions)}
             yield Quantity(DIRECTION, np.array([*self.point_directions.values()]), "1", ("place",), names)
 
-    def sweep_row(self) -> dict[str, tuple[Any, str]]:
-        """What a row of a sweep keeps: values and units by "quantity" or "quantity/name"."""
+    def sweep_row(self, points: Container[str] | None = None) -> dict[str, tuple[Any, str]]:
+        """What a row of a sweep keeps, of some points or all: values and units by "quantity" or
+        "quantity/name".
+        """
         return {
-            f"{q.name}/{name}" if name else q.name: (item, q.unit)
+            f"{q.name}/{name}" if name else q.name: (item, q.units.get(name, q.unit))
             for q in self._presented(lambda about: about.row)
             for name, item in q.by_name()
+            if points is None or "place" not in q.names or name in points
         }
 
     def tables(self) -> dict[str, dict[str, Any]]:

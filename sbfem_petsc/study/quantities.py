@@ -59,7 +59,7 @@ def tree_of(record: Record, points: Sequence[str], details: Sequence[str] = ()) 
         by = next((dim for dim in q.dims if dim in q.names), None)
         dims = tuple(dim for dim in q.dims if dim != by)
         entries = {
-            name: Quantity(_value(item), q.unit, q.about.text, q.about.detail, dims)
+            name: Quantity(_value(item), q.units.get(name, q.unit), q.about.text, q.about.detail, dims)
             for name, item in q.by_name()
             if name in known
         }
@@ -107,16 +107,6 @@ def symbol(tree: Tree, point: str) -> str:
     own = tree.get("directions")
     along = "y" if own is None else own[point].value
     return f"u_{along}({point})" if along else f"u({point})"
-
-
-def intensities(motion: Any) -> Tree:
-    """K of each crack tip over time in its own unit, as entry of a tree."""
-    facts = motion.states.tip_facts
-    found = {
-        name: Quantity(motion.stress_intensity(name), facts.unit(name), "K_I, K_II", detail=True)
-        for name in motion.tips
-    }
-    return {"stress_intensity": found} if found else {}
 
 
 def quantities(result: Any, **described: tuple[str, str]) -> Tree:

@@ -66,7 +66,7 @@ class QuasiPeriodic(Record):
         "1", "of Newton's method, relative to the linear response", "iterate"
     )
     exponents: np.ndarray = quantity("1/s", "largest Lyapunov exponents", "exponent", finite=False)
-    contact_peak: float = quantity("N", "largest contact resultant", least=0.0)
+    contact_peak: float = quantity("N", "largest contact resultant", least=0.0, row=True)
     lines: np.ndarray = quantity(
         "m",
         "amplitudes at multiples 0 to 20 of the faster tone plus those, about 0, of the slower one",

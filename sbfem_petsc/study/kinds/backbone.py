@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any, Literal
 
 import sbfem_petsc as sb
@@ -10,7 +10,6 @@ import sbfem_petsc as sb
 from ...analysis.options import BackboneOptions
 from ...options import item
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
-from ..quantities import Tree, of_points, quantities
 from .kind import Drawn, Kind, Run, Values, Wanted
 
 
@@ -20,32 +19,14 @@ class Backbone(BackboneOptions, Kind):
     kind: Literal["backbone"] = item(text="frequency of free vibration over its energy")
     alike = True
     running = "result.journal"
+    details = ("harmonics",)
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Backbone:
         return sb.backbone(model, **self.of(BackboneOptions), **run.kept)
 
-    def tree(self, result: Any, points: Sequence[str]) -> Tree:
-        return {
-            **quantities(
-                result,
-                mode=("1", "number of the mode"),
-                energy=("J", "energy of the motion"),
-                frequency=("Hz", "frequency of the motion"),
-                frequency_error=("Hz", "estimated error of the frequency"),
-                damping_ratio=("1", "damping ratio by the rate of decay"),
-                damping_error=("1", "estimated error of damping_ratio"),
-                energy_damping_ratio=("1", "damping ratio by the energy"),
-                energy_damping_error=("1", "estimated error of energy_damping_ratio"),
-                stable=("1", "stability of each point"),
-                complete=("1", ""),
-                reason=("1", "why the branch ends"),
-            ),
-            "amplitude": of_points(points, result.amplitude, "m", "half the peak-to-peak of u_y"),
-            "harmonics": of_points(points, result.harmonics, "m", "complex harmonics of u_y, the mean first"),
-        }
-
     def row(self, result: Any, wanted: Wanted) -> Values:
         return {
+            **super().row(result, wanted),
             "first_frequency": (float(result.frequency[0]), "Hz"),
             "last_frequency": (float(result.frequency[-1]), "Hz"),
             "last_energy": (float(result.energy[-1]), "J"),

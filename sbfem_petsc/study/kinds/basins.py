@@ -114,6 +114,7 @@ class Basins(BasinsOptions, Loaded):
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         return {
+            **super().row(result, wanted),
             "orbits": (float(len(result.orbits)), "1"),
             "largest_share": (float(result.share.max(initial=0.0)), "1"),
             "not_settled": (float(np.mean(result.reached < 0)), "1"),

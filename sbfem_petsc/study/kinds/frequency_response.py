@@ -7,14 +7,12 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal
 
-import numpy as np
-
 import sbfem_petsc as sb
 
 from ...analysis.options import FrequencyResponseOptions
 from ...options import item
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
-from ..quantities import Quantity, Tree, of_points, quantities
+from ..quantities import Tree, quantities
 from .kind import Drawn, Kind, Loaded, Run, Values, Wanted
 
 
@@ -24,6 +22,7 @@ class Curve(Kind):
     reduced: bool = item(True, text="false: the unreduced model")
     rubs = True
     running = "curve.journal"
+    details = ("harmonics",)
     captions = {"curve": "response curve"}
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
@@ -47,25 +46,7 @@ class Curve(Kind):
         return "modes" if self.reduced else None
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
-        over = "Hz" if result.parameter == "frequency" else "1"
-        tree: Tree = {
-            "parameter": Quantity(result.parameter),
-            "frequency": Quantity(np.asarray(result.frequency), "Hz", "forcing frequency"),
-            **branch_tree(result, points, over, "frequency, or factor on loads, damping or gaps"),
-            "undecided": Quantity(result.undecided, "1", "whether its uncertainty leaves that open"),
-            "converged": Quantity(result.converged),
-            "contact_peak": Quantity(result.contact_peak, "N", "largest contact resultant"),
-            "bifurcations": [
-                {
-                    "kind": item.kind,
-                    "value": float(item.value),
-                    "error": float(item.error),
-                    "own_value": float(item.own_value),
-                    "multiplier": complex(item.multiplier),
-                }
-                for item in result.bifurcations
-            ],
-        }
+        tree = super().tree(result, points)
         if result.parameter == "frequency":
             tree["peak"] = {
                 point: quantities(
@@ -83,7 +64,7 @@ class Curve(Kind):
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values: Values = {
-            "complete": (float(result.complete), "1"),
+            **super().row(result, wanted),
             "curve_points": (float(len(result.value)), "1"),
             "unstable_points": (float(result.unstable.sum()) if result.told else math.nan, "1"),
             "bifurcations": (float(len(result.bifurcations)), "1"),
@@ -112,7 +93,10 @@ class Curve(Kind):
     @classmethod
     def tables(cls, tree: Tree) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
         if tree["bifurcations"]:
-            yield ("bifurcation", "at"), [(entry["kind"], entry["value"]) for entry in tree["bifurcations"]]
+            yield (
+                ("bifurcation", "at"),
+                [(entry["kind"].value, entry["value"].value) for entry in tree["bifurcations"]],
+            )
 
 
 class FrequencyResponse(FrequencyResponseOptions, Curve, Loaded):
@@ -130,18 +114,6 @@ class FrequencyResponse(FrequencyResponseOptions, Curve, Loaded):
         if not self.contact:
             return Cost(size.extracting(size.modes(self.modes)), 0.0, disk=1e6)
         return curve_cost(size, self)
-
-
-def branch_tree(result: Any, points: Sequence[str], unit: str, text: str) -> Tree:
-    """What curves of any kind have in common, over a value with its unit and description."""
-    return {
-        "value": Quantity(result.value, unit, text),
-        "amplitude": of_points(points, result.amplitude, "m", "half the peak-to-peak of u_y"),
-        "harmonics": of_points(points, result.harmonics, "m", "complex harmonics of u_y, the mean first"),
-        "stable": Quantity(result.stable, "1", "stability of each point, false where it is not told"),
-        "complete": Quantity(bool(result.complete)),
-        "reason": Quantity(result.reason, "1", "why the curve ends"),
-    }
 
 
 def curve_cost(size: Size, table: Any) -> Cost:

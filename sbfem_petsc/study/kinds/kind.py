@@ -239,8 +239,8 @@ class Kind(Table):
         return tree_of(result, points, self.details)
 
     def row(self, result: Any, wanted: Wanted) -> Values:
-        """What a row of a sweep keeps of a result. Collective."""
-        raise NotImplementedError
+        """What a row of a sweep keeps of a result: what its class says. Collective."""
+        return dict(result.sweep_row(wanted.points))
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         """Name and axes of each picture. Collective."""

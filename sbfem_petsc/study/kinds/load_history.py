@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any, Literal
 
 import numpy as np
@@ -14,7 +14,6 @@ from ...options import item
 from ..case.parameters import grid
 from ..case.sweep import Times
 from ..costs import Cost, Size
-from ..quantities import Quantity, Tree
 from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted, along, peak_reactions
 
 
@@ -29,10 +28,6 @@ class LoadHistory(LoadHistoryOptions, Loaded):
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.LoadHistory:
         return sb.load_history(model, self.acting(case), grid(self.times), **self.of(LoadHistoryOptions))
-
-    def tree(self, result: Any, points: Sequence[str]) -> Tree:
-        factors = {name: Quantity(found, unit, "K_I, K_II") for name, found, unit in _intensities(result)}
-        return {**super().tree(result, points), "stress_intensity": factors}
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values: Values = {

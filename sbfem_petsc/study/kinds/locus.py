@@ -12,7 +12,7 @@ from ...analysis.options import FrequencyRange, LineOptions
 from ...options import item
 from ..case.tables import Problem
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
-from ..quantities import Quantity, Tree
+from ..quantities import Quantity, Tree, tree_of
 from .kind import Drawn, Loaded, Run, Values, Wanted
 
 
@@ -70,19 +70,7 @@ class Locus(LineOptions, FrequencyRange, Loaded):
             super().save(result, part)
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
-        lines = [
-            {
-                "kind": line.kind,
-                "parameter": line.parameter,
-                "frequency": Quantity(line.frequency, "Hz", "forcing frequency"),
-                "value": Quantity(line.value, "1", "factor on the second parameter"),
-                "multiplier": Quantity(
-                    line.multiplier, "1", "multiplier on the unit circle, nan for grazing"
-                ),
-                "ends": f"{line.reasons[0]}; {line.reasons[1]}",
-            }
-            for line in result
-        ]
+        lines = [tree_of(line, points) for line in result]
         tree: Tree = {"count": Quantity(len(lines), "1", "number of lines"), "loci": lines}
         return tree if lines else {**tree, "reason": Quantity(self._none(), "1", "why there is none")}
 

@@ -31,10 +31,7 @@ class Modal(ModalOptions, Kind):
         return sb.modal(model, **self.of(ModalOptions))
 
     def row(self, result: Any, wanted: Wanted) -> Values:
-        values: Values = {
-            "frequencies": (np.asarray(result.frequencies), "Hz"),
-            **estimated_error(self, result),
-        }
+        values = super().row(result, wanted) | estimated_error(self, result)
         if isinstance(result, sb.Modal):
             values["largest_residual"] = (float(np.max(result.residuals)), "1")
         healthy = wanted.healthy()

@@ -18,7 +18,7 @@ from ..case import objects
 from ..case.objects import located
 from ..case.tables import Path
 from ..costs import MULTIPLIERS, STEPS, Cost, Size
-from ..quantities import Quantity, Tree, intensities, of_points, symbol
+from ..quantities import Quantity, Tree, of_points, symbol
 from .kind import PERIODIC, RUBBING, Drawn, Kind, Loaded, Run, Values, Wanted, along, peak_reactions
 
 # Harmonics of a motion kept beside its whole waveform, of each point in a row of a sweep, and in a report.
@@ -49,7 +49,6 @@ class Steady(Kind):
 
         tree: Tree = {
             **super().tree(result, points),
-            **intensities(result),
             "harmonics": harmonics("y"),
             **({} if result.point_directions else {"harmonics_x": harmonics("x")}),
             "stable": Quantity(result.stable, "1", "stability, None if it was not asked for or is not known"),
@@ -68,10 +67,9 @@ class Steady(Kind):
         return tree
 
     def row(self, result: Any, wanted: Wanted) -> Values:
-        values: Values = {}
+        values = super().row(result, wanted)
         for point in wanted.points:
             u = result.displacement(point)
-            values[f"amplitude/{point}"] = (0.5 * float(np.ptp(along(u))), "m")
             motions = {"": along(u)}
             if wanted.noisy is not None:
                 motions["_noisy"] = wanted.noisy(along(u))
@@ -91,8 +89,6 @@ class Steady(Kind):
         if len(result.multipliers):
             values["largest_multiplier"] = (float(np.abs(result.multipliers[0])), "1")
             values["stable"] = (truth(result.stable), "1")
-        if result.friction_loss is not None:
-            values["friction_loss"] = (result.friction_loss, "J")
         balance = self._energy_balance(wanted.case, result)
         return values if balance is None else values | {"energy_error": (balance, "1")}
 

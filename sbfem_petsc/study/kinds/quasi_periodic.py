@@ -106,7 +106,7 @@ class QuasiPeriodic(QuasiPeriodicOptions, Kind):
     def row(self, result: Any, wanted: Wanted) -> Values:
         named = lines_of(result.frequencies, self.order)
         values: Values = {
-            "contact_peak": (float(result.contact_peak), "N"),
+            **super().row(result, wanted),
             "residual": (float(result.residuals[-1]), "1"),
             "iterations": (float(len(result.residuals) - 1), "1"),
             "line_frequency": (np.abs(named @ np.array(result.frequencies)), "Hz"),
@@ -114,8 +114,6 @@ class QuasiPeriodic(QuasiPeriodicOptions, Kind):
         if len(result.exponents):
             values["largest_exponent"] = (float(result.exponents[0]), "1/s")
             values["stable"] = (truth(result.stable), "1")
-        if result.friction_power is not None:
-            values["friction_power"] = (result.friction_power, "W")
         for point in wanted.points:
             values[f"lines/{point}"] = (line_values(result, named, point), "m")
             values[f"modulation_index/{point}"] = (result.modulation_index(point), "1")

@@ -13,7 +13,7 @@ from ...analysis.options import FrequencyRange, SwitchOptions, TorusCurveOptions
 from ...errors import SolveError
 from ...options import item
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
-from ..quantities import Quantity, Tree, of_points, quantities
+from ..quantities import Quantity, Tree, of_points
 from .kind import Drawn, Loaded, Run, Values, Wanted
 from .quasi_periodic import curve_memory, line_values, lines_of, unresolved
 
@@ -62,6 +62,7 @@ class QuasiPeriodicResponse(TorusCurveOptions, SwitchOptions, FrequencyRange, Lo
             return np.array([line_values(motion, named, point) for motion in result.motions])
 
         return {
+            **super().tree(result, points),
             "own_frequency": Quantity(result.frequencies[:, 1], "Hz", "of the motion's own tone"),
             "line": Quantity(named, "1", "m, n of each line, in order of frequency at the first motion"),
             "lines": of_points(
@@ -73,23 +74,12 @@ class QuasiPeriodicResponse(TorusCurveOptions, SwitchOptions, FrequencyRange, Lo
                 "m",
                 "amplitude of u_y at the own tone",
             ),
-            "contact_peak": Quantity(
-                np.array([motion.contact_peak for motion in result.motions]), "N", "largest contact resultant"
-            ),
-            **quantities(
-                result,
-                value=("Hz", "forcing frequency"),
-                stable=("1", "stability of each motion"),
-                tail=("1", "share of the highest quarter of the samples' harmonics"),
-                complete=("1", ""),
-                reason=("1", "why the curve ends"),
-            ),
         }
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         own = result.frequencies[:, 1]
         return {
-            "complete": (float(result.complete), "1"),
+            **super().row(result, wanted),
             "curve_points": (float(len(result)), "1"),
             "unstable_points": (float(np.sum(result.unstable)), "1"),
             "least_own_frequency": (float(own.min()), "Hz"),

@@ -14,7 +14,7 @@ from ...options import Pair, item
 from ..case.problems import filed
 from ..case.tables import Name, Path, Problem
 from ..costs import Cost, Size
-from ..quantities import Quantity, Tree, of_points
+from ..quantities import Tree, of_points
 from .kind import Drawn, Loaded, Run, Values, Wanted
 from .modal import estimated_error
 
@@ -57,27 +57,16 @@ class Static(StaticOptions, Loaded):
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
         tree = super().tree(result, points)
-        for name in tree.get("stress_intensity", {}):
-            tree["stress_intensity"][name] = intensity(
-                result.stress_intensity[name], result.model.tips.intensities, name
-            )
         stresses = self._stresses(result)
         if stresses:
             tree["stress"] = of_points(list(stresses), stresses.get, "Pa", "stress xx, yy, xy")
         return tree
 
     def row(self, result: Any, wanted: Wanted) -> Values:
-        values: Values = {
-            f"displacement/{point}": (result.displacement(point), "m") for point in wanted.points
-        }
-        values["contact_resultant"] = (float(result.contact_resultant), "N")
+        values = super().row(result, wanted)
         if isinstance(result, sb.ReducedStatic):
             return values
-        values["residual"] = (float(result.residual), "1")
-        for name, pair in result.stress_intensity.items():
-            values[f"stress_intensity/{name}"] = (np.asarray(pair), result.model.tips.intensities.unit(name))
         values |= {f"stress/{place}": (stress, "Pa") for place, stress in self._stresses(result).items()}
-        values |= {f"reactions/{name}": (force, "N") for name, force in result.reactions.items()}
         return values | estimated_error(self, result)
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
@@ -94,8 +83,3 @@ class Static(StaticOptions, Loaded):
 
     def cost(self, size: Size) -> Cost:
         return Cost(0.0, 0.03 + 1e-5 * size.unknowns, disk=32.0 * size.pairs)
-
-
-def intensity(factors: Any, facts: Any, name: str) -> Quantity:
-    """K_I and K_II of a tip, of one state or of several."""
-    return Quantity(np.asarray(factors), facts.unit(name), "K_I, K_II")

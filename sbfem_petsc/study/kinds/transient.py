@@ -14,7 +14,7 @@ from ...analysis.options import TransientOptions
 from ...indicators.detection import contact_duty
 from ...options import item
 from ..costs import Cost, Size
-from ..quantities import Quantity, Tree, intensities, of_points
+from ..quantities import Quantity, Tree, of_points
 from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted, along, peak_reactions
 
 _ENERGIES = {
@@ -63,7 +63,6 @@ class Transient(TransientOptions, Loaded):
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
         return {
             **super().tree(result, points),
-            **intensities(result),
             "velocity": of_points(points, result.velocity, "m/s", "velocity", detail=True),
             "acceleration": of_points(points, result.acceleration, "m/s^2", "acceleration", detail=True),
             "energy": {
@@ -75,7 +74,7 @@ class Transient(TransientOptions, Loaded):
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values: Values = {
-            "energy_error": (_energy_error(result), "1"),
+            **super().row(result, wanted),
             "peak_contact_resultant": (float(result.contact_resultant.max(initial=0.0)), "N"),
             **peak_reactions(result),
         }
@@ -116,9 +115,3 @@ class Transient(TransientOptions, Loaded):
         keys = ("frequency", "start", "stop")
         highest = max((signal.get(key) or 0.0 for signal in signals for key in keys), default=0.0)
         return 1.0 / (320.0 * highest) if highest > 0.0 else self.duration / 2000.0
-
-
-def _energy_error(result: Any) -> float:
-    """Largest imbalance of the energies, relative to the loads' work."""
-    supplied = float(np.abs(result.energy.external).max(initial=0.0))
-    return float(np.abs(result.energy.balance).max()) / supplied if supplied > 0.0 else 0.0

@@ -63,6 +63,11 @@ class TipFacts(Record):
         units = {unit for name in self.names for unit in self.units(name)}
         return units.pop() if len(units) == 1 else "Pa m^(1 - exponent)"
 
+    @property
+    def by_tip(self) -> dict[str, str]:
+        """Unit of K_I and K_II by the tips' names, that of all by ""."""
+        return {"": self.common} | {name: self.unit(name) for name in self.names}
+
     def unit(self, tip: str) -> str:
         """Of both, "K_I in ..., K_II in ..." where they differ."""
         one, two = self.units(tip)
