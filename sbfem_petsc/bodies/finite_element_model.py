@@ -241,13 +241,8 @@ class FiniteElementModel:
             distance[np.abs(distance) < APART * 1e-6 * np.ptp(x, axis=0).max()] = 0.0
         if gap is not None:
             distance = given_gap(gap, x)
-        if (distance < 0.0).any() and not interference:
-            least = distance.min()
-            why = f", with offset = {offset:g} m between nodes {least + offset:g} m apart" if offset else ""
-            raise ValueError(
-                f"contact: the faces overlap by {-least:g} m{why}; is the normal from left to right? Say "
-                "interference=True if they are to press on each other at rest"
-            )
+        if not interference:
+            _require_apart(distance, offset)
         return moving_pairs(one, law, rows, slips, distance)
 
     def _triangles(self, face: list[int], normal: np.ndarray) -> np.ndarray:
@@ -439,3 +434,13 @@ def _vector(owner: str, name: str, given: Any) -> np.ndarray:
     if len(vector) != 3 or not vector.any():
         raise ValueError(f"{owner}: {name} = {shown(given)} must be three numbers that are not all zero")
     return vector / np.linalg.norm(vector)
+
+
+def _require_apart(distance: np.ndarray, offset: float) -> None:
+    if (distance < 0.0).any():
+        least = distance.min()
+        why = f", with offset = {offset:g} m between nodes {least + offset:g} m apart" if offset else ""
+        raise ValueError(
+            f"contact: the faces overlap by {-least:g} m{why}; is the normal from left to right? Say "
+            "interference=True if they are to press on each other at rest"
+        )

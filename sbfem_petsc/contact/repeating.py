@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .compiled import compiled_loops
+from .compiled import compiled_loops, inner_loops
 from .friction import STICKS
 from .law import FREE
 from .marching import (
@@ -115,6 +115,18 @@ def settle(
     return _settle(step, loads, moving, (known, patience), room, forces_of)
 
 
+@inner_loops
+def _reached(known: Known, state: np.ndarray) -> int:
+    """The known state that is reached, or -1."""
+    for k in range(known.radii.size):
+        distance = 0.0
+        for j in range(state.size):
+            distance += (state[j] - known.states[k, j]) ** 2
+        if distance <= known.radii[k] ** 2:
+            return k
+    return -1
+
+
 @compiled_loops
 def _settle(
     step: StepConstants,
@@ -136,12 +148,9 @@ def _settle(
             recent[place, m + j] = v[j]
         for k in range(slip.size):
             recent[place, 2 * m + k] = slip[k] / known.units[k]
-        for k in range(known.radii.size):
-            distance = 0.0
-            for j in range(size):
-                distance += (recent[place, j] - known.states[k, j]) ** 2
-            if distance <= known.radii[k] ** 2:
-                return k, done, 0
+        reached = _reached(known, recent[place])
+        if reached >= 0:
+            return reached, done, 0
         for n in range(1, min(done, kept - 1) + 1):
             change, other = 0.0, (done - n) % kept
             for j in range(size):

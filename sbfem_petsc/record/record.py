@@ -330,10 +330,7 @@ class Record:
             if value is None:
                 continue
             dims = expanded(about.dims, given)
-            names = {
-                dim: tuple(getattr(self, at)) for dim, at in self._labelled(given).items() if dim in dims
-            }
-            names = {dim: entries for dim, entries in names.items() if entries}
+            names = self._names_along(dims, given)
             if isinstance(value, Mapping):
                 axis = dims.index(about.by) if about.by else 0
                 names[dims[axis]] = tuple(value)
@@ -346,6 +343,11 @@ class Record:
             units: Mapping[str, str] = {"": told} if isinstance(told, str) else told
             found = np.asarray(value) if dims else value
             yield Quantity(entry, found, units[""], dims, names, units).of_points(self.of_rows)
+
+    def _names_along(self, dims: tuple[str, ...], given: tuple[str, ...]) -> dict[str, tuple]:
+        """Of the entries along axes, where there are any."""
+        found = {dim: tuple(getattr(self, at)) for dim, at in self._labelled(given).items() if dim in dims}
+        return {dim: names for dim, names in found.items() if names}
 
     @classmethod
     def _labelled(cls, given: tuple[str, ...] = ()) -> dict[str, str]:
