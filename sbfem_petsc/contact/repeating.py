@@ -116,15 +116,30 @@ def settle(
 
 
 @inner_loops
-def _reached(known: Known, state: np.ndarray) -> int:
-    """The known state that is reached, or -1."""
-    for k in range(known.radii.size):
-        distance = 0.0
-        for j in range(state.size):
-            distance += (state[j] - known.states[k, j]) ** 2
-        if distance <= known.radii[k] ** 2:
-            return k
-    return -1
+def _touch(
+    step: StepConstants, free_gap: np.ndarray, state: StepState, room: Room, forces_of: Callable[..., int]
+) -> bool:
+    """Contact at t = 0, where the modes are and after the slips before; whether it is solved."""
+    (q, _, force, rows, slip), gap, former = state, room.before.gap, room.after.gap
+    pairs, count, m, rank, touches = gap.size, gap.size - slip.size, q.size, room.thin.size, False
+    for i in range(pairs):
+        gap[i], force[i] = free_gap[0, i], 0.0
+    products(step.right, q, rank, (m, m), room.thin)
+    add_rows(step.left, room.factor.every, room.thin, rank, (pairs, pairs), gap)
+    for i in range(count):
+        rows[i] = caught(step.laws, i, gap[i])
+        touches |= rows[i] != FREE
+    for i in range(count, pairs):
+        rows[i], former[i] = FREE, slip[i - count]
+    sets = _sets(room, 0)
+    if touches:
+        sets.members[pairs] = -1
+        if forces_of(step.residual, (gap, former), (step.laws, step.rubbing, rows), sets, force) < 0:
+            return False
+    for i in range(count, pairs):
+        if rows[i] != STICKS:
+            slip[i - count] = sets.free[i] if touches else gap[i]
+    return True
 
 
 @compiled_loops
@@ -136,10 +151,8 @@ def _settle(
     room: _Repetition,
     forces_of: Callable[..., int],
 ) -> tuple[int, int, int]:
-    (q, v, force, rows, slip), (known, patience) = state, until
-    recent, gap, thin, factor = room.recent, room.steps.before.gap, room.steps.thin, room.steps.factor
-    steps, pairs, m = loads.free_gap.shape[0] - 1, gap.size, q.size
-    rank, (kept, size), count, former = thin.size, recent.shape, pairs - slip.size, room.steps.after.gap
+    (q, v, _, _, slip), (known, patience), recent = state, until, room.recent
+    steps, m, (kept, size) = loads.free_gap.shape[0] - 1, q.size, recent.shape
     change_allowed = (patience.tolerance * known.size) ** 2
     for done in range(patience.limit + 1):
         place = done % kept
@@ -148,9 +161,12 @@ def _settle(
             recent[place, m + j] = v[j]
         for k in range(slip.size):
             recent[place, 2 * m + k] = slip[k] / known.units[k]
-        reached = _reached(known, recent[place])
-        if reached >= 0:
-            return reached, done, 0
+        for k in range(known.radii.size):
+            distance = 0.0
+            for j in range(size):
+                distance += (recent[place, j] - known.states[k, j]) ** 2
+            if distance <= known.radii[k] ** 2:
+                return k, done, 0
         for n in range(1, min(done, kept - 1) + 1):
             change, other = 0.0, (done - n) % kept
             for j in range(size):
@@ -159,25 +175,8 @@ def _settle(
                 return -1, done, n
         if done == patience.limit:
             break
-        touches = False
-        for i in range(pairs):
-            gap[i] = loads.free_gap[0, i]
-            force[i] = 0.0
-        products(step.right, q, rank, (m, m), thin)
-        add_rows(step.left, factor.every, thin, rank, (pairs, pairs), gap)
-        for i in range(count):
-            rows[i] = caught(step.laws, i, gap[i])
-            touches |= rows[i] != FREE
-        for i in range(count, pairs):
-            rows[i], former[i] = FREE, slip[i - count]
-        sets = _sets(room.steps, 0)
-        if touches:
-            sets.members[pairs] = -1
-            if forces_of(step.residual, (gap, former), (step.laws, step.rubbing, rows), sets, force) < 0:
-                return -3, done, 0
-        for i in range(count, pairs):
-            if rows[i] != STICKS:
-                slip[i - count] = sets.free[i] if touches else gap[i]
+        if not _touch(step, loads.free_gap, state, room.steps, forces_of):
+            return -3, done, 0
         reached, _, _, _ = _march(step, loads, state, room.history, room.steps, forces_of)
         if reached < steps:
             return -3, done, 0
