@@ -13,12 +13,13 @@ import importlib
 import math
 import os
 import re
-from collections.abc import Callable, Container, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
+from ..checks import names_of
 from ..checks import path as checked_path
 from ..writing import write_table
 
@@ -105,6 +106,11 @@ class About:
     kept: bool = False
     part: str = ""
     unit_of: Callable[[Any], str | Mapping[str, str]] | None = None
+
+    def units(self, record: Any) -> Mapping[str, str]:
+        """Units of a record's entries by their names, that of all by ""."""
+        told = self.unit if self.unit_of is None else self.unit_of(record)
+        return {"": told} if isinstance(told, str) else told
 
 
 def quantity(
@@ -339,8 +345,7 @@ class Record:
                     continue
             if isinstance(value, tuple) and not value and len(dims) > 1:
                 value = np.zeros((0,) * len(dims))
-            told = about.unit if about.unit_of is None else about.unit_of(self)
-            units: Mapping[str, str] = {"": told} if isinstance(told, str) else told
+            units = about.units(self)
             found = np.asarray(value) if dims else value
             yield Quantity(entry, found, units[""], dims, names, units).of_points(self.of_rows)
 
@@ -382,15 +387,21 @@ class Record:
             names = {"place": tuple(self.point_directions)}
             yield Quantity(DIRECTION, np.array([*self.point_directions.values()]), "1", ("place",), names)
 
-    def sweep_row(self, points: Container[str] | None = None) -> dict[str, tuple[Any, str]]:
+    def sweep_row(self, points: Sequence[str] | None = None) -> dict[str, tuple[Any, str]]:
         """What a row of a sweep keeps, of some points or all: values and units by "quantity" or
         "quantity/name".
+
+        Raises
+        ------
+        TypeError, ValueError
+            If points are no names.
         """
+        chosen = None if points is None else names_of("sweep_row", "points", points)
         return {
             f"{q.name}/{name}" if name else q.name: (item, q.units.get(name, q.unit))
             for q in self._presented(lambda about: about.row)
             for name, item in q.by_name()
-            if points is None or "place" not in q.names or name in points
+            if chosen is None or "place" not in q.names or name in chosen
         }
 
     def tables(self) -> dict[str, dict[str, Any]]:
