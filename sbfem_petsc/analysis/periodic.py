@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import instance
-from ..continuation.orbit import Orbit, make_orbit, orbit_stability
+from ..continuation.orbit import Orbit, make_orbit, orbit_stability, told_errors
 from ..continuation.problems.driven_orbits import ParameterRange
 from ..continuation.problems.segments import at_segments, segmented_stability, shoot_segments
 from ..continuation.problems.unreduced import UnreducedOrbits, UnreducedSteady
@@ -185,9 +185,10 @@ def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
     while (times := _times_more(fixed, most)) > 1:
         period = finer("periodic", period, times)
         fixed, path = find(period.at(task.frequency), fixed.state, multiples=False)
+    error = told_errors(fixed).sum(axis=0)
     if not stability:
-        return make_orbit(fixed, np.zeros(0, dtype=complex), math.nan, path)
-    return make_orbit(fixed, *orbit_stability(fixed), path)
+        return make_orbit(fixed, np.zeros(0, dtype=complex), math.nan, path, error)
+    return make_orbit(fixed, *orbit_stability(fixed), path, error)
 
 
 def _times_more(fixed: FixedPoint, most: int) -> int:

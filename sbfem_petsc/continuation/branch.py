@@ -22,9 +22,12 @@ from ..reduction.reduced_model import ReducedModel
 from .bifurcations import Bifurcation
 from .orbit import (
     FLOOR,
+    LOWEST,
     Orbit,
     Orbits,
     component,
+    in_words,
+    largest_error,
     make_orbit,
     multiplier_error,
     run_again,
@@ -95,6 +98,19 @@ class Branch(Orbits, OfPeriod):
     names: tuple[str, ...]
     map: Period | None = field(repr=False)
     fixed_frequency: float | None = quantity("Hz", "if it is not the parameter", default=None, least=0.0)
+    mode_error: np.ndarray = quantity(
+        "1",
+        "error of harmonics 0 to 4 of the named points by left-out modes and the steps, the largest of both "
+        "ends and the peak; nan where it is not told",
+        "low_harmonic",
+        finite=False,
+        default_factory=lambda: np.full(LOWEST, np.nan),
+    )
+
+    @derived("1", "largest error of harmonics 1 to 4, each by its order", row=True, finite=False)
+    def largest_mode_error(self) -> float:
+        """Largest of `mode_error[k] / k`."""
+        return largest_error(self.mode_error)
 
     @property
     def _map(self) -> Period | None:
@@ -239,7 +255,7 @@ class Branch(Orbits, OfPeriod):
         return (
             f"Branch({len(self.value)} points over {self.parameter} {self.value.min():.6g} to "
             f"{self.value.max():.6g}{unit}, {verdict}, "
-            f"{len(self.bifurcations)} bifurcations, {self.reason})"
+            f"{len(self.bifurcations)} bifurcations, {in_words(self.mode_error)}{self.reason})"
         )
 
 

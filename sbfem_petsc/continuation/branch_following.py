@@ -24,7 +24,7 @@ from .extrapolation import uncertainty_at
 from .follow import CLOSED, Follower, Line, Settings, follow
 from .line_file import LineFile
 from .multipliers import Multipliers, multipliers_of
-from .orbit import FLOOR, NEAR
+from .orbit import FLOOR, LOWEST, NEAR, told_errors
 from .problem import Point, Range
 from .problems.driven_orbits import Orbits, ParameterRange
 from .problems.several_periods import distances, minimal_periods
@@ -217,7 +217,21 @@ def _branch(line: Line, rows: PointRows, problem: Orbits | UnreducedOrbits, fini
         problem.period.points,
         problem.map,
         parameter.frequency,
+        _mode_error(line, rows) if finished else np.full(LOWEST, np.nan),
     )
+
+
+def _mode_error(line: Line, rows: PointRows) -> np.ndarray:
+    """(5,): the largest errors of harmonics at the ends and at the point of the largest amplitude, see
+    `told_errors`.
+    """
+    if not isinstance(rows.period, Period):
+        return np.full(LOWEST, np.nan)
+    peak = int(np.argmax([np.linalg.norm(row[1]) for row in rows.rows]))
+    errors: np.ndarray = np.max(
+        [told_errors(line.points[k].state).sum(axis=0) for k in {0, peak, len(line.points) - 1}], axis=0
+    )
+    return errors
 
 
 class PointRows:

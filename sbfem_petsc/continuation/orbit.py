@@ -12,15 +12,16 @@ import numpy as np
 
 from ..checks import choice
 from ..errors import SolveError, at_point, called, on_all_ranks
-from ..motion.excitation import one_sided
+from ..motion.excitation import one_sided, over_steps
 from ..motion.history import Motion
 from ..motion.period_map import DrivenPeriod, FixedPoint, PeriodMotion, stays
 from ..motion.states import ModalStates, Point
 from ..record.record import derived, described, quantity
+from ..reduction.left_out import LeftOut
 from ..reduction.reduced_model import ReducedModel
 from ..system.elements.plausibility import furthest_of_lines
 from .multipliers import multipliers_of
-from .shooting import WHOLE, shoot, shoot_nearby
+from .shooting import WHOLE, Shooting, shoot, shoot_nearby
 
 # Uncertainty of multipliers below which rounding is all there is.
 FLOOR = 1e-9
@@ -31,6 +32,14 @@ NEAR = 0.05
 # more for where in a step pairs switch, which scatters. Of those motions it was between half and ten times
 # the error in all but two.
 SAFETY = 5.0 / 3.0
+# Harmonics whose error is told, the mean among them; each beside itself, or this share of the largest.
+LOWEST, FAINT = 5, 1e-3
+# The same of their change in twice the steps, of second order.
+SECOND = 4.0 / 3.0
+# Parts of what left-out modes add to the gaps, of which the first that leads to a motion counts.
+PARTS = 1.0, 0.01
+# Newton iterations to the motions that these have.
+NEWTON = 16
 # Harmonics that are kept in files and tables beside the motion itself.
 HARMONICS = 41
 
@@ -81,6 +90,20 @@ class Orbit(Motion):
     sticking: int | None = quantity(
         "1", "slips that stick throughout the period, on which the motion depends", kinds="iu", default=None
     )
+
+    mode_error: np.ndarray = quantity(
+        "1",
+        "error of harmonics 0 to 4 of the named points by left-out modes and the steps, as `told_errors` has "
+        "it; nan where it is not told",
+        "low_harmonic",
+        finite=False,
+        default_factory=lambda: np.full(LOWEST, np.nan),
+    )
+
+    @derived("1", "largest error of harmonics 1 to 4, each by its order", row=True, finite=False)
+    def largest_mode_error(self) -> float:
+        """Largest of `mode_error[k] / k`."""
+        return largest_error(self.mode_error)
 
     @property
     def iterations(self) -> int:
@@ -186,7 +209,7 @@ class Orbit(Motion):
         return (
             f"Orbit(at {self.frequency:.6g} Hz, {self.periods} forcing period{'s' * (self.periods > 1)}, "
             f"{len(self.time)} steps, {model}, {self.states.pairs} pairs, {self.iterations} Newton "
-            f"iterations, {verdict}, peak contact resultant "
+            f"iterations, {in_words(self.mode_error)}{verdict}, peak contact resultant "
             f"{'; '.join([f'{self.contact_resultant.max(initial=0.0):.6g} N', *self._borne(), *self.notes])})"
         )
 
@@ -284,6 +307,77 @@ def uncertainty_of(change: float) -> float:
     return max(FLOOR, SAFETY * abs(change))
 
 
+def told_errors(fixed: FixedPoint) -> np.ndarray:
+    """(2, 5): errors by left-out modes and by the steps of harmonics 0 to 4 of the displacements of all named
+    points, relative to each of them or to 1e-3 of the largest that oscillates.
+
+    What the left-out modes' inertia does to the gaps under the motion's contact forces and loads (`LeftOut`)
+    is added to the free gaps, and the motion is found again beside itself; so it is in twice the steps. inf
+    where it is not found; nan where nothing is known of the left-out modes, or there is no named point.
+    """
+    driven, motion, r = fixed.driven, fixed.motion, fixed.driven.period.reduced
+    if r.massless is None or not len(r.points.names):
+        return np.full((2, LOWEST), np.nan)
+    p = driven.period
+    lines = one_sided(motion.forces[:-1]), one_sided(driven.loads[:-1])
+    omega = 2.0 * np.pi / driven.duration * np.arange(len(lines[0]))
+    left, own = LeftOut(r, p.pairs, omega), _lowest(driven, motion)
+    beyond, scale = left.displacements(*lines)[:: p.excitation.periods][:LOWEST], _sizes(own)
+    scale = np.maximum(scale, max(FAINT * scale[1:].max(initial=0.0), 1e-300))
+    if not fixed.touching.any():
+        return np.stack([_sizes(beyond), np.zeros(LOWEST)]) / scale
+    errors, added = np.full((2, LOWEST), np.inf), over_steps(left.gaps(*lines), p.steps)
+    for part in PARTS:  # of hard blows the whole may be too far
+        if (inert := _beside(fixed, driven.with_gaps(part * added))) is not None:
+            errors[0] = _sizes((inert - own) / part + beyond) / scale
+            break
+    if (finer := _beside(fixed, driven.in_steps(2 * p.steps))) is not None:
+        errors[1] = SECOND * _sizes(finer - own) / scale
+    return errors
+
+
+def _beside(fixed: FixedPoint, driven: DrivenPeriod) -> np.ndarray | None:
+    """Lowest harmonics of a motion beside another one, of a map that is a little different."""
+    found = None
+    try:
+        if driven.period.unknowns <= WHOLE:
+            found = shoot_nearby(driven, fixed.state, fixed.monodromy)
+        if found is None:
+            kind = "dense" if driven.period.unknowns <= WHOLE else "matrix-free"
+            found = Shooting(driven, kind, NEWTON).solve(fixed.state)
+    except SolveError:
+        return None
+    return _lowest(driven, found.motion)
+
+
+def _lowest(driven: DrivenPeriod, motion: PeriodMotion) -> np.ndarray:
+    """(5, points, xy): harmonics 0 to 4 of the displacements of the named points."""
+    p, r = driven.period, driven.period.reduced
+    forces = np.zeros((p.steps, len(r.initial_gap)))
+    forces[:, : p.pairs] = motion.forces[:-1]
+    u = r.points(modal_motion(driven, motion)[0][:-1], driven.loads[:-1], forces)
+    return one_sided(u)[:: p.excitation.periods][:LOWEST]
+
+
+def _sizes(harmonics: np.ndarray) -> np.ndarray:
+    """Norms over all points and directions."""
+    size: np.ndarray = np.linalg.norm(harmonics, axis=(1, 2))
+    return size
+
+
+def largest_error(error: np.ndarray) -> float:
+    """What of the errors of harmonics 1, 2, ... is compared with an accuracy: the largest of them, each
+    divided by its order.
+    """
+    return float((error[1:] / np.arange(1, len(error))).max())
+
+
+def in_words(error: np.ndarray) -> str:
+    """That in a result's text."""
+    largest = largest_error(error)
+    return "" if math.isnan(largest) else f"error of harmonics {largest:.2g}, "
+
+
 def verdict_of(largest: float, error: float) -> bool | None:
     """Whether a motion is stable by its largest modulus, None if that is nearer to 1 than its error; what
     only rounding tells from 1 is not outside the unit circle.
@@ -322,7 +416,11 @@ def run_again(driven: DrivenPeriod, state: np.ndarray) -> FixedPoint:
 
 
 def make_orbit(
-    fixed: FixedPoint, values: np.ndarray, uncertainty: float | Callable[[], float], path: str
+    fixed: FixedPoint,
+    values: np.ndarray,
+    uncertainty: float | Callable[[], float],
+    path: str,
+    error: np.ndarray | None = None,
 ) -> Orbit:
     """An `Orbit` from a fixed point."""
     driven, motion, p = fixed.driven, fixed.motion, fixed.driven.period
@@ -349,6 +447,7 @@ def make_orbit(
         uncertainty,
         friction_loss=float(motion.lost.sum()) if rubs else None,
         sticking=int(stays(motion, len(p.laws)).sum()) if rubs else None,
+        mode_error=np.full(LOWEST, np.nan) if error is None else error,
     )
 
 

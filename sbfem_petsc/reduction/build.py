@@ -290,6 +290,7 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
         model.tips.intensities.facts,
         gap.friction,
         supports=supports,
+        massless=gap.flexibility.toarray(),
     )
 
 

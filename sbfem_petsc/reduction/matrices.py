@@ -179,6 +179,7 @@ def reduce_matrices(
         directions=along or None,
         ranks=comm if large else None,
         whole=LinearOutput((), kept, by_loads, by_contact),
+        massless=np.diag(stops),
     )
 
 

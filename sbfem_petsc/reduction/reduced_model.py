@@ -93,6 +93,14 @@ class ReducedModel(Record):
         default=None,
         repr=False,
     )
+    massless: np.ndarray | None = quantity(
+        "m/N",
+        "what of the contact rows' flexibility has no inertia: of layers, stops, faces inside tip elements; "
+        "None in older files",
+        "row force",
+        default=None,
+        repr=False,
+    )
 
     @derived(text="the unit loads", dims="load", kinds="U", detail=True)
     def unit_loads(self) -> np.ndarray | None:
@@ -122,6 +130,8 @@ class ReducedModel(Record):
         if self.gaps < self.pairs or (self.friction is not None and (self.friction.rows >= self.gaps).any()):
             raise ValueError(f"its slips are not those of {self.gaps} contact rows")
         shape = (len(self.omega), self.load_modes.shape[1], len(self.initial_gap))
+        if self.massless is not None and self.massless.shape != self.gap.contact.shape:
+            raise ValueError(f"its flexibility without inertia is not that of {shape[2]} contact rows")
         if self.supports is not None and self.supports.sizes != shape:
             raise ValueError(f"its supports' modes, loads and contact rows are not {shape}")
 
