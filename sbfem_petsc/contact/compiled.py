@@ -105,12 +105,16 @@ def compiled_loops(function: Kernel) -> Kernel:
 
 
 def inner_loops(function: Kernel) -> Kernel:
-    """As `compiled_loops`, for what kernels alone call and is kept with them."""
-    return njit(no_cpython_wrapper=True, _nrt=False, **OPTIONS)(function)
+    """As `compiled_loops`, for what kernels alone call and is kept with them: they take it in, for a call
+    hands over each size and stride of all its arrays, which takes as long as a step of few modes.
+    """
+    return njit(no_cpython_wrapper=True, forceinline=True, _nrt=False, **OPTIONS)(function)
 
 
 def inner_sums(function: Kernel) -> Kernel:
-    """As `inner_loops`, and sums may be taken in any order: several terms at once."""
+    """As `inner_loops`, and sums may be taken in any order: several terms at once; taken in where that is
+    short.
+    """
     options = OPTIONS | {"fastmath": {"contract", "reassoc"}}
     return njit(no_cpython_wrapper=True, _nrt=False, **options)(function)
 
