@@ -6,7 +6,7 @@ import numpy as np
 
 from ..record.record import Record, described, quantity
 from . import extrapolation
-from .events import find_zero, folds
+from .events import find_zero, folds, furthest
 from .follow import Line
 from .multipliers import Multipliers, multipliers_of
 from .problem import Point
@@ -70,7 +70,9 @@ def locate(line: Line, found: list[Multipliers]) -> list[Bifurcation]:
             crossing = _crossing(line, k, max(one, other) - 1, found)
             # a real multiplier through +1 at a turning point is the fold itself
             turned = bool(turns.keys() & {k - 2, k - 1, k}) or _turns(line.points, k)
-            if crossing is not None and not (crossing.kind == "branch point" and turned):
+            if crossing is not None and crossing.kind == "branch point":
+                crossing = None if turned else _fold_or(crossing, line, k)
+            if crossing is not None:
                 result.append(crossing)
     return result
 
@@ -94,6 +96,16 @@ def follow_multiplier(spectra: dict[float, np.ndarray], start: float, rank: int)
 def _turns(points: list[Point], k: int) -> bool:
     steps = np.diff([point.value for point in points[max(0, k - 2) : k + 2]])
     return bool((steps[1:] * steps[:-1] < 0.0).any())
+
+
+def _fold_or(crossing: Bifurcation, line: Line, k: int) -> Bifurcation:
+    """A multiplier through +1 before point k as the fold that it is where the points turn beside it, though
+    steps keep the tangents from it: as far away as they change a period.
+    """
+    period = line.points[k].state.driven.period
+    within = abs(crossing.value) * (2.0 * np.pi * period.excitation.periods / period.steps) ** 2 / 12.0
+    turn = furthest(line, k, within)
+    return crossing if turn is None else _fold(line, turn, line.points[turn])
 
 
 def _fold(line: Line, k: int, point: Point) -> Bifurcation:

@@ -270,6 +270,22 @@ def folds(line: Line) -> list[tuple[int, Point]]:
     return sorted({item[0]: item for item in found if item is not None}.values(), key=lambda item: item[0])
 
 
+def furthest(line: Line, k: int, within: float) -> int | None:
+    """The nearest point at which the values of the points turn, and beyond which none of `TEETH` to either
+    side goes, on the stretch around point k of which all values are within some of its own; None without one.
+    Of the tangents of the smooth branch it knows nothing.
+    """
+    values = np.array([point.value for point in line.points])
+    apart = np.flatnonzero(np.abs(values - values[k]) > within)
+    first, last = int(apart[apart < k].max(initial=-1)) + 1, int(apart[apart > k].min(initial=len(values)))
+    for j in sorted(range(max(1, first), min(len(values) - 1, last)), key=lambda j: abs(j - k)):
+        away = values[max(0, j - TEETH) : j + TEETH + 1] - values[j]
+        turned = (values[j - 1] - values[j]) * (values[j + 1] - values[j]) > 0.0
+        if turned and ((away >= 0.0).all() or (away <= 0.0).all()):
+            return j
+    return None
+
+
 def _fold(line: Line, k: int) -> tuple[int, Point] | None:
     """The turn of the value between the neighbours of point k. Where steps of time give the branch teeth its
     points turn elsewhere than the tangents of the smooth branch, which then turn within `TEETH` points to

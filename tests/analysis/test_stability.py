@@ -701,7 +701,12 @@ class _Spectrum(Problem):
         return u[-1], np.array([0.0, 0.0, 1.0])
 
     def point(self, place):
-        state = SimpleNamespace(state=np.array([1.0, place]), touching=np.zeros(1, dtype=bool))
+        period = SimpleNamespace(steps=1024, excitation=SimpleNamespace(periods=1))
+        state = SimpleNamespace(
+            state=np.array([1.0, place]),
+            touching=np.zeros(1, dtype=bool),
+            driven=SimpleNamespace(period=period),
+        )
         return Point(self, np.array([1.0, place, place]), state, place)
 
     def between(self, line, k, share, known=None):
