@@ -180,9 +180,8 @@ class Attraction:
         for k, cycle in enumerate(self._cycles):
             if np.linalg.norm(cycle - state, axis=1).min() <= SAME * self._size(state):
                 return k
-        for k, orbit in enumerate(self.orbits):
-            if orbit.sticking and repeats == 1 and self._alike(state, self._cycles[k]):
-                return k
+        if repeats == 1 and (like := self._alike(state)) >= 0:
+            return like
         own = self.period.excitation.periods
         period = self.period.repeated(repeats)
         try:
@@ -197,15 +196,20 @@ class Attraction:
             return -1
         if np.linalg.norm(fixed.state - state) > SAME * self._size(state):
             return -1
+        if times == 1 < repeats and (like := self._alike(fixed.state)) >= 0:
+            return like
         self.add(make_orbit(fixed, *orbit_stability(fixed), "history"))
         return len(self.orbits) - 1
 
-    def _alike(self, state: np.ndarray, cycle: np.ndarray) -> bool:
-        """Whether two motions of one period differ, but for where they rest, by no more than slips that stick
-        throughout make of them: these stay wherever they are, and such motions are no finite number.
+    def _alike(self, state: np.ndarray) -> int:
+        """The known orbit with rows that stick throughout from which a motion of one period differs, but for
+        where both rest, by no more than such rows' slips: these stay wherever they are, and such motions are
+        no finite number. -1 without one.
         """
-        if len(cycle) > 1:
-            return False
-        one, other = (self.driven.run(item).states for item in (state, cycle[0]))
-        apart = self.period.weights * (one - other)
-        return bool(np.abs(apart - apart.mean(axis=0)).max() <= NEAR * self.driven.oscillation)
+        for k, (orbit, cycle) in enumerate(zip(self.orbits, self._cycles)):
+            if orbit.sticking and len(cycle) == 1:
+                one, other = (self.driven.run(item).states for item in (state, cycle[0]))
+                apart = self.period.weights * (one - other)
+                if np.abs(apart - apart.mean(axis=0)).max() <= NEAR * self.driven.oscillation:
+                    return k
+        return -1

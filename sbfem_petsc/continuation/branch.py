@@ -101,7 +101,7 @@ class Branch(Orbits, OfPeriod):
     mode_error: np.ndarray = quantity(
         "1",
         "error of harmonics 0 to 4 of the named points by left-out modes and the steps, the largest of both "
-        "ends and the peak; nan where it is not told",
+        "ends and the peak; inf where it is not found, nan where it is not told",
         "low_harmonic",
         finite=False,
         default_factory=lambda: np.full(LOWEST, np.nan),

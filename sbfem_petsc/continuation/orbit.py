@@ -32,6 +32,8 @@ NEAR = 0.05
 # more for where in a step pairs switch, which scatters. Of those motions it was between half and ten times
 # the error in all but two.
 SAFETY = 5.0 / 3.0
+# Of a body at rest all that oscillates is rounding, below this share of the mean.
+RESTING = 1e-9
 # Harmonics whose error is told, the mean among them; each beside itself, or this share of the largest.
 LOWEST, FAINT = 5, 1e-3
 # The same of their change in twice the steps, of second order.
@@ -94,7 +96,7 @@ class Orbit(Motion):
     mode_error: np.ndarray = quantity(
         "1",
         "error of harmonics 0 to 4 of the named points by left-out modes and the steps, as `told_errors` has "
-        "it; nan where it is not told",
+        "it; inf where it is not found, nan where it is not told",
         "low_harmonic",
         finite=False,
         default_factory=lambda: np.full(LOWEST, np.nan),
@@ -323,7 +325,8 @@ def told_errors(fixed: FixedPoint) -> np.ndarray:
     omega = 2.0 * np.pi / driven.duration * np.arange(len(lines[0]))
     left, own = LeftOut(r, p.pairs, omega), _lowest(driven, motion)
     beyond, scale = left.displacements(*lines)[:: p.excitation.periods][:LOWEST], _sizes(own)
-    scale = np.maximum(scale, max(FAINT * scale[1:].max(initial=0.0), 1e-300))
+    least = max(FAINT * scale[1:].max(initial=0.0), RESTING * scale[0], np.finfo(float).tiny)
+    scale = np.maximum(scale, least)
     if not fixed.touching.any():
         return np.stack([_sizes(beyond), np.zeros(LOWEST)]) / scale
     errors, added = np.full((2, LOWEST), np.inf), over_steps(left.gaps(*lines), p.steps)

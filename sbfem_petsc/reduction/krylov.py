@@ -12,7 +12,8 @@ from ..petsc import MPI
 
 # Relative residual of K^-1 M x = x / w2, at most, that a mode has.
 TOLERANCE = 1e-11
-# Parts of a vector that are rounding, and that one pass of orthogonalisation leaves exact enough.
+# Parts of a vector that are rounding, and that one pass of orthogonalisation leaves exact enough: what loses
+# more than that in a second one has been rounding.
 LOST, ENOUGH = 1e-12, 0.1
 # Vectors at most, in modes and in blocks.
 SPACE, BLOCKS = 2, 60
@@ -107,12 +108,12 @@ class _Space:
         """
         before, size = slice(self.used), block.shape[1]
         inside, outside, rows = np.zeros((self.used, size)), np.eye(size), block[self.own]
-        for _ in range(2):
+        for lost in (LOST, ENOUGH):
             along = self._summed(self.inertia[:, before].T @ rows)
             rows = np.asfortranarray(rows - self.basis[:, before] @ along)
             heavy = np.asfortranarray(self.mass @ whole(self.comm, rows))
             inside += along @ outside
-            kept, triangle, least = self._triangle(rows, heavy, (along**2).sum(axis=0))
+            kept, triangle, least = self._triangle(rows, heavy, (along**2).sum(axis=0), lost)
             rows, heavy, outside = rows[:, kept], heavy[:, kept], triangle @ outside
             if least > ENOUGH:
                 break
@@ -121,10 +122,10 @@ class _Space:
         return inside, outside
 
     def _triangle(
-        self, rows: np.ndarray, heavy: np.ndarray, along: np.ndarray
+        self, rows: np.ndarray, heavy: np.ndarray, along: np.ndarray, lost: float
     ) -> tuple[list[int], np.ndarray, float]:
-        """Make columns orthonormal in place; those that are more than rounding, their coefficients, and the
-        least part of a column that is its own, `along` being squares of what was taken off before.
+        """Make columns orthonormal in place; those of which more than `lost` is their own, their
+        coefficients, and the least such part, `along` being squares of what was taken off before.
         """
         kept, triangle, least = list[int](), np.zeros((len(along), len(along))), 1.0
         squares = along + self._summed((rows * heavy).sum(axis=0))
@@ -142,7 +143,7 @@ class _Space:
                         "reduce_matrices: mass is indefinite, a motion has less than 0; give one of 0 or more"
                     )
                 )
-            if row[0] <= LOST**2 * square:
+            if row[0] <= lost**2 * square:
                 continue
             length = np.sqrt(row[0])
             least = min(least, length / np.sqrt(square))

@@ -49,8 +49,10 @@ class PolynomialModes:
 
     def schur_form(self, radial: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """Real Schur form (T, Q) of A^T, of which a part is known; None where A leaves more than round-off of
-        these modes to the rest.
+        these modes to the rest, or where there is no rest.
         """
+        if not self.rest.size:
+            return None
         k = self.basis.shape[1]
         images = radial @ self.rest
         own = self.rest.T @ images

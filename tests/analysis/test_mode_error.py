@@ -93,3 +93,11 @@ def test_curves_tell_the_largest(tmp_path):
     assert "error of harmonics" in repr(curve)
     sb.save(str(tmp_path / "curve.h5"), curve)
     np.testing.assert_array_equal(sb.read(str(tmp_path / "curve.h5")).mode_error, curve.mode_error)
+
+
+def test_a_body_at_rest_has_no_error():
+    """Its harmonics are rounding, and no share of them is told."""
+    resting = sb.periodic(rod(6), [0.0], 0.45 / TURN, steps=256, stability=False)
+    pressed = sb.periodic(rod(6), [sb.Constant(0.1)], 0.45 / TURN, steps=256, stability=False)
+    for orbit in (resting, pressed):
+        assert orbit.mode_error[1:].max() < 1e-6, orbit.mode_error

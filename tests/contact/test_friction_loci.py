@@ -158,3 +158,33 @@ def test_what_is_refused():
         sb.loci(branch, 0.5, 1.5)
     with pytest.raises(ValueError, match="basins: friction falls where a slip begins"):
         sb.basins(falling, [sb.Harmonic(1.0, 0.26), load[1]], 0.26, [sb.StartAxis([0.0])])
+
+
+def test_slips_that_stick_make_no_orbits_of_their_own():
+    """Of twelve blocks in a chain, each pressed on a rough ground, some stick throughout: histories that seem
+    to repeat themselves after several periods, for they decay slowly, come to one orbit as others do.
+    """
+    count = 12
+    stiffness = np.zeros((2 * count, 2 * count))
+    stiffness[:count, :count] = 2.0 * np.eye(count) - np.eye(count, k=1) - np.eye(count, k=-1)
+    stiffness[count:, count:] = 10.0 * np.eye(count)
+    pressed, along = np.zeros((2, count, 2 * count))
+    pressed[:, count:], along[:, :count] = np.eye(count), np.eye(count)
+    loads = np.zeros((2 * count, 2))
+    loads[0, 0], loads[count:, 1] = 1.0, 1.0
+    chain = sb.reduce_matrices(
+        np.eye(2 * count),
+        stiffness,
+        pressed,
+        np.zeros(count),
+        loads=loads,
+        sensors={"x": 0},
+        damping=0.05 * stiffness,
+        compliance=[1e-3] * count,
+        contact_laws=[sb.Coulomb(0.1)] * count,
+        tangent_rows=along,
+        tangent_compliance=[0.05] * count,
+    )
+    signals = [sb.Harmonic(0.4, 0.15), sb.Constant(-1.0)]
+    found = sb.basins(chain, signals, 0.15, [sb.StartAxis([-0.5, 0.5])], steps=128)
+    assert len(found.orbits) == 1 and found.orbits[0].sticking

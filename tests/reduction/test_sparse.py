@@ -231,3 +231,23 @@ def test_modes_that_a_superelement_has_not(form):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert reduced(right).omega[:7] == pytest.approx(own[:7], rel=1e-2)
+
+
+@pytest.mark.parametrize("count", [60, 90, 110])
+def test_most_of_all_modes(count):
+    """Of 120 unknowns, where blocks come to more vectors than there are directions: beside SciPy."""
+    generator = np.random.default_rng(3)
+    half = generator.standard_normal((120, 120)) * (generator.random((120, 120)) < 0.1)
+    stiffness = half @ half.T + 0.1 * np.eye(120)
+    row = np.eye(120)[:1]
+    found = sb.reduce_matrices(
+        scipy.sparse.eye(120, format="csr"),
+        scipy.sparse.csr_matrix(stiffness),
+        scipy.sparse.csr_matrix(row),
+        np.zeros(1),
+        loads=row.T,
+        sensors={"a": 0},
+        modes=count,
+    )
+    expected = scipy.linalg.eigvalsh(stiffness)[:count]
+    np.testing.assert_allclose(np.sort(found.omega) ** 2, expected, rtol=1e-11)

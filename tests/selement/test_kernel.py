@@ -209,3 +209,15 @@ def test_sectors_of_two_materials():
         0
     )
     same_products(later.mass, element.mass)
+
+
+def test_a_triangle_of_first_order():
+    """All its modes are polynomials of degree 0 and 1, and nothing is left of which a Schur form is taken:
+    its mass is that of the constant-strain triangle about its centroid, rho A / 12 (1 + delta).
+    """
+    shape = np.array([(-0.5, -0.4), (0.6, -0.3), (0.0, 0.6)])
+    shape = shape - shape.mean(axis=0)
+    found = solve_selement(Sectors(shape, 1, STRESS.elasticity), True, 1)
+    area = 0.5 * abs(np.linalg.det(shape[1:] - shape[0]))
+    expected = np.kron(area / 12.0 * (np.ones((3, 3)) + np.eye(3)), np.eye(2))
+    assert relative(found.mass, expected) < 1e-12
