@@ -16,7 +16,7 @@ class SElementError(ValueError):
 @dataclass(frozen=True, eq=False)
 class Coefficients:
     """Coefficient matrices of one S-element with n degrees of freedom (x and y of each node in turn), all (n,
-    n), and whether its edges are straight with evenly mapped nodes.
+    n), or of many, (k, n, n), and whether all edges are straight with evenly mapped nodes.
     """
 
     e0: np.ndarray
@@ -24,6 +24,10 @@ class Coefficients:
     e2: np.ndarray
     m0: np.ndarray
     straight: bool = False
+
+    def of(self, rows: np.ndarray | None) -> Coefficients:
+        """Those of some of many S-elements; None: of one, as of many."""
+        return Coefficients(self.e0[rows], self.e1[rows], self.e2[rows], self.m0[rows], self.straight)
 
 
 def edge_nodes(nodes: int, order: int, closed: bool) -> np.ndarray:
@@ -36,11 +40,16 @@ def quadrature_points(coordinates: np.ndarray, order: int, connectivity: np.ndar
     """Gauss points an edge: order + 1 is exact on straight edges with evenly mapped nodes; curved edges get
     twice as many.
     """
-    ends = coordinates[connectivity[:, [0, -1]]]
-    fraction = 0.5 * (1.0 + gll_nodes(order))[None, :, None]
-    straight = ends[:, :1] * (1.0 - fraction) + ends[:, 1:] * fraction
-    deviation = np.abs(coordinates[connectivity] - straight).max()
-    return order + 1 if deviation < 1e-12 * np.abs(coordinates).max() else 2 * order + 4
+    return order + 1 if straight_edges(coordinates, order, connectivity).all() else 2 * order + 4
+
+
+def straight_edges(coordinates: np.ndarray, order: int, connectivity: np.ndarray) -> np.ndarray:
+    """(...): whether the edges of outlines (..., nodes, 2) are straight with evenly mapped nodes."""
+    edges = coordinates[..., connectivity, :]
+    fraction = 0.5 * (1.0 + gll_nodes(order))[:, None]
+    even = edges[..., :1, :] * (1.0 - fraction) + edges[..., -1:, :] * fraction
+    deviation = np.abs(edges - even).max(axis=(-3, -2, -1))
+    return np.asarray(deviation < 1e-12 * np.abs(coordinates).max(axis=(-2, -1)))
 
 
 def strain_operators(
@@ -96,8 +105,9 @@ def coefficient_matrices(
 
     Parameters
     ----------
-    coordinates : (nodes, 2) array
-        Boundary nodes relative to the scaling centre, counter-clockwise, in units of the element's size.
+    coordinates : (nodes, 2) or (k, nodes, 2) array
+        Boundary nodes relative to the scaling centre, counter-clockwise, in units of the element's size; of
+        one S-element or of many.
     order : int
         Polynomial order of the edges.
     closed : bool
@@ -113,10 +123,14 @@ def coefficient_matrices(
     SElementError
         If the scaling centre does not see the whole boundary.
     """
-    connectivity = edge_nodes(len(coordinates), order, closed)
+    nodes = coordinates.shape[-2]
+    connectivity = edge_nodes(nodes, order, closed)
     quadrature = quadrature_points(coordinates, order, connectivity)
     values, derivatives, weights = tabulated(order, quadrature)
-    first, second, jacobian = strain_operators(coordinates[connectivity], values, derivatives)
+    # the edges of all S-elements in one row
+    first, second, jacobian = strain_operators(
+        coordinates[..., connectivity, :].reshape(-1, order + 1, 2), values, derivatives
+    )
     edges, points, width = *jacobian.shape, order + 1
     if elasticity.ndim == 3:
         elasticity = elasticity[:, None]
@@ -138,15 +152,16 @@ def coefficient_matrices(
     )
     # The edges follow one another, so their blocks overlap at vertices only; a loop is assembled as a chain
     # and then closed.
-    size, step = 2 * (edges * order + 1), 2 * order
-    matrices = np.zeros((4, size, size))
-    stacked = np.stack(blocks)
-    for k in range(edges):
+    each = len(connectivity)
+    size, step = 2 * (each * order + 1), 2 * order
+    matrices = np.zeros((4, edges // each, size, size))
+    stacked = np.stack(blocks).reshape(4, -1, each, 2 * width, 2 * width)
+    for k in range(each):
         part = slice(k * step, k * step + 2 * width)
-        matrices[:, part, part] += stacked[:, k]
+        matrices[..., part, part] += stacked[:, :, k]
     if closed:
-        matrices[:, :2] += matrices[:, -2:]
-        matrices[:, :, :2] += matrices[:, :, -2:]
-        matrices = matrices[:, :-2, :-2]
-    e0, e1, e2, m0 = matrices
+        matrices[..., :2, :] += matrices[..., -2:, :]
+        matrices[..., :2] += matrices[..., -2:]
+        matrices = matrices[..., :-2, :-2]
+    e0, e1, e2, m0 = matrices.reshape(4, *coordinates.shape[:-2], 2 * nodes, 2 * nodes)
     return Coefficients(e0, e1, e2, m0, straight=quadrature == order + 1)

@@ -4,8 +4,6 @@ S-element.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from scipy.linalg import lapack
 
@@ -35,9 +33,9 @@ def cholesky_solve(factor: np.ndarray, right: np.ndarray) -> np.ndarray:
     return lapack.dpotrs(factor, right, lower=1)[0]
 
 
-def lower_solve(factor: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """L^-1 right."""
-    return lapack.dtrtrs(factor, right, lower=1)[0]
+def lower_solve(factor: np.ndarray, right: np.ndarray, transposed: bool = False) -> np.ndarray:
+    """L^-1 right, or L^-T right."""
+    return lapack.dtrtrs(factor, right, lower=1, trans=int(transposed))[0]
 
 
 def upper_factor(matrix: np.ndarray, what: str) -> np.ndarray:
@@ -137,9 +135,14 @@ def orthogonal_complement(vectors: np.ndarray) -> np.ndarray:
     return basis[:, int((diagonal > 1e-8 * max(diagonal[0], 1.0)).sum()) :]
 
 
+def turned(matrix: np.ndarray) -> np.ndarray:
+    """The transpose of a matrix, or of each of many."""
+    return matrix.swapaxes(-1, -2)
+
+
 def symmetric(matrix: np.ndarray) -> np.ndarray:
-    """(matrix + matrix^T) / 2."""
-    result = matrix + matrix.T
+    """(matrix + matrix^T) / 2 of a matrix, or of each of many."""
+    result = matrix + turned(matrix)
     result *= 0.5
     return result
 
@@ -147,9 +150,3 @@ def symmetric(matrix: np.ndarray) -> np.ndarray:
 def largest(matrix: np.ndarray) -> float:
     """Largest absolute entry."""
     return float(np.abs(matrix).max())
-
-
-def norm(matrix: np.ndarray) -> float:
-    """Frobenius norm."""
-    flat = matrix.ravel(order="K")
-    return math.sqrt(flat @ flat)

@@ -40,6 +40,23 @@ class Inertia:
     inertia: np.ndarray
 
 
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Inertia of a non-dimensional S-element by the series of its dynamic stiffness in w2 = omega^2,
+    K - w2 M - w2^2 P - w2^3 S - ..., from which one term of the continued fraction follows: C C^T = P,
+    C J C^T = S.
+
+    Attributes
+    ----------
+    mass, second, third : (n, n) arrays
+        M, P and S, symmetric.
+    """
+
+    mass: np.ndarray
+    second: np.ndarray
+    third: np.ndarray
+
+
 def continued_fraction(
     m0: np.ndarray,
     factor: np.ndarray,

@@ -10,109 +10,122 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import lapack
 
 from .coefficients import Coefficients
-from .dense import largest, schur
+from .dense import largest, schur, turned
 
 # Modes that are nearly dependent on the outline, as those of flat cells are, would cost as many digits.
 _DEPENDENT = 1e-3
 # Of A: what it leaves of these modes to the rest is round-off up to here, relative to its largest entry.
-_MIXED = 1e-12
+MIXED = 1e-12
 # Translations and linear fields.
 _FEWEST = 6
 
 
 @dataclass(frozen=True, eq=False)
 class PolynomialModes:
-    """The space of the polynomial modes of an S-element with n unknowns, and the rest.
+    """The spaces of the polynomial modes of S-elements with n unknowns, and the rest, (b, ...) of b of them.
 
     Attributes
     ----------
-    basis : (n, k) array
+    basis : (b, n, k) array
         Orthonormal; the modes of lower degree come first.
-    rest : (n, n - k) array
+    rest : (b, n, n - k) array
         Orthonormal basis of the complement.
-    forces : (n, k) array
+    forces : (b, n, k) array
         K basis.
-    radial : (k, k) array
-        A basis = basis radial, upper triangular with the exponents on the diagonal.
+    triangle : (b, k, k) array
+        Upper triangular: the modes themselves are basis triangle.
+    exponents : (k,) array
+        Of the modes.
     """
 
     basis: np.ndarray
     rest: np.ndarray
     forces: np.ndarray
-    radial: np.ndarray
+    triangle: np.ndarray
+    exponents: np.ndarray
 
     def schur_form(self, radial: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Real Schur form (T, Q) of A^T, of which a part is known; None where A leaves more than round-off of
-        these modes to the rest, or where there is no rest.
+        """Real Schur form (T, Q) of A^T of the first S-element, of which a part is known; None where A leaves
+        more than round-off of these modes to the rest, or where there is no rest.
         """
-        if not self.rest.size:
+        known, rest, triangle = self.basis[0], self.rest[0], self.triangle[0]
+        if not rest.size:
             return None
-        k = self.basis.shape[1]
-        images = radial @ self.rest
-        own = self.rest.T @ images
-        if largest(self.rest.T @ (radial @ self.basis)) > _MIXED * largest(radial):
+        k = known.shape[1]
+        images = radial @ rest
+        if largest(rest.T @ (radial @ known)) > MIXED * largest(radial):
             return None
-        triangle, vectors = schur(own)
+        own, vectors = schur(rest.T @ images)
         whole = np.zeros(radial.shape)
-        whole[:k, :k], whole[k:, k:] = self.radial, triangle
-        whole[:k, k:] = (self.basis.T @ images) @ vectors
-        basis = np.concatenate([self.basis, self.rest @ vectors], axis=1)
+        # upper triangular with the exponents on the diagonal
+        whole[:k, :k] = np.triu(np.linalg.solve(triangle.T, (triangle * self.exponents).T).T)
+        whole[k:, k:] = own
+        whole[:k, k:] = (known.T @ images) @ vectors
+        basis = np.concatenate([known, rest @ vectors], axis=1)
         # that of the transpose is the transpose in reverse order
         return np.asfortranarray(whole[::-1, ::-1].T), np.ascontiguousarray(basis[:, ::-1])
 
 
 def polynomial_modes(
     coordinates: np.ndarray, order: int, elasticity: np.ndarray, coefficients: Coefficients
-) -> PolynomialModes | None:
-    """The polynomial modes of a closed S-element of one material, or None where its edges are curved or the
-    modes nearly dependent.
+) -> Iterator[tuple[np.ndarray, PolynomialModes]]:
+    """The polynomial modes of closed S-elements of one material: rows of those that have equally many, and
+    their modes. Those whose modes are nearly dependent, or whose edges are curved, have none.
 
     Parameters
     ----------
-    coordinates : (nodes, 2) array
-        Boundary nodes about the scaling centre, of unit size.
+    coordinates : (b, nodes, 2) array
+        Boundary nodes about the scaling centres, of unit size.
     order : int
     elasticity : (3, 3) array
     coefficients : Coefficients
+        (b, n, n)
     """
     if not coefficients.straight:
-        return None
+        return
     modes, exponents = _evaluated(coordinates, order, elasticity)
-    packed, reflectors, _, info = lapack.dgeqrf(modes)
-    diagonal = np.abs(packed.diagonal())
+    whole, triangles = np.linalg.qr(modes, mode="complete")
+    diagonals = np.abs(np.diagonal(triangles, axis1=1, axis2=2))
     # of flat cells and at high orders the higher degrees are left out
-    poor = np.flatnonzero(diagonal < _DEPENDENT * diagonal.max())
-    count = int(np.searchsorted(exponents, exponents[poor[0]])) if len(poor) else len(exponents)
-    if info != 0 or count < _FEWEST:
-        return None
-    n, modes, exponents = len(modes), modes[:, :count], exponents[:count]
-    whole, triangle = np.zeros((n, n), order="F"), packed[:count, :count]
-    whole[:, :count] = packed[:, :count]
-    whole, _, _ = lapack.dorgqr(whole, np.concatenate([reflectors[:count], np.zeros(n - count)]))
-    # K u = E0 u,xi + E1^T u at xi = 1, and u,xi = k u
-    forces = coefficients.e0 @ (modes * exponents) + coefficients.e1.T @ modes
-    right = np.concatenate([forces, np.triu(triangle) * exponents])
-    solved = lapack.dtrtrs(triangle, right.T, trans=1)[0].T
-    return PolynomialModes(whole[:, :count], whole[:, count:], solved[:n], np.triu(solved[n:]))
+    poor = diagonals < _DEPENDENT * diagonals.max(axis=1, keepdims=True)
+    lowest = np.where(poor.any(axis=1), exponents[poor.argmax(axis=1)], np.inf)
+    counts = np.searchsorted(exponents, lowest)
+    for count in np.unique(counts[counts >= _FEWEST]):
+        rows = np.flatnonzero(counts == count)
+        e0, e1 = coefficients.e0[rows], coefficients.e1[rows]
+        own, powers, triangle = (
+            modes[rows][:, :, :count],
+            exponents[:count],
+            triangles[rows][:, :count, :count],
+        )
+        # K u = E0 u,xi + E1^T u at xi = 1, and u,xi = k u
+        right = e0 @ (own * powers) + turned(e1) @ own
+        forces = turned(np.linalg.solve(turned(triangle), turned(right)))
+        yield (
+            rows,
+            PolynomialModes(whole[rows][:, :, :count], whole[rows][:, :, count:], forces, triangle, powers),
+        )
 
 
 def _evaluated(coordinates: np.ndarray, order: int, elasticity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Modes (n, k) at the nodes, in Fortran's order and of unit norm, and their exponents (k,)."""
+    """Modes (b, n, k) at the nodes, of unit norm, and their exponents (k,)."""
     table, degrees = _tabulated(order, np.ascontiguousarray(elasticity).tobytes())
-    powers = np.ones((2, order + 1, len(coordinates)))
+    count, nodes, _ = coordinates.shape
+    powers = np.ones((2, order + 1, count, nodes))
     for k in range(1, order + 1):
-        powers[:, k] = powers[:, k - 1] * coordinates.T
+        powers[:, k] = powers[:, k - 1] * coordinates.transpose(2, 0, 1)
     first, second = _monomials(order)
-    monomials = powers[0, first] * powers[1, second]
-    values = (table @ monomials).reshape(len(degrees), 2, -1).transpose(0, 2, 1).reshape(len(degrees), -1)
-    values /= np.sqrt((values * values).sum(axis=1))[:, None]
-    return values.T, degrees
+    monomials = (powers[0, first] * powers[1, second]).transpose(1, 0, 2)
+    values = (table @ monomials).reshape(count, len(degrees), 2, nodes).swapaxes(2, 3)
+    values = values.reshape(count, len(degrees), 2 * nodes)
+    values /= np.sqrt((values * values).sum(axis=2, keepdims=True))
+    return turned(values), degrees
 
 
 @functools.cache

@@ -6,13 +6,14 @@ of E / (rho h^2), so that similar elements share one solution.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import functools
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .coefficients import Coefficients, SElementError, coefficient_matrices
 from .dense import ADVICE, cholesky, cholesky_solve, is_definite, largest, symmetric
-from .inertia import Inertia, continued_fraction
+from .inertia import Inertia, Moments, continued_fraction
 from .polynomial_modes import PolynomialModes, polynomial_modes
 from .rigid_motions import rigid_motions
 from .sectors import Sectors
@@ -49,9 +50,7 @@ class SElement:
         Relative; asymmetry before the symmetrisation.
     density : (edges,) array or None
         Densities of the sectors in units of the S-element's.
-    dynamics : Inertia or None
-    equations : _Equations or None
-        What `stiffness` was solved from, as long as someone keeps it for the inertia: several times as large.
+    dynamics : Inertia, Moments or None
     """
 
     coordinates: np.ndarray
@@ -64,8 +63,7 @@ class SElement:
     asymmetry: float
     rigid_body_residual: float
     density: np.ndarray | None = None
-    dynamics: Inertia | None = None
-    equations: _Equations | None = field(default=None, repr=False, compare=False)
+    dynamics: Inertia | Moments | None = None
 
     @property
     def radial(self) -> np.ndarray:
@@ -76,7 +74,7 @@ class SElement:
         return self._equations().radial(self.stiffness)
 
     def _equations(self) -> _Equations:
-        return self.equations or _equations(
+        return _equations(
             self.coordinates, self.order, self.closed, self.elasticity, self.isotropic, self.density
         )
 
@@ -88,20 +86,25 @@ class SElement:
     @property
     def coupling(self) -> np.ndarray:
         """(n, a): C."""
-        return self._with_dynamics.coupling
+        return self._fraction.coupling
 
     @property
     def inertia(self) -> np.ndarray:
         """(a,): J > 0, ascending."""
-        return self._with_dynamics.inertia
+        return self._fraction.inertia
 
     @property
-    def _with_dynamics(self) -> Inertia:
+    def _with_dynamics(self) -> Inertia | Moments:
         if self.dynamics is None:
             raise RuntimeError(
                 "the inertia of this S-element is not computed; take with_inertia(terms) of it"
             )
         return self.dynamics
+
+    @functools.cached_property
+    def _fraction(self) -> Inertia:
+        found = self._with_dynamics
+        return self.with_inertia(1)._fraction if isinstance(found, Moments) else found
 
     def with_inertia(self, terms: int) -> SElement:
         """The S-element with mass and continued fraction.
@@ -118,7 +121,7 @@ class SElement:
         """
         equations = self._equations()
         dynamics = _dynamics(equations, equations.radial(self.stiffness), terms)
-        return replace(self, dynamics=dynamics, equations=None)
+        return replace(self, dynamics=dynamics)
 
 
 def solve_selement(
@@ -180,7 +183,7 @@ def solve_selement(
         asymmetry,
         rigid,
         density,
-        *((None, equations) if terms is None else (_dynamics(equations, radial, terms), None)),
+        None if terms is None else _dynamics(equations, radial, terms),
     )
 
 
@@ -202,6 +205,7 @@ class _Equations:
     factors : list of arrays
         Lower Cholesky factors of E0 in the subspaces.
     known : PolynomialModes or None
+        Of this one.
     """
 
     coefficients: Coefficients
@@ -239,7 +243,8 @@ def _equations(
     if len(bases) == 1:
         bases = [None]
         if closed and uniform:
-            known = polynomial_modes(coordinates, order, elasticity, coefficients)
+            found = polynomial_modes(coordinates[None], order, elasticity, coefficients.of(None))
+            known = next((modes for _, modes in found), None)
     factors = [cholesky(_restricted(coefficients.e0, b), "coefficient matrix E0") for b in bases]
     return _Equations(coefficients, bases, factors, known)
 
@@ -259,11 +264,14 @@ def _beyond_polynomials(equations: _Equations) -> _Solved | None:
     """The solution from the polynomial modes; None where they are not known or cost digits."""
     if equations.known is None:
         return None
-    found = stiffness_beyond(equations.coefficients, equations.factors[0], equations.known)
-    if found is None:
+    found = stiffness_beyond(equations.coefficients.of(None), equations.known)
+    if found is None or not found[2].all():
         return None
-    radial, riccati = equations.judged(found[0])
-    return (*found, radial, riccati) if riccati <= ACCEPTED and is_definite(_shifted(found[0])) else None
+    stiffness = found[0][0]
+    radial, riccati = equations.judged(stiffness)
+    if not (riccati <= ACCEPTED and is_definite(shifted(stiffness))):
+        return None
+    return stiffness, float(found[1][0]), radial, riccati
 
 
 def _by_subspaces(equations: _Equations, translations: np.ndarray, method: str | None) -> _Solved:
@@ -289,11 +297,11 @@ def _solve_subspace(
         coefficients = Coefficients(e0, e1, e2, coefficients.m0)
         translations = basis.T @ translations
     stiffness, asymmetry = static_stiffness(coefficients, factor, translations, method)
-    cholesky(_shifted(stiffness), "stiffness")
+    cholesky(shifted(stiffness), "stiffness")
     return stiffness, asymmetry
 
 
-def _shifted(stiffness: np.ndarray) -> np.ndarray:
+def shifted(stiffness: np.ndarray) -> np.ndarray:
     """K is singular for rigid-body motions alone: a shift at round-off's level makes it definite, or
     something is wrong.
     """

@@ -16,10 +16,7 @@ same is done on their complement W, with K0 = Y V^T + V Y^T W W^T in the place o
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
-from scipy.linalg import lapack
 
 from .coefficients import Coefficients, SElementError
 from .dense import (
@@ -27,10 +24,10 @@ from .dense import (
     cholesky_solve,
     growing_subspace,
     largest,
-    norm,
     orthogonal_complement,
     solve,
     symmetric,
+    turned,
 )
 from .polynomial_modes import PolynomialModes
 
@@ -66,8 +63,10 @@ def static_stiffness(
     a = complement.T @ inverse_e1
     g = complement.T @ inverse
     q = complement.T @ (coefficients.e2 @ complement - coefficients.e1 @ inverse_e1)
-    reduced = None if method == "schur" else _doubling(a, symmetric(g), symmetric(q))
-    if reduced is None:
+    found = None if method == "schur" else _doubling(a[None], symmetric(g)[None], symmetric(q)[None])
+    if found is not None and found[1].all():
+        reduced = found[0][0]
+    else:
         if method == "doubling":
             raise SElementError(f"structured doubling did not converge; {ADVICE}")
         reduced = _invariant_subspace(a, g, q)
@@ -75,81 +74,94 @@ def static_stiffness(
 
 
 def stiffness_beyond(
-    coefficients: Coefficients, factor: np.ndarray, known: PolynomialModes
-) -> tuple[np.ndarray, float] | None:
-    """K, and its relative asymmetry, from what it does to the polynomial modes and by doubling on the rest;
-    None where that does not reach round-off.
+    coefficients: Coefficients, known: PolynomialModes
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """K (b, n, n) of many S-elements, its relative asymmetries (b,), and whether round-off was reached (b,),
+    from what it does to the polynomial modes and by doubling on the rest; None where a matrix is singular.
     """
-    rest, forces = known.rest, known.forces
-    if rest.shape[1] == 0:
-        reduced, mixed = np.zeros((0, 0)), np.zeros((len(known.basis[0]), 0))
-    else:
-        mixed = forces.T @ rest  # V^T K W
-        right = known.basis @ mixed - coefficients.e1.T @ rest  # (K0 - E1^T) W
-        solved = cholesky_solve(factor, np.concatenate([rest, right], axis=1))
-        inverse, inverse_right = solved[:, : rest.shape[1]], solved[:, rest.shape[1] :]
-        q = rest.T @ (coefficients.e2 @ rest) - right.T @ inverse_right
-        found = _doubling(-(rest.T @ inverse_right), symmetric(rest.T @ inverse), symmetric(q), True)
-        if found is None:
-            return None
-        reduced = found
-    half = known.basis.T @ forces  # V^T K V
-    both = forces @ known.basis.T
-    both += (known.basis @ mixed + rest @ reduced) @ rest.T
-    return symmetric(both), largest(half - half.T) / largest(half)
+    e1, e2, basis, rest, forces = coefficients.e1, coefficients.e2, known.basis, known.rest, known.forces
+    count = rest.shape[2]
+    mixed = turned(forces) @ rest  # V^T K W
+    right = basis @ mixed - turned(e1) @ rest  # (K0 - E1^T) W
+    try:
+        solved = np.linalg.solve(coefficients.e0, np.concatenate([rest, right], axis=2))
+    except np.linalg.LinAlgError:
+        return None
+    inverse, inverse_right = solved[:, :, :count], solved[:, :, count:]
+    q = turned(rest) @ (e2 @ rest) - turned(right) @ inverse_right
+    a, g = -(turned(rest) @ inverse_right), turned(rest) @ inverse
+    found = _doubling(a, symmetric(g), symmetric(q), True) if count else (q, np.ones(len(q), dtype=bool))
+    if found is None:
+        return None
+    half = turned(basis) @ forces  # V^T K V
+    both = forces @ turned(basis)
+    both += (basis @ mixed + rest @ found[0]) @ turned(rest)
+    return symmetric(both), largest_of_each(half - turned(half)) / largest_of_each(half), found[1]
 
 
-def _doubling(a: np.ndarray, g: np.ndarray, q: np.ndarray, high: bool = False) -> np.ndarray | None:
-    """X by structured doubling, or None where it fails or its residual is above round-off; `high`: the lowest
-    radial exponents are none of the problem.
+def _doubling(
+    a: np.ndarray, g: np.ndarray, q: np.ndarray, high: bool = False
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """X (b, m, m) of b problems by structured doubling, and which of them have reached round-off (b,); None
+    where a matrix is singular. `high`: the lowest radial exponents are none of the problems.
     """
-    m = len(a)
+    try:
+        with np.errstate(all="ignore"):  # what overflows does not reach round-off
+            return _doubled(a, g, q, high)
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _doubled(a: np.ndarray, g: np.ndarray, q: np.ndarray, high: bool) -> tuple[np.ndarray, np.ndarray]:
+    count, m, _ = a.shape
     identity = np.eye(m)
     # The eigenvalues are the radial exponents, from 1/2 or 1 to a few times their root mean square, which
     # the trace of the squared Hamiltonian gives; the shift lies in the geometric middle, which is about that
     # mean without the lowest ones.
-    mean_square = float(abs((a * a.T).sum() + (g * q).sum())) / m
-    shift = math.sqrt(mean_square) if high else 2.0 * mean_square**0.25
-    for _ in range(4):
-        inverse, info = _inverse(a - shift * identity)
+    mean_square = np.abs((a * turned(a)).sum(axis=(1, 2)) + (g * q).sum(axis=(1, 2))) / m
+    shift = (np.sqrt(mean_square) if high else 2.0 * mean_square**0.25)[:, None, None]
+    inverse = np.linalg.inv(a - shift * identity)
+    for _ in range(3):
         # an eigenvalue of a near the shift costs digits though it is none of the problem
-        if info == 0 and shift * largest(inverse) < 50.0:
+        near = np.flatnonzero(shift[:, 0, 0] * largest_of_each(inverse) >= 50.0)
+        if not len(near):
             break
-        shift *= 1.5
+        shift[near] *= 1.5
+        inverse[near] = np.linalg.inv(a[near] - shift[near] * identity)
     gain = inverse @ g
-    other, info = _inverse((a - shift * identity).T + q @ gain)
-    if info != 0:
-        return None
-    # The transpose of the step is kept: what LAPACK is handed then lies column by column, and is not copied.
-    turned = identity + (2.0 * shift) * other
-    dual = symmetric((2.0 * shift) * (gain @ other))
-    x = symmetric((2.0 * shift) * (other @ (q @ inverse)))
+    other = np.linalg.inv(turned(a - shift * identity) + q @ gain)
+    step, twice = identity + 2.0 * shift * other, 2.0 * shift
+    dual = symmetric(twice * (gain @ other))
+    x = symmetric(twice * (other @ (q @ inverse)))
+    going, done = np.arange(count), np.zeros(count, dtype=bool)
     for _ in range(_STEPS):
-        both = np.concatenate([turned, dual])
-        matrix = x @ dual
-        matrix.reshape(-1)[:: m + 1] += 1.0
-        _, _, solution, info = lapack.dgesv(matrix.T, both.T, overwrite_a=1, overwrite_b=1)
-        if info != 0:
-            return None
-        half, rest = solution.T[:m], solution.T[m:]
-        increment = (turned @ x) @ half.T
-        x = x + increment
-        if norm(increment) <= _INCREMENT * norm(x):
+        matrix = x[going] @ dual + identity
+        solved = np.linalg.solve(turned(matrix), turned(np.concatenate([step, dual], axis=1)))
+        half, rest = turned(solved[:, :, :m]), solved[:, :, m:]
+        increment = (step @ x[going]) @ turned(half)
+        x[going] += increment
+        small = _norms(increment) <= _INCREMENT * _norms(x[going])
+        done[going[small]] = True
+        if small.all():
             break
-        dual = dual + (turned.T @ rest.T) @ turned
-        turned = half @ turned
-    else:
-        return None
+        left = ~small
+        going, half, rest, step, dual = going[left], half[left], rest[left], step[left], dual[left]
+        dual = dual + (turned(step) @ rest) @ step
+        step = half @ step
     x = symmetric(x)
     product = x @ a
-    residual = largest(product + product.T - x @ g @ x + q)
-    return x if residual <= ACCEPTED * max(largest(q), largest(product)) else None
+    residual = largest_of_each(product + turned(product) - x @ g @ x + q)
+    return x, done & (residual <= ACCEPTED * np.maximum(largest_of_each(q), largest_of_each(product)))
 
 
-def _inverse(matrix: np.ndarray) -> tuple[np.ndarray, int]:
-    """Inverse by LAPACK, and its info."""
-    _, _, inverse, info = lapack.dgesv(matrix, np.eye(len(matrix)))
-    return inverse, info
+def largest_of_each(matrices: np.ndarray) -> np.ndarray:
+    """(b,): largest absolute entries."""
+    return np.asarray(np.abs(matrices).max(axis=(1, 2)))
+
+
+def _norms(matrices: np.ndarray) -> np.ndarray:
+    """(b,): Frobenius norms."""
+    return np.sqrt((matrices * matrices).sum(axis=(1, 2)))
 
 
 def _invariant_subspace(a: np.ndarray, g: np.ndarray, q: np.ndarray) -> np.ndarray:

@@ -38,25 +38,38 @@ def invariant_subspaces(
     return np.split(vectors, breaks, axis=1)
 
 
+def mirrored(outlines: np.ndarray, order: int) -> np.ndarray:
+    """(b,): whether closed outlines (b, nodes, 2) have a mirror."""
+    return np.asarray(_sought(outlines, order, True)[2].any(axis=1))
+
+
 def _mirrors(coordinates: np.ndarray, order: int, closed: bool) -> list[np.ndarray]:
     """One mirror of the outline, and the one perpendicular to it if there is one, as (n, n) symmetric
     orthogonal matrices.
     """
-    nodes = len(coordinates)
-    z = coordinates[:, 0] + 1j * coordinates[:, 1]
-    # A mirror sends node i to node s - i: s is even around vertices and edge centres alike, given in half
-    # edges.
-    sums = order * np.arange(nodes // order) if closed else np.array([nodes - 1])
-    index = (sums[:, None] - np.arange(nodes)) % nodes
-    image = z[index]
-    turn = (image * z).mean(axis=1)  # image = turn * conj(z) under a mirror
-    turn = turn / np.maximum(np.abs(turn), 1e-300)
-    holds = np.abs(image - turn[:, None] * z.conj()).max(axis=1) < TOLERANCE
-    found = np.flatnonzero(holds)
+    index, turns, holds = _sought(coordinates[None], order, closed)
+    turn, found = turns[0], np.flatnonzero(holds[0])
     if len(found) == 0:
         return []
     chosen = [found[0]] + [k for k in found[1:] if abs(turn[k] + turn[found[0]]) < 1e-9][:1]
     return [_operator(index[k], turn[k]) for k in chosen]
+
+
+def _sought(outlines: np.ndarray, order: int, closed: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What mirrors may do to outlines (b, nodes, 2): the node that each node comes from (m, nodes), the turns
+    (b, m), and whether they map the outline on itself (b, m).
+    """
+    nodes = outlines.shape[1]
+    z = outlines[..., 0] + 1j * outlines[..., 1]
+    # A mirror sends node i to node s - i: s is even around vertices and edge centres alike, given in half
+    # edges.
+    sums = order * np.arange(nodes // order) if closed else np.array([nodes - 1])
+    index = (sums[:, None] - np.arange(nodes)) % nodes
+    image = z[:, index]
+    turn = (image * z[:, None]).mean(axis=2)  # image = turn * conj(z) under a mirror
+    turn = turn / np.maximum(np.abs(turn), 1e-300)
+    holds = np.abs(image - turn[:, :, None] * z[:, None].conj()).max(axis=2) < TOLERANCE
+    return index, turn, holds
 
 
 def _operator(index: np.ndarray, turn: complex) -> np.ndarray:

@@ -12,7 +12,6 @@ from sbfem_petsc.petsc import PETSc
 from sbfem_petsc.selement import solution
 from sbfem_petsc.system.contact import bordered_contact
 from sbfem_petsc.system.contact.expected_contact import expected_contact
-from sbfem_petsc.system.elements import shapes
 from sbfem_petsc.system.solve import assembly, equilibrium
 from sbfem_petsc.system.solve.assembly import ElementBlocks, assemble, assemble_like
 from tests.parallel import answer, on_ranks
@@ -125,26 +124,6 @@ def test_statics_compute_no_inertia(monkeypatch):
     sb.static(model, sb.SupportMotion(ay=9.81))
     sb.modal(model, 5)
     assert len(calls) == model.shapes
-
-
-def test_equations_of_few_shapes_are_kept(monkeypatch):
-    """The inertia of a few shapes takes the equations that their stiffness was solved from; many shapes make
-    them again, for the same result.
-    """
-    calls = []
-    original = solution.coefficient_matrices
-    monkeypatch.setattr(
-        solution, "coefficient_matrices", lambda *a, **k: calls.append(1) or original(*a, **k)
-    )
-    found = []
-    for most, times in ((64, 1), (0, 2)):
-        monkeypatch.setattr(shapes, "_KEPT", most)
-        calls.clear()
-        model = sb.Model(Beam(0.1, 0.005).mesh(order=3), STEEL)
-        found.append(sb.modal(model, 3).frequencies)
-        assert len(calls) == times * model.shapes
-        assert all(group.solution.equations is None for group in model.cells.moving)
-    np.testing.assert_allclose(*found, rtol=1e-9)  # what two runs of an eigensolver may differ by
 
 
 @functools.cache

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -14,15 +14,16 @@ from ...petsc import MPI, stage
 from ...ranks.balance import balanced
 from ...selement.coefficients import SElementError
 from ...selement.congruence import placements, same_shape, shape_key
-from ...selement.inertia import Inertia
+from ...selement.inertia import Inertia, Moments
 from ...selement.sectors import Sectors
 from ...selement.solution import SElement, solve_selement
+from ...selement.stacked import STACK, inertia_of_stack, solve_stack
 from ..layout.partition import Part
 
+_Given = TypeVar("_Given")
+_Found = TypeVar("_Found")
 # S-elements that are placed at a time.
 _BATCH = 4096
-# Shapes of a rank up to which their equations are kept from the stiffness to the inertia, some 100 kB each.
-_KEPT = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,46 +219,84 @@ class Solutions:
 
     def stiffness(self) -> list[SElement]:
         """The S-element of each of this rank's requests, without inertia. Collective."""
-        kept = len(self._shapes) <= _KEPT
 
-        def solve(request: _Request, kept: bool) -> SElement:
+        def solve(request: _Request) -> SElement:
             material = self.materials[request.material]
-            found = solve_selement(
+            return solve_selement(
                 Sectors(request.shape, self.order, material.elasticity),
                 request.closed,
                 isotropic=material.isotropic,
                 density=material.densities,
             )
-            return found if kept else replace(found, equations=None)
 
-        self._solved = self._each(solve, [kept] * len(self._shapes))
-        return self._sent_back([replace(found, equations=None) for found in self._solved])
+        def solve_all(requests: list[_Request]) -> list[SElement | None]:
+            material = self.materials[requests[0].material]
+            shapes = np.stack([request.shape for request in requests])
+            return solve_stack(Sectors(shapes, self.order, material.elasticity), material.isotropic)
+
+        self._solved = self._of_each(self._shapes, solve_all, solve)
+        return self._sent_back(self._solved)
 
     @stage("Inertia")
-    def inertia(self, terms: int) -> list[Inertia]:
+    def inertia(self, terms: int) -> list[Inertia | Moments]:
         """Mass and continued fraction of each of this rank's requests. Collective."""
 
-        def solve(_: _Request, solved: SElement) -> Inertia:
+        def solve(solved: SElement) -> Inertia | Moments:
             dynamics = solved.with_inertia(terms).dynamics
             assert dynamics is not None  # `with_inertia` has just made them
             return dynamics
 
-        found = self._each(solve, self._solved)
-        self._solved = [replace(solved, equations=None) for solved in self._solved]
-        return self._sent_back(found)
+        return self._sent_back(
+            self._of_each(self._solved, lambda solved: inertia_of_stack(solved, terms), solve)
+        )
 
-    def _each(self, solve: Callable[[_Request, Any], Any], given: list) -> list:
-        """`solve` of each of this rank's shapes and what is given with it, by any rank; what it raises names
-        the S-element, on all ranks.
+    def _of_each(
+        self,
+        given: Sequence[_Given],
+        solve_all: Callable[[list[_Given]], list[_Found | None]],
+        solve: Callable[[_Given], _Found],
+    ) -> list[_Found]:
+        """What is found from what is given of each of this rank's shapes, by any rank: of a stack of closed
+        ones of one material at once, and one by one of what that leaves. What is raised names the S-element,
+        on all ranks. Collective.
         """
+        stacks = self._stacks()
 
-        def named(item: tuple[_Request, Any]) -> Any:
-            try:
-                return solve(*item)
-            except SElementError as error:
-                raise SElementError(f"{item[0].label}: {error}") from None
+        def work(item: tuple[bool, list[str], list[_Given]]) -> list[_Found]:
+            alike, labels, some = item
+            found: list[_Found | None] = solve_all(some) if alike else [None] * len(some)
+            for k, label in enumerate(labels):
+                if found[k] is None:
+                    try:
+                        found[k] = solve(some[k])
+                    except SElementError as error:
+                        raise SElementError(f"{label}: {error}") from None
+            return cast("list[_Found]", found)
 
-        return balanced(self.comm, zip(self._shapes, given), named)
+        items = [
+            (alike, [self._shapes[row].label for row in rows], [given[row] for row in rows])
+            for alike, rows in stacks
+        ]
+        result: list[Any] = [None] * len(self._shapes)
+        for (_, rows), found in zip(stacks, balanced(self.comm, items, work)):
+            for row, one in zip(rows, found):
+                result[row] = one
+        return result
+
+    def _stacks(self) -> list[tuple[bool, list[int]]]:
+        """Rows of this rank's shapes that can be solved at once, and rows of one."""
+        alike: dict[tuple[int, int], list[int]] = {}
+        others: list[tuple[bool, list[int]]] = []
+        for row, request in enumerate(self._shapes):
+            if request.closed and self.materials[request.material].elasticity.ndim == 2:
+                alike.setdefault((len(request.shape), request.material), []).append(row)
+            else:
+                others.append((False, [row]))
+        return others + [
+            (True, rows[first : first + STACK])
+            for rows in alike.values()
+            for first in range(0, len(rows), STACK)
+        ]
 
     def _sent_back(self, found: list) -> list:
         """Answers to this rank's requests, from what each rank has found for its own shapes."""

@@ -14,6 +14,7 @@ from ...petsc import PETSc, dense_columns, direct_solver, free, make_ksp, negati
 from ...ranks.capacity import give_back
 from ...ranks.parallel import alone
 from ...selement.dense import cholesky, lower_solve, symmetric_eigen
+from ...selement.inertia import Moments
 from ...selement.solution import SElement
 from ..elements.elements import Elements
 from ..elements.shapes import Group
@@ -26,6 +27,8 @@ from .stiffness import Stiffness
 # fronts: four times as fast at 2,000, as fast at 4,000. Products with full blocks are faster than those with
 # the upper half, too.
 _SMALL = 4000
+# Tolerances of auxiliary unknowns down to which they are found from moments: squares lose half of the digits.
+_BY_MOMENTS, _NOTHING = 1e-9, 1e-10
 # Columns that the stiffness is multiplied with at a time.
 _COLUMNS = 16
 
@@ -217,14 +220,13 @@ class _Piece:
         self.modulus, inertia = elements.scales(self.group)
         self.inertia_scale = float(inertia[0])
         self.unknowns = elements.unknowns_of(self.group)
-        coupling, inertia = group.solution.coupling, group.solution.inertia
-        if tolerance > 0.0 and coupling.shape[1]:
-            coupling, inertia = _project(
-                group.solution,
-                highest**2 * self.inertia_scale / self.modulus,
-                tolerance,
-                elements.terms,
-            )
+        solution, w2 = group.solution, highest**2 * self.inertia_scale / self.modulus
+        if tolerance >= _BY_MOMENTS and isinstance(solution.dynamics, Moments):
+            coupling, inertia = _leading(solution.stiffness, solution.dynamics, w2, tolerance)
+        elif tolerance > 0.0 and solution.coupling.shape[1]:
+            coupling, inertia = _project(solution, w2, tolerance, elements.terms)
+        else:
+            coupling, inertia = solution.coupling, solution.inertia
         self._coupling, self._inertia = coupling, inertia
         self.auxiliary = inertia.size * len(rows)
         self.inertia = self.inertia_scale * inertia
@@ -265,6 +267,36 @@ def _pieces(elements: Elements, group: Group, highest: float, tolerance: float) 
     return [_Piece(elements, group, rows, highest, tolerance) for rows in np.split(order, breaks)]
 
 
+def _leading(
+    stiffness: np.ndarray, dynamics: Moments, w2: float, tolerance: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `_project`, of one term, from C C' and C J C': the left singular vectors are eigenvectors of
+    w2^2 L^-1 C C' L^-T.
+    """
+    lower = cholesky(stiffness + w2 * dynamics.mass, "dynamic stiffness of an S-element")
+    half = w2 * lower_solve(lower, dynamics.second)  # w2 L^-1 C C'
+    values, vectors = _kept(w2 * lower_solve(lower, half.T), tolerance)
+    if not len(values):
+        return half[:, :0], values
+    # one that is there for the even number alone may be nothing but round-off, which must have some mass
+    scaled = vectors / np.sqrt(np.maximum(values, _NOTHING * values[-1]))
+    weights = w2 * lower_solve(lower, scaled, transposed=True)
+    inertia, modes = symmetric_eigen(weights.T @ dynamics.third @ weights)
+    return half.T @ scaled @ modes, np.maximum(inertia, _NOTHING * inertia[-1])
+
+
+def _kept(gram: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues above a tolerance and their eigenvectors, an even number, as of displacements: matrices
+    then consist of blocks of two.
+    """
+    if gram.trace() <= tolerance:
+        return np.empty(0), np.empty((len(gram), 0))
+    values, vectors = symmetric_eigen(gram)
+    kept = int((values > tolerance).sum())
+    first = len(values) - kept - kept % 2
+    return values[first:], vectors[:, first:]
+
+
 def _project(solution: SElement, w2: float, tolerance: float, terms: int) -> tuple[np.ndarray, np.ndarray]:
     """Coupling (n, r) and inertia (r,) of the auxiliary unknowns that matter up to omega^2 rho h^2 / E =
     `w2`.
@@ -275,16 +307,11 @@ def _project(solution: SElement, w2: float, tolerance: float, terms: int) -> tup
     """
     lower = cholesky(solution.stiffness + w2 * solution.mass, "dynamic stiffness of an S-element")
     block = w2 * lower_solve(lower, solution.coupling)
-    if terms == 1 and (block**2).sum() <= tolerance:
-        return solution.coupling[:, :0], solution.inertia[:0]
     gram = block.T @ block
     for _ in range(terms - 1):
         block = block * (w2 * solution.inertia)
         gram = gram + block.T @ block
-    values, vectors = symmetric_eigen(gram)
-    # an even number of them, as of displacements: matrices then consist of blocks of two
-    kept = int((values > tolerance).sum())
-    basis = vectors[:, len(values) - kept - kept % 2 :]
+    _, basis = _kept(gram, tolerance)
     inertia, modes = (
         symmetric_eigen((basis.T * solution.inertia) @ basis)
         if basis.shape[1]
