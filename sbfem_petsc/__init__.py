@@ -35,6 +35,10 @@ if any(name in os.environ for name in _LAUNCHED):
 
     abort.install()
 
+from .processor import name_kernels  # noqa: E402
+
+name_kernels()
+
 __version__ = "0.2.0"
 
 _HOME = {

@@ -71,6 +71,8 @@ def inertia_of_stack(elements: list[SElement], terms: int) -> list[Inertia | Mom
     stack = Sectors(np.stack([element.coordinates for element in elements]), first.order, first.elasticity)
 
     def solve(rows: np.ndarray, c: Coefficients, known: PolynomialModes) -> list[Inertia | Moments | None]:
+        if not known.rest.size:  # no Schur form is left to take, as of triangles of order 1
+            return [None] * len(rows)
         found = _moments(c, known, np.stack([elements[row].stiffness for row in rows]))
         none = (np.zeros((len(c.e0[0]), 0)), np.zeros(0))
         return [
