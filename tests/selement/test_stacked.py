@@ -85,3 +85,13 @@ def test_modes_by_moments(monkeypatch):
     found, as_many = frequencies()
     assert as_many == unknowns > 0
     np.testing.assert_allclose(expected, found, rtol=1e-11)
+
+
+def test_triangles_of_order_one():
+    """Polynomials are all their modes: no Schur form is left to take, and each is solved alone."""
+    stack, elasticity = outlines(3, 1), MATERIALS[0].elasticity
+    found = solve_stack(Sectors(stack, 1, elasticity), False)
+    for shape, element in zip(stack, found):
+        alone = solve_selement(Sectors(shape, 1, elasticity), True, 1, method="schur")
+        assert relative(element.stiffness, alone.stiffness) < 1e-12
+    assert inertia_of_stack(found, 1) == [None] * len(stack)
