@@ -34,6 +34,10 @@ class BandWarning(UserWarning):
     """The modes kept, or the mesh behind them, do not reach the band of the loads."""
 
 
+class AccuracyWarning(UserWarning):
+    """A result is told to be less accurate than was asked for, or its error is not told."""
+
+
 class StepWarning(UserWarning):
     """The time step is coarse for the load's highest frequency or for contact, the phases of a slower tone
     are few for its multiples or do not resolve the motion, or not every step is kept.

@@ -60,6 +60,7 @@ _HOME = {
     "BandWarning": "meshing.warnings",
     "MeshWarning": "meshing.warnings",
     "StepWarning": "meshing.warnings",
+    "AccuracyWarning": "meshing.warnings",
     "BranchWarning": "meshing.warnings",
     "UnitWarning": "meshing.warnings",
     "LargeDisplacementWarning": "meshing.warnings",

@@ -34,6 +34,11 @@ def _accuracy(default: float | None = None) -> Any:
     return item(default, text=text, ge=1e-13, le=0.1)
 
 
+def _harmonics() -> Any:
+    text = "relative error of harmonics 1 to 4 asked for: default modes and steps are as many as it needs"
+    return item(None, text=text, ge=1e-8, le=0.1)
+
+
 def _largest_step(what: str, unit: str = "") -> Any:
     return item(None, text=f"largest change of the {what} from a point to the next", unit=unit, gt=0)
 
@@ -139,6 +144,7 @@ class PeriodicOptions(Integration):
     tolerance: float | None = item(
         None, text="double the steps until displacements change by less (relative)", gt=0, lt=1
     )
+    accuracy: float | None = _harmonics()
     segments: int = _counted(
         "multiple shooting over so many parts of a long period, of which the steps are a multiple",
         1,
@@ -146,7 +152,10 @@ class PeriodicOptions(Integration):
     )
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
-        """Multiple shooting has a derivative of its own."""
+        """Multiple shooting has a derivative of its own and tells no errors; a tolerance asks for steps."""
+        for name, given in (("segments", self.segments > 1), ("tolerance", self.tolerance is not None)):
+            if self.accuracy is not None and given:
+                yield "accuracy", f"= {self.accuracy:g} is not for {name}; leave one of them out"
         if self.segments > 1 and self.jacobian != "auto":
             yield (
                 "jacobian",
@@ -175,6 +184,7 @@ class CurveOptions(Integration):
     stability: bool | None = item(
         None, text="compute Floquet multipliers and bifurcations; default: of a reduced model"
     )
+    accuracy: float | None = _harmonics()
 
 
 class FrequencyResponseOptions(CurveOptions, FrequencyRange):

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import instance
+from ..continuation.accuracy import Accuracy, TooInaccurate
 from ..continuation.orbit import Orbit, make_orbit, orbit_stability, told_errors
 from ..continuation.problems.driven_orbits import ParameterRange
 from ..continuation.problems.segments import at_segments, segmented_stability, shoot_segments
@@ -56,6 +57,7 @@ def periodic(
     stability: bool | None = None,
     longest: int = LONGEST,
     tolerance: float | None = None,
+    accuracy: float | None = None,
     search: Search | None = None,
     segments: int = 1,
     progress: Progress = "auto",
@@ -100,7 +102,11 @@ def periodic(
     tolerance : float, optional
         The steps are doubled until the displacements of all named points change by less than this, relative
         L2 over the period; the change is `step_error`.
-
+    accuracy : float, optional
+        Of harmonics 1 to 4 of the named points, `largest_mode_error`: modes and steps that are not given are
+        as many as that needs. To begin with modes up to 16 sqrt(1e-3 / accuracy) times the loads' highest
+        frequency, at least 12, in 64 ceil(8 sqrt(1e-3 / accuracy)) steps or what modes and loads ask for;
+        more of them, from the motion found on, where its told error is above.
     search : continuation.search.Search, optional
         How far a motion is looked for where Newton's method does not converge from the first guess.
     segments : int
@@ -124,11 +130,13 @@ def periodic(
     -----
     LargeDisplacementWarning
         If displacements of named points are more than 5 % of the body.
+    AccuracyWarning
+        If the told error is above `accuracy` in the modes or steps given, or in all that the mesh has.
     StepWarning
         If contact does more than 1e-2 of what the loads exchange with the modes, in given steps or in 32
         times the default ones.
     """
-    settings = PeriodSettings(periods, steps, modes, contact, jacobian, longest, segments)
+    settings = PeriodSettings(periods, steps, modes, contact, jacobian, longest, segments, accuracy=accuracy)
     with collective(communicator(model)):
         check_reduction("periodic", reduction)
         if guess is not None:
@@ -145,7 +153,7 @@ def periodic(
         if reduction is None:
             segmented = segments if segments > 1 else None
             asked: dict[str, Any] = {"guess": guess, "tolerance": tolerance, "search": search}
-            asked["segments"] = segmented
+            asked["segments"], asked["accuracy"] = segmented, accuracy
             asked["jacobian"] = None if jacobian in ("auto", "matrix-free") else jacobian
             require_unreduced("periodic", model, {**asked, "stability": stability or None})
     if reduction is None:
@@ -176,19 +184,52 @@ def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
     if settings.segments > 1:
         return _in_segments(task, settings.segments, period, guess, most * period.steps)
     state = period.begun(period.at(task.frequency).linear_state if guess is None else guess.state)
+    fixed, path = _found(task, settings, period, state)
+    errors = told_errors(fixed)
+    if settings.accuracy is not None:
+        fixed, errors = _accurate(task, settings, guess, fixed, errors)
+    told = errors.sum(axis=0)
+    if not stability:
+        return make_orbit(fixed, np.zeros(0, dtype=complex), math.nan, path, told)
+    return make_orbit(fixed, *orbit_stability(fixed), path, told)
+
+
+def _found(
+    task: _Task, settings: PeriodSettings, period: Period, state: np.ndarray
+) -> tuple[FixedPoint, str]:
+    """The motion near a state, in so many times the steps as contact asks for."""
     find = functools.partial(
         find_steady_state, jacobian=settings.jacobian, search=task.search, progress=task.progress
     )
     fixed, path = find(period.at(task.frequency), state, multiples=settings.periods is None)
     period = fixed.driven.period
-    most *= period.steps
+    most = period.steps * (MOST if settings.steps is None else 1)
     while (times := _times_more(fixed, most)) > 1:
         period = finer("periodic", period, times)
         fixed, path = find(period.at(task.frequency), fixed.state, multiples=False)
-    error = told_errors(fixed).sum(axis=0)
-    if not stability:
-        return make_orbit(fixed, np.zeros(0, dtype=complex), math.nan, path, error)
-    return make_orbit(fixed, *orbit_stability(fixed), path, error)
+    return fixed, path
+
+
+def _accurate(
+    task: _Task, settings: PeriodSettings, guess: Orbit | None, fixed: FixedPoint, errors: np.ndarray
+) -> tuple[FixedPoint, np.ndarray]:
+    """The motion and its told errors in modes and steps in which it is as accurate as was asked for, if these
+    may be had.
+    """
+    accuracy = Accuracy("periodic", task.model, settings, guess is not None)
+
+    def prepared(settings: PeriodSettings) -> Period:
+        return prepare("periodic", task.model, task.load, task.frequency, settings=settings, guess=guess)
+
+    def found(period: Period, added: np.ndarray) -> FixedPoint:
+        return _found(task, settings, period, period.at(task.frequency).linear_state + added)[0]
+
+    try:
+        accuracy.require(fixed, errors)
+    except TooInaccurate as error:
+        fixed, errors = accuracy.reached(prepared, error, found)
+    accuracy.tell(fixed.driven.period, errors)
+    return fixed, errors
 
 
 def _times_more(fixed: FixedPoint, most: int) -> int:

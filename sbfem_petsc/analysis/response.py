@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import instance
+from ..continuation.accuracy import Accuracy, TooInaccurate
 from ..continuation.branch import Branch
 from ..continuation.branch_following import HARMONICS, BranchSettings, follow_response, linear_branch
 from ..continuation.line_file import LineFile, conditions_of
@@ -62,6 +63,7 @@ def frequency_response(
     points: int = 400,
     largest_step: float | None = None,
     stability: bool | None = None,
+    accuracy: float | None = None,
     reduction: str | None = "modes",
     file: str | None = None,
     resume: bool = False,
@@ -93,6 +95,10 @@ def frequency_response(
     stability : bool, optional
         Compute Floquet multipliers and bifurcations. Default: of a reduced model; those of an unreduced one
         are not computed.
+    accuracy : float, optional
+        Of harmonics 1 to 4 of the named points, `largest_mode_error`, for which modes and steps that are not
+        given are as many as it needs, see `periodic`. The curve is followed again where its told error is
+        above at an end or the peak; where it stays so bifurcations are not located (`unlocated`).
     reduction : "modes" or None
         None: motions of the unreduced model, as `periodic` finds them.
     file : str, optional
@@ -109,6 +115,11 @@ def frequency_response(
     SolveError
         If there is no first point, or if the curve comes to a stop within the range; the points so far are
         its attribute `branch`, and in `file`.
+
+    Warns
+    -----
+    AccuracyWarning
+        If the told error is above `accuracy` in the modes or steps given, or in all that the mesh has.
     """
     over = ParameterRange("frequency", start, stop)
     with collective(communicator(model)):
@@ -119,10 +130,16 @@ def frequency_response(
             )
         amplitudes_only("frequency_response", load)
     highest = max(start, stop)
-    settings = PeriodSettings(periods, steps, modes, contact, band=highest)
+    settings = PeriodSettings(periods, steps, modes, contact, band=highest, accuracy=accuracy)
     if not contact:
         settings = replace(settings, steps=INSTANTS, periods=periods or 1)
-        return linear_branch(prepare(over.owner, model, load, highest, settings=settings), start, stop)
+        aim = None if accuracy is None else Accuracy(over.owner, model, settings, False)
+        while True:
+            try:
+                period = prepare(over.owner, model, load, highest, settings=settings)
+                return linear_branch(period, start, stop, aim)
+            except TooInaccurate as error:
+                settings = error.settings
     asked = BranchSettings(points, largest_step or math.inf, stability is not False)
     run = _Run(model, load, settings, guess, asked, file, resume, progress)
     return run.followed(over, reduction, stability)
@@ -144,6 +161,7 @@ def load_response(
     points: int = 400,
     largest_step: float | None = None,
     stability: bool | None = None,
+    accuracy: float | None = None,
     reduction: str | None = "modes",
     file: str | None = None,
     resume: bool = False,
@@ -163,11 +181,11 @@ def load_response(
         What the factor is on, as in `locus`; of an unreduced model the load alone.
     largest_step : float, optional
         Largest change of the factor from a point to the next one, for a finer curve.
-    load, periods, steps, modes, guess, points, stability, reduction, file, resume, progress
+    load, periods, steps, modes, guess, points, stability, accuracy, reduction, file, resume, progress
         See `frequency_response`; `guess` is an orbit at the factor `start`.
     """
     over = ParameterRange(parameter, start, stop, frequency)
-    settings = PeriodSettings(periods, steps, modes)
+    settings = PeriodSettings(periods, steps, modes, accuracy=accuracy)
     asked = BranchSettings(points, largest_step or math.inf, stability is not False)
     run = _Run(model, load, settings, guess, asked, file, resume, progress)
     return run.followed(over, reduction, stability)
@@ -196,8 +214,9 @@ class _Run:
 
     def _conditions(self, over: ParameterRange) -> dict[str, Any]:
         """What a run must have been begun with to be gone on with."""
-        step = self.asked.largest_step
+        step, accuracy = self.asked.largest_step, self.settings.accuracy
         return {
+            **({} if accuracy is None else {"accuracy": accuracy}),
             "parameter": over.name,
             "start": over.start,
             "stop": over.stop,
@@ -219,8 +238,18 @@ class _Run:
             steps = self.settings.steps or len(guess.time) // guess.periods
             settings = replace(settings, steps=steps, periods=guess.periods)
             asked = replace(asked, leave=guess.path == DOUBLED)
+        if settings.accuracy is not None:
+            asked = replace(asked, accuracy=Accuracy(what, self.model, settings, guess is not None))
+
+        def prepared(settings: PeriodSettings) -> Period:
+            return prepare(what, self.model, self.load, begins, settings=settings, guess=guess)
+
         with self._recorder() as record:
-            period = prepare(what, self.model, self.load, begins, settings=settings, guess=guess)
+            if record is not None and asked.accuracy is not None and settings.modes is None:
+                settings = replace(settings, modes=record.modes() if isinstance(self.model, Model) else None)
+            period = prepared(settings)
+            if asked.accuracy is not None and guess is None and (record is None or record.modes() is None):
+                period = asked.accuracy.tried(over, period, prepared)
             asked = replace(asked, stability=tells_stability(what, period, stability))
             asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
             if record is not None:  # in the steps of the file where none are asked for
@@ -235,8 +264,12 @@ class _Run:
                         )
                     except StepsTooLong as error:
                         period = finer(what, period, error.times)
-                        if record is not None:
-                            record.anew(period.steps)
+                    except TooInaccurate as error:
+                        assert asked.accuracy is not None  # that raised it
+                        period = asked.accuracy.more(over, error, prepared)
+                        asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
+                    if record is not None:
+                        period = record.anew(period)
 
     def _unreduced(self, over: ParameterRange, stability: bool | None) -> Branch:
         what = over.owner
@@ -244,7 +277,14 @@ class _Run:
             # damping and gaps are in the model's matrices
             given = {"parameter": over.name} if over.name in ("damping", "gap") else {}
             require_unreduced(
-                what, self.model, {**given, "guess": self.guess, "stability": stability or None}
+                what,
+                self.model,
+                {
+                    **given,
+                    "guess": self.guess,
+                    "stability": stability or None,
+                    "accuracy": self.settings.accuracy,
+                },
             )
         assert isinstance(self.model, Model)
         settings = replace(self.settings, periods=self.settings.periods or 1)

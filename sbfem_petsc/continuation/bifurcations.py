@@ -77,6 +77,17 @@ def locate(line: Line, found: list[Multipliers]) -> list[Bifurcation]:
     return result
 
 
+def unlocated(line: Line, found: list[Multipliers], why: str) -> str:
+    """Where a branch has bifurcations, and why they are not located; "" where it has none."""
+    counts, values = [int(outside(item).sum()) for item in found], line.values
+    passed = [k for k in range(1, len(counts)) if counts[k - 1] != counts[k]]
+    turned = [
+        k for k in range(1, len(values) - 1) if _turns(line.points, k + 1) and not {k, k + 1} & {*passed}
+    ]
+    places = [f"between {values[k - 1]:.7g} and {values[k]:.7g}" for k in sorted(passed + turned)]
+    return f"bifurcations {', '.join(places)} are not located: {why}" if places else ""
+
+
 def follow_multiplier(spectra: dict[float, np.ndarray], start: float, rank: int) -> dict[float, complex]:
     """The multiplier of a rank at one place of a branch, at the others: at each, from the nearest place on,
     the one that is nearest to where those at the two places before let it be expected.

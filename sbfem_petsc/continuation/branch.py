@@ -106,6 +106,7 @@ class Branch(Orbits, OfPeriod):
         finite=False,
         default_factory=lambda: np.full(LOWEST, np.nan),
     )
+    unlocated: str = quantity(text="where bifurcations are that are not located, and why", default="")
 
     @derived("1", "largest error of harmonics 1 to 4, each by its order", row=True, finite=False)
     def largest_mode_error(self) -> float:
@@ -255,7 +256,8 @@ class Branch(Orbits, OfPeriod):
         return (
             f"Branch({len(self.value)} points over {self.parameter} {self.value.min():.6g} to "
             f"{self.value.max():.6g}{unit}, {verdict}, "
-            f"{len(self.bifurcations)} bifurcations, {in_words(self.mode_error)}{self.reason})"
+            f"{len(self.bifurcations)} bifurcations, {in_words(self.mode_error)}"
+            f"{'; '.join(filter(None, (self.reason, self.unlocated)))})"
         )
 
 

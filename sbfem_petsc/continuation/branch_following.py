@@ -17,14 +17,15 @@ from ..motion.contact_work import StepsTooLong, times_more, warn_of_contact_work
 from ..motion.excitation import one_sided
 from ..motion.period_map import Period
 from ..motion.unreduced.period import UnreducedPeriod
-from .bifurcations import Bifurcation, locate
+from .accuracy import Accuracy
+from .bifurcations import Bifurcation, locate, unlocated
 from .branch import Branch
 from .events import beside, insert, refine
 from .extrapolation import uncertainty_at
 from .follow import CLOSED, Follower, Line, Settings, follow
 from .line_file import LineFile
 from .multipliers import Multipliers, multipliers_of
-from .orbit import FLOOR, LOWEST, NEAR, told_errors
+from .orbit import FLOOR, LOWEST, NEAR, largest_error, told_errors
 from .problem import Point, Range
 from .problems.driven_orbits import Orbits, ParameterRange
 from .problems.several_periods import distances, minimal_periods
@@ -64,6 +65,8 @@ class BranchSettings:
         Steps of the period which may be halved up to these, for the whole branch, where contact does work.
     more : str
         How there could be more points, for the warning of a branch that ends after so many.
+    accuracy : Accuracy, optional
+        Of the harmonics.
     """
 
     points: int = 400
@@ -72,6 +75,7 @@ class BranchSettings:
     leave: bool = False
     most_steps: int = 0
     more: str = "raise points"
+    accuracy: Accuracy | None = None
 
 
 def follow_response(
@@ -100,9 +104,13 @@ def follow_response(
         If the branch comes to a stop within the range; the points so far are the error's attribute `branch`.
     StepsTooLong
         If contact does too much work at a point, and there may be more steps.
+    TooInaccurate
+        If harmonics are less accurate than was asked for, and there may be more modes or steps.
 
     Warns
     -----
+    AccuracyWarning
+        If they are, and there may not; bifurcations are not located then.
     BranchWarning
         If it ends after the most points that are allowed.
     StepWarning
@@ -132,12 +140,15 @@ def follow_response(
         if report is not None:
             report(min(1.0, abs(line.points[-1].value - parameter.start) / within.extent))
 
-    if not line.complete:
+    new = not line.complete
+    if new:
         follow(line, within, Settings(settings.points, settings.largest_step), step)
-        if line.complete or not within.holds(line.points[-1].value):
-            refine(line, lambda: line.values / within.extent, lambda: rows.arrays()[1].T, rows.add)
-            if settings.stability:
-                _separate(line, rows)
+        new = line.complete or not within.holds(line.points[-1].value)
+    if new:
+        refine(line, lambda: line.values / within.extent, lambda: rows.arrays()[1].T, rows.add)
+    rows.judge(line, settings.accuracy)
+    if new and settings.stability and not rows.missing:
+        _separate(line, rows)
     result = made(True)
     warn_of_contact_work(what, rows.work, period.steps // period.excitation.periods)
     if recorder is not None:
@@ -201,8 +212,9 @@ def _branch(line: Line, rows: PointRows, problem: Orbits | UnreducedOrbits, fini
     """The branch as it is; bifurcations and uncertainties are looked for when it is finished."""
     points, parameter = line.points, problem.parameter
     asked = finished and rows.stability
+    located = asked and not rows.missing
     found = [item for item in rows.found if item is not None]  # all of them where stability is asked for
-    bifurcations = tuple(locate(line, found)) if asked else ()
+    bifurcations = tuple(locate(line, found)) if located else ()
     return Branch(
         parameter.name,
         line.values,
@@ -217,21 +229,9 @@ def _branch(line: Line, rows: PointRows, problem: Orbits | UnreducedOrbits, fini
         problem.period.points,
         problem.map,
         parameter.frequency,
-        _mode_error(line, rows) if finished else np.full(LOWEST, np.nan),
+        rows.told,
+        "" if located or not asked else unlocated(line, found, rows.missing),
     )
-
-
-def _mode_error(line: Line, rows: PointRows) -> np.ndarray:
-    """(5,): the largest errors of harmonics at the ends and at the point of the largest amplitude, see
-    `told_errors`.
-    """
-    if not isinstance(rows.period, Period):
-        return np.full(LOWEST, np.nan)
-    peak = int(np.argmax([np.linalg.norm(row[1]) for row in rows.rows]))
-    errors: np.ndarray = np.max(
-        [told_errors(line.points[k].state).sum(axis=0) for k in {0, peak, len(line.points) - 1}], axis=0
-    )
-    return errors
 
 
 class PointRows:
@@ -248,12 +248,41 @@ class PointRows:
     ----------
     work : float
         The most that contact does at any point, see `contact_work`.
+    told : (5,) array
+        The largest errors of harmonics, nan before they are known, see `told_errors`.
+    missing : str
+        What they mean where they are above the accuracy that was asked for.
     """
 
     def __init__(self, period: Period | UnreducedPeriod, stability: bool, most: int = 0):
         self.period, self.stability, self.most, self.work = period, stability, most, 0.0
         self.rows: list[tuple] = []
         self.found: list[Multipliers | None] = []
+        self.told, self.missing = np.full(LOWEST, np.nan), ""
+
+    def judge(self, line: Line, accuracy: Accuracy | None) -> None:
+        """Errors of the harmonics at the ends and at the point of the largest amplitude.
+
+        Raises
+        ------
+        TooInaccurate
+            If they are above the accuracy, and there may be more modes or steps.
+
+        Warns
+        -----
+        AccuracyWarning
+            If they are, and there may not.
+        """
+        if not isinstance(self.period, Period):
+            return
+        peak = int(np.argmax([np.linalg.norm(row[1]) for row in self.rows]))
+        points = [line.points[k] for k in sorted({0, peak, len(line.points) - 1})]
+        found = [told_errors(point.state) for point in points]
+        self.told = np.max([errors.sum(axis=0) for errors in found], axis=0)
+        if accuracy is not None:
+            worst = int(np.argmax([largest_error(errors.sum(axis=0)) for errors in found]))
+            accuracy.require(points[worst].state, found[worst], points[worst].value)
+            self.missing = accuracy.tell(self.period, found[worst])
 
     def add(self, point: Point, place: int | None = None) -> None:
         """Note a point, at the end or before another one.
@@ -348,8 +377,14 @@ def _uncertainty(line: Line, found: list[Multipliers], bifurcations: tuple[Bifur
     return result
 
 
-def linear_branch(period: Period, start: float, stop: float) -> Branch:
-    """The response without contact, closed form."""
+def linear_branch(period: Period, start: float, stop: float, accuracy: Accuracy | None = None) -> Branch:
+    """The response without contact, closed form.
+
+    Raises
+    ------
+    TooInaccurate
+        If it is less accurate than was asked for, and there may be more modes.
+    """
     r = period.reduced
     lower, upper = min(start, stop), max(start, stop)
     inside = [(f, z) for f, z in zip(r.frequencies, r.damping) if lower < f < upper]
@@ -361,15 +396,16 @@ def linear_branch(period: Period, start: float, stop: float) -> Branch:
     values = np.unique(np.concatenate([np.linspace(lower, upper, EVEN), *near]))
     values = values[(values >= lower) & (values <= upper)]
     values = values if stop > start else values[::-1]
-    rows, states = PointRows(period, stability=False), []
+    rows, points = PointRows(period, stability=False), []
     orbits = Orbits(period, ParameterRange("frequency", start, stop))
     for value in values:
-        states.append(period.at(float(value)).linear_state)
-        rows.add(Point.known(orbits, np.append(states[-1], value)))
+        points.append(Point.known(orbits, np.append(period.at(float(value)).linear_state, value)))
+        rows.add(points[-1])
+    rows.judge(Line(points), accuracy)
     return Branch(
         "frequency",
         values,
-        np.array(states),
+        orbits.states(points),
         *rows.arrays(),
         np.full(len(values), np.nan),
         np.zeros(len(values), dtype=int),
@@ -379,4 +415,5 @@ def linear_branch(period: Period, start: float, stop: float) -> Branch:
         period.excitation.periods,
         period.points,
         period,
+        mode_error=rows.told,
     )

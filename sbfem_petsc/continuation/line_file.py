@@ -19,6 +19,7 @@ from ..ranks.parallel import collective, on_root
 from ..record.files import image
 from ..record.journal import Frame
 from ..record.record import Record
+from ..reduction.comparison import in_rows
 from ..reduction.reduced_model import ReducedModel
 from ..system.solve.pencil import Pencil
 from .follow import Line
@@ -118,12 +119,16 @@ class LineFile(RunFile):
         reduced, start = self.begin(period.reduced, {**told, "contact": period.pairs > 0}, start)
         return Period(reduced, period.excitation, steps, period.pairs > 0), start
 
-    def anew(self, steps: int) -> None:
-        """Begin again, in so many steps."""
-        self._head["steps"], self._begun, self._written = steps, False, -np.inf
+    def anew(self, period: Period) -> Period:
+        """Begin again, in other steps or modes. The map to go on with, as it would come from the file."""
+        period = Period(in_rows(period.reduced), period.excitation, period.steps, period.pairs > 0)
+        if self.comm.rank == 0:
+            self._head |= {"steps": period.steps, "model": image(period.reduced)}
+        self._begun, self._written = False, -np.inf
         self._lines, self._told, self._layouts = [], [], {}
         if self._journal is not None:
             self._journal.former = None
+        return period
 
     def _read(
         self, conditions: Mapping[str, Any]

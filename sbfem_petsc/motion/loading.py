@@ -15,7 +15,7 @@ from ..errors import on_all_ranks
 from ..loads import EdgeMotion, Load, Loads, as_loads, separate
 from ..petsc import MPI
 from ..ranks.parallel import collective
-from ..reduction.build import default_modes, reduced
+from ..reduction.build import default_modes, modes_for, reduced
 from ..reduction.reduced_model import ReducedModel
 from ..signals.sampling import known
 from ..signals.signal import Constant, Signal, as_signal
@@ -243,6 +243,7 @@ def serving(
     loads: Loading,
     modes: int | None,
     highest: float,
+    accuracy: float | None = None,
 ) -> ReducedModel:
     """The reduced model for an analysis: the system itself, or one made of the model and kept there.
     Collective.
@@ -253,6 +254,8 @@ def serving(
         None: by default all modes up to 8 times `highest`, at least 80.
     highest : float
         Highest load frequency, Hz.
+    accuracy : float, optional
+        Of the lowest harmonics, which then tells the default number of modes.
     """
     if isinstance(system, ReducedModel):
         if modes is not None:
@@ -267,6 +270,9 @@ def serving(
     with collective(system.comm):
         modes = optional_integer(owner, "modes", modes, least=1, most=system.boundary_unknowns // 2)
     system.require_support(f"{owner} of the reduced model")
+    if modes is None and accuracy is not None:
+        known = all(signal.highest_frequency is not None for signal in loads.signals)
+        modes = modes_for(system, highest if known else 0.0, accuracy)
     result = reduced(system, loads.units, modes or default_modes(system, highest))
     _warn_of_reduced(owner, result, loads, highest)
     return result

@@ -12,6 +12,7 @@ from ..contact.friction import Friction
 from ..errors import on_all_ranks
 from ..ranks.capacity import require_compiler, require_memory
 from ..ranks.parallel import collective
+from ..reduction.build import ACCURATE
 from ..reduction.reduced_model import ReducedModel
 from ..signals.waves import Harmonic
 from ..system.model import Model
@@ -58,6 +59,10 @@ class PeriodSettings:
         The default number of steps is such that the period's is a multiple of it.
     band : float or None
         Highest forcing frequency that the modes are to serve, Hz; None: the one of the period.
+    accuracy : float or None
+        Of harmonics 1 to 4: tells how many modes there are to begin with where they are not given.
+    least : int
+        Steps a forcing period at least where they are not given.
     """
 
     periods: int | None = None
@@ -68,6 +73,19 @@ class PeriodSettings:
     longest: int = LONGEST
     segments: int = 1
     band: float | None = None
+    accuracy: float | None = None
+    least: int = STEPS
+
+    def __post_init__(self) -> None:
+        if self.accuracy is not None and self.least == STEPS:
+            object.__setattr__(self, "least", accurate_steps(self.accuracy))
+
+
+def accurate_steps(accuracy: float) -> int:
+    """Steps a forcing period that an accuracy of harmonics asks for, to begin with: their error is of second
+    order, and coarser ones ruin small harmonics.
+    """
+    return 64 * math.ceil(STEPS / 64 * math.sqrt(ACCURATE / accuracy))
 
 
 def prepare(
@@ -99,7 +117,7 @@ def prepare(
     modes = settings.modes
     if modes is None and guess is not None and guess.reduced is not None and isinstance(system, Model):
         modes = len(guess.reduced.omega)
-    reduced = serving(owner, system, loads, modes, highest)
+    reduced = serving(owner, system, loads, modes, highest, settings.accuracy)
     with collective(communicator(system)):
         if guess is not None:
             check_guess(owner, guess, reduced)
@@ -107,7 +125,7 @@ def prepare(
     steps, contact = settings.steps, settings.contact and len(reduced.initial_gap) > 0
     fastest = max((signal.highest_frequency or 0.0 for signal in loads.signals), default=0.0)
     if steps is None:
-        steps = STEPS
+        steps = settings.least
         if contact:
             fast = math.ceil(FAST_STEPS * fastest / frequency)
             steps = max(steps, contact_steps(reduced, frequency), fast)

@@ -256,7 +256,7 @@ class Journal:
                 os.remove(destination(f"{self.path}.state", self.what))
             os.truncate(self._file, 0)
             os.lseek(self._file, 0, os.SEEK_SET)
-            self._id = os.urandom(8).hex()
+            self._count, self._id = 0, os.urandom(8).hex()
             write(self._file, [MAGIC, *packed({**head, "id": self._id})])
 
     def append(self, frame: Mapping[str, Any]) -> None:

@@ -32,6 +32,9 @@ from .supports import Supports
 
 # Modes by default: all up to this multiple of the highest load frequency, and at least so many.
 BAND, LEAST_MODES = 8.0, 80
+# The same for an accuracy of 1e-3 of the lowest harmonics, and one mode more; of loads of no known band the
+# default is the least. The error falls as the square of the band: 15 motions of beams, plates, bimaterials.
+ACCURATE_BAND, ACCURATE_LEAST, ACCURATE = 16.0, 12, 1e-3
 
 
 @agreed()
@@ -195,12 +198,37 @@ def default_modes(model: Model, highest: float) -> int:
     return modes_up_to(model, BAND * highest, LEAST_MODES)
 
 
-def modes_up_to(model: Model, frequency: float, least: int) -> int:
-    """Number of modes computed so that the highest of them passes a frequency, Hz."""
-    most = max(model.boundary_unknowns // 4, 1)
-    count = min(max(least, 8), most) if least < 8 else min(least, most)
+def most_modes(model: Model) -> int:
+    """Number of modes that the mesh is good for."""
+    return max(model.boundary_unknowns // 4, 1)
+
+
+def modes_for(model: Model, highest: float, accuracy: float) -> int:
+    """Number of modes that an accuracy of harmonics asks for, by the highest load frequency (Hz), to begin
+    with.
+    """
+    band = ACCURATE_BAND * math.sqrt(ACCURATE / accuracy) * highest
+    return modes_beyond(model, band, ACCURATE_LEAST if highest > 0.0 else LEAST_MODES)
+
+
+def modes_beyond(model: Model, frequency: float, least: int) -> int:
+    """Number of modes up to a frequency (Hz) and one more, at least so many, if the mesh is good for them."""
+    count = _passing(model, frequency, min(least, most_modes(model)))
+    return min(count, max(least, 1 + int((model.modes(count).frequencies <= frequency).sum())))
+
+
+def _passing(model: Model, frequency: float, count: int) -> int:
+    """So many modes or more, computed so that the highest of them passes a frequency, Hz."""
+    most = most_modes(model)
     while count < most and model.modes(count).frequencies[-1] < frequency:
         count = min(math.ceil(1.5 * count), most)
+    return count
+
+
+def modes_up_to(model: Model, frequency: float, least: int) -> int:
+    """Number of modes computed so that the highest of them passes a frequency, Hz."""
+    most = most_modes(model)
+    count = _passing(model, frequency, min(max(least, 8), most))
     top = float(model.modes(count).frequencies[-1])
     if count == most and top < frequency:
         warnings.warn(

@@ -297,6 +297,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "stability": True,
             "longest": 8,
             "tolerance": None,
+            "accuracy": 0.1,
             "search": None,
             "segments": 1,
             "progress": None,
@@ -317,6 +318,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "points": 4,
             "largest_step": 0.05,
             "stability": False,
+            "accuracy": 0.1,
             "reduction": "modes",
             "file": "branch.h5",
             "resume": False,
@@ -346,6 +348,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "points": 4,
             "largest_step": 0.05,
             "stability": False,
+            "accuracy": 0.1,
             "reduction": "modes",
             "file": "branch.h5",
             "resume": False,
@@ -1004,7 +1007,7 @@ INTERNAL = {
 # Warnings, errors and parts of results: nobody calls them with arguments.
 NOT_CALLED = {
     "SolveError", "UnknownName", "LoadWarning", "BandWarning", "MeshWarning",
-    "RanksDiffer", "StepWarning", "BranchWarning",
+    "RanksDiffer", "StepWarning", "BranchWarning", "AccuracyWarning",
     "UnitWarning", "LargeDisplacementWarning", "PlaceWarning",
     "IncompleteHistory", "GmshWarning", "ContactPairs", "Crack", "Tip", "__version__", "Estimate",
 }  # fmt: skip

@@ -88,6 +88,20 @@ class RunFile:
         stored = self.comm.bcast(on_root(self.comm, lambda: self._stored(reduced)))
         return in_rows(reduced if stored is None else adopted(stored, reduced))
 
+    def modes(self) -> int | None:
+        """How many a run that is resumed has; None of a new one. Collective."""
+        former = self._former
+
+        def count() -> int | None:
+            return (
+                None
+                if former is None or "model" not in former.head
+                else len(from_image(former.head["model"]).omega)
+            )
+
+        found: int | None = self.comm.bcast(on_root(self.comm, count))
+        return found
+
     def _stored(self, reduced: ReducedModel) -> ReducedModel | None:
         if self._former is None:
             return None

@@ -31,6 +31,8 @@ class Curve(Kind):
         if self.reduced:
             return
         asked: Any = self  # options of the curves themselves
+        if asked.accuracy is not None:
+            yield "accuracy", "is for the reduced model; leave out reduced = false or accuracy"
         if asked.stability:
             yield "stability", "= true is for the reduced model; leave out reduced = false or stability"
         if getattr(asked, "parameter", "load") != "load":

@@ -160,6 +160,8 @@ class Periodic(PeriodicOptions, Steady, Loaded):
             yield "segments", "is for the reduced model; leave out reduced = false or segments"
         if self.tolerance is not None:
             yield "tolerance", "is for the reduced model; leave out reduced = false, or give steps"
+        if self.accuracy is not None:
+            yield "accuracy", "is for the reduced model; leave out reduced = false or accuracy"
         if self.stability:
             yield "stability", "= true is for the reduced model; leave out reduced = false or stability"
         if self.jacobian not in ("auto", "matrix-free"):

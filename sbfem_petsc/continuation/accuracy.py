@@ -1,0 +1,222 @@
+"""An accuracy that is asked for: more modes and steps where the told errors of harmonics are above it, and
+what is said where these cannot be had.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from meshing.warnings import AccuracyWarning
+
+from ..errors import SolveError, caller_level
+from ..motion.contact_work import MOST
+from ..motion.period_map import FixedPoint, Period
+from ..motion.preparation import PeriodSettings
+from ..reduction.build import modes_beyond, most_modes
+from ..reduction.reduced_model import ReducedModel
+from ..system.model import Model
+from .orbit import largest_error, told_errors
+from .problems.driven_orbits import ParameterRange
+from .search import NEWTON_ALONE, find_steady_state
+
+# Of the highest frequency of the modes from one attempt to the next, by the error, and modes beyond which
+# none is made; share of the error that the steps may have.
+LEAST_MORE, MOST_MORE, MOST_MODES, OF_STEPS = 1.25, 2.5, 320, 0.6
+
+
+class TooInaccurate(Exception):
+    """Motions are told to be less accurate than was asked for, and may have more modes or steps.
+
+    Attributes
+    ----------
+    fixed : FixedPoint
+        The one that is worst.
+    settings : PeriodSettings
+        For the next attempt.
+    value : float
+        Of a curve's parameter.
+    """
+
+    def __init__(self, fixed: FixedPoint, settings: PeriodSettings, value: float):
+        super().__init__("harmonics are less accurate than was asked for")
+        self.fixed, self.settings, self.value = fixed, settings, value
+
+
+class Accuracy:
+    """What is asked of harmonics 1 to 4, and which of modes and steps may grow: those that were not given.
+
+    Parameters
+    ----------
+    owner : str
+        The analysis, for messages.
+    system : Model or ReducedModel
+    settings : PeriodSettings
+        As a user gave them, with an accuracy.
+    begun : bool
+        Whether there is a motion to begin from: it has its modes.
+    """
+
+    def __init__(self, owner: str, system: Model | ReducedModel, settings: PeriodSettings, begun: bool):
+        assert settings.accuracy is not None  # the caller has asked
+        self.owner, self.value, self.settings = owner, settings.accuracy, settings
+        self._model = system if isinstance(system, Model) and settings.modes is None and not begun else None
+        self._most_steps = MOST * settings.least if settings.steps is None else 0
+
+    def met(self, errors: np.ndarray) -> bool:
+        """Whether told errors, see `told_errors`, are within it."""
+        return largest_error(errors.sum(axis=0)) <= self.value
+
+    def require(self, fixed: FixedPoint, errors: np.ndarray, value: float = math.nan) -> None:
+        """Raise TooInaccurate where a motion's told errors are above it and modes or steps may grow."""
+        by_modes, by_steps = (largest_error(part) for part in errors)
+        if self.met(errors) or math.isnan(by_modes + by_steps):
+            return
+        period = fixed.driven.period
+        modes, steps = len(period.reduced.omega), period.steps // period.excitation.periods
+        more, times = modes, 1
+        if self._model is not None and by_modes > (1.0 - OF_STEPS) * self.value:
+            share = min(max(math.sqrt(2.0 * by_modes / self.value), LEAST_MORE), MOST_MORE)
+            most = min(most_modes(self._model), max(MOST_MODES, modes))
+            further = modes_beyond(self._model, share * period.reduced.frequencies.max(), modes + 1)
+            more = min(most, max(further, math.ceil(LEAST_MORE * modes)))
+        if more == modes and by_modes > self.value:
+            return  # steps alone do not help
+        if by_steps > OF_STEPS * self.value or more == modes:
+            needed = math.sqrt(2.0 * by_steps / self.value) if math.isfinite(by_steps) else 2.0
+            while times < needed and 2 * times * steps <= self._most_steps:
+                times *= 2
+        if more > modes or times > 1:
+            count = more if self._model is not None else self.settings.modes
+            settings = replace(self.settings, modes=count, periods=period.excitation.periods)
+            if self._most_steps:
+                settings = replace(settings, least=times * steps)
+            raise TooInaccurate(fixed, settings, value)
+
+    def reached(
+        self,
+        prepared: Callable[[PeriodSettings], Period],
+        error: TooInaccurate,
+        found: Callable[[Period, np.ndarray], FixedPoint],
+    ) -> tuple[FixedPoint, np.ndarray]:
+        """From a motion that is not accurate enough the same one in modes and steps in which it is, or which
+        may not grow, and its told errors.
+
+        Parameters
+        ----------
+        prepared : callable
+            The map of settings.
+        error : TooInaccurate
+        found : callable
+            A motion of a map near a state that is the difference to the linear response.
+        """
+        while True:
+            period = prepared(error.settings)
+            fixed = found(period, added(error.fixed, period))
+            errors = told_errors(fixed)
+            try:
+                self.require(fixed, errors)
+                return fixed, errors
+            except TooInaccurate as further:
+                error = further
+
+    def tried(
+        self, over: ParameterRange, period: Period, prepared: Callable[[PeriodSettings], Period]
+    ) -> Period:
+        """The map of a curve in whose modes and steps both ends and the linear peak are accurate, as far as
+        Newton's method finds motions there at once.
+        """
+        places = [over.start, over.stop]
+        if over.name == "frequency":
+            inside = [float(f) for f in period.reduced.frequencies if min(places) < f < max(places)]
+            places += sorted(inside, key=lambda f: -period.at(f).oscillation)[:1]
+        for place in filter(None, places):
+            driven = over.at(period, place)
+            with contextlib.suppress(SolveError):
+                fixed, _ = find_steady_state(
+                    driven, driven.linear_state, multiples=False, search=NEWTON_ALONE
+                )
+                try:
+                    self.require(fixed, told_errors(fixed), place)
+                except TooInaccurate as error:
+                    period = self.more(over, error, prepared)
+        return period
+
+    def more(
+        self,
+        over: ParameterRange,
+        error: TooInaccurate,
+        prepared: Callable[[PeriodSettings], Period],
+    ) -> Period:
+        """The map in whose modes and steps a point of a curve is accurate; where Newton's method loses that
+        point, the last one.
+        """
+        maps: list[Period] = []
+
+        def kept(settings: PeriodSettings) -> Period:
+            maps.append(prepared(settings))
+            return maps[-1]
+
+        def found(period: Period, added: np.ndarray) -> FixedPoint:
+            driven = over.at(period, error.value)
+            state = driven.linear_state + added
+            return find_steady_state(driven, state, multiples=False, search=NEWTON_ALONE)[0]
+
+        with contextlib.suppress(SolveError):
+            self.reached(kept, error, found)
+        return maps[-1]
+
+    def missing(self, period: Period, errors: np.ndarray) -> str:
+        """What told errors above it, or none, mean; "" where they are within it."""
+        by_modes, by_steps = (largest_error(part) for part in errors)
+        if self.met(errors):
+            return ""
+        if math.isnan(by_modes + by_steps):
+            return (
+                "the error of harmonics is not told, as no point is named or the model's file is older than "
+                "that; name points of the mesh, or reduce the model again"
+            )
+        modes, steps = len(period.reduced.omega), period.steps // period.excitation.periods
+        if by_modes >= by_steps:
+            cause, remedy = f"left out beyond {modes} modes", f"give more than modes = {modes}"
+            if self._model is not None:
+                remedy = "refine the mesh, which has no further ones, or ask for less"
+            elif self.settings.modes is None:
+                remedy = "reduce the model to more modes"
+        else:
+            cause, remedy = f"lost in {steps} steps a forcing period", f"give more than steps = {steps}"
+        worst = largest_error(errors.sum(axis=0))
+        off = f"told to be {worst:.2g} off" if math.isfinite(worst) else "off by what is not found"
+        return (
+            f"harmonics 1 to 4 are {off}, not within accuracy = {self.value:g}, most by what is {cause}; "
+            f"{remedy}"
+        )
+
+    def tell(self, period: Period, errors: np.ndarray) -> str:
+        """Warn the owner's caller of told errors above it; what is missing is returned."""
+        missing = self.missing(period, errors)
+        if missing:
+            warnings.warn(f"{self.owner}: {missing}", AccuracyWarning, stacklevel=caller_level())
+        return missing
+
+
+def added(fixed: FixedPoint, period: Period) -> np.ndarray:
+    """What contact adds to the linear response in a motion's state, in the modes of another map: they are the
+    same but for their signs, further ones rest.
+    """
+    old = fixed.driven.period
+    m, n, count = old.modes, period.modes, min(old.modes, period.modes)
+    seen = [
+        np.concatenate([r.gap.modes[:, :count], r.load_modes[:count].T])
+        for r in (old.reduced, period.reduced)
+    ]
+    signs = np.where((seen[0] * seen[1]).sum(axis=0) < 0.0, -1.0, 1.0)
+    difference, result = fixed.state - fixed.driven.linear_state, np.zeros(period.unknowns)
+    result[:count], result[n : n + count] = signs * difference[:count], signs * difference[m : m + count]
+    result[2 * n :] = difference[2 * m :]
+    return result

@@ -1,0 +1,85 @@
+"""An accuracy that is asked for: true errors beside many more modes and steps, what is said without it."""
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from tests.analysis.test_mode_error import TURN, rod, true_error
+from tests.systems import coarse_beam, two_masses
+
+PUSH = sb.PointForce("A", fy=300.0)
+
+
+@pytest.mark.parametrize("accuracy", [1e-2, 1e-3])
+def test_modes_and_steps_of_an_orbit(accuracy):
+    """Harmonics 1 to 4 beside 120 modes, each by its order, with a quarter of the modes of the default."""
+    beam = coarse_beam(0.002)
+    found = sb.periodic(beam, PUSH, 433.0, accuracy=accuracy, stability=False)
+    true = true_error(found, sb.periodic(beam, PUSH, 433.0, modes=120, steps=1024, stability=False))
+    orders = np.arange(1, 5)
+    assert (true[1:] / orders).max() <= found.largest_mode_error <= accuracy, (true, found.mode_error)
+    assert len(found.reduced.omega) <= 25 and len(found.time) <= 512
+
+
+def test_more_modes_where_the_rule_has_few():
+    """Beside a resonance those up to 16 times the load's frequency are told to be too few for 1e-3."""
+    found = sb.periodic(coarse_beam(0.002), PUSH, 447.5, accuracy=1e-3, stability=False)
+    assert len(found.reduced.omega) > 21 and found.largest_mode_error <= 1e-3
+
+
+def test_what_is_given_rules():
+    """Modes and steps that are given stay, and what is missing is said."""
+    with pytest.warns(
+        sb.AccuracyWarning, match="not within accuracy = 0.0001, most by what is left out .* 12"
+    ):
+        found = sb.periodic(coarse_beam(0.002), PUSH, 433.0, modes=12, accuracy=1e-4, stability=False)
+    assert len(found.reduced.omega) == 12 and len(found.time) == 1664
+    with pytest.warns(
+        sb.AccuracyWarning, match="lost in 64 steps a forcing period; give more than steps = 64"
+    ):
+        found = sb.periodic(rod(), [0.1], 1.1 / TURN, steps=64, accuracy=1e-3, stability=False)
+    assert len(found.time) == 64
+
+
+def test_of_a_reduced_model_only_steps_grow():
+    """Both modes of two masses that meet a stop: the steps, until the true error is what is asked for."""
+    found = sb.periodic(two_masses(), [0.2], 0.109, accuracy=1e-3, stability=False)
+    true = true_error(found, sb.periodic(two_masses(), [0.2], 0.109, steps=2**16, stability=False))
+    assert (true[1:] / np.arange(1, 5)).max() <= 1e-3 and len(found.time) > 512
+    with pytest.warns(sb.AccuracyWarning, match="reduce the model to more modes"):
+        sb.periodic(rod(6), [0.1], 1.1 / TURN, accuracy=1e-3, stability=False)
+
+
+def test_accuracy_is_not_for_what_tells_no_errors():
+    """Segments, a tolerance, the unreduced model, which has no modes."""
+    for name, value in (("segments", 2), ("tolerance", 1e-3), ("reduction", None)):
+        with pytest.raises(ValueError, match=f"accuracy .*{name}|accuracy = 0.001 is for the reduced model"):
+            sb.periodic(coarse_beam(0.002), PUSH, 433.0, accuracy=1e-3, **{name: value})
+
+
+def test_curves(tmp_path):
+    """Followed once in the modes of their worst end or peak; gone on with from a file in its modes."""
+    beam, file = coarse_beam(0.002), str(tmp_path / "curve.journal")
+    asked = dict(accuracy=3e-3, stability=False)
+    found = sb.frequency_response(beam, PUSH, 447.0, 447.8, file=file, **asked)
+    fine = sb.frequency_response(beam, PUSH, 447.0, 447.8, modes=80, steps=1024, stability=False)
+    assert 21 < len(found.reduced.omega) < 40 and found.largest_mode_error <= 3e-3
+    assert found.peak("A").amplitude == pytest.approx(fine.peak("A").amplitude, rel=found.largest_mode_error)
+    again = sb.frequency_response(beam, PUSH, 447.0, 447.8, file=file, resume=True, **asked)
+    np.testing.assert_array_equal(again.point_amplitudes, found.point_amplitudes)
+    with pytest.raises(ValueError, match="written with accuracy = 0.003, not 0.01"):
+        sb.frequency_response(beam, PUSH, 447.0, 447.8, file=file, resume=True, **{**asked, "accuracy": 1e-2})
+
+
+def test_bifurcations_are_not_located_where_the_error_is_above():
+    """Two masses with a stop: it is between points of the curve, where it has it if none is asked."""
+    system, range_of = two_masses(), (0.1085, 0.11)
+    curve = sb.frequency_response(system, [0.2], *range_of, steps=512, accuracy=0.1)
+    with pytest.warns(sb.AccuracyWarning, match="frequency_response: harmonics 1 to 4 are told to be"):
+        blocked = sb.frequency_response(system, [0.2], *range_of, steps=512, accuracy=1e-7)
+    assert len(curve.bifurcations) == 1 and blocked.bifurcations == () and not curve.unlocated
+    places = blocked.unlocated.split(" are not located: ")[0].removeprefix("bifurcations ").split(", ")
+    ends = [sorted(map(float, place.removeprefix("between ").split(" and "))) for place in places]
+    for item in curve.bifurcations:
+        assert any(low - 1e-6 <= item.own_value <= high + 1e-6 for low, high in ends), (item, ends)
+    assert "are not located: harmonics" in repr(blocked)
