@@ -9,6 +9,8 @@ import sys
 
 import pytest
 
+import sbfem_petsc  # noqa: F401  names the kernels of OpenBLAS before NumPy loads it, as ./run does
+
 ROOT = pathlib.Path(__file__).parents[1]
 
 # Before anything loads a BLAS: small dense blocks, and more than one process at work.

@@ -132,8 +132,12 @@ def answer(done: subprocess.CompletedProcess[str]) -> dict:
     return found
 
 
-def alone(program: str) -> dict:
+def alone(program: str, *arguments: str) -> dict:
     """The answer of a program on one rank, this process."""
-    with contextlib.redirect_stdout(io.StringIO()) as said:
-        exec(program, {"__name__": "alone"})
+    given, sys.argv = sys.argv, ["-c", *arguments]
+    try:
+        with contextlib.redirect_stdout(io.StringIO()) as said:
+            exec(program, {"__name__": "alone"})
+    finally:
+        sys.argv = given
     return answer(subprocess.CompletedProcess([], 0, said.getvalue(), ""))

@@ -556,7 +556,9 @@ def plain(item: Any) -> Any:
     if np.iscomplexobj(item):
         return {"magnitude": plain(np.abs(item)), "phase": plain(np.angle(item))}
     if isinstance(item, (np.ndarray, np.generic)):
-        return plain(item.tolist())
+        return (
+            item.tolist() if item.dtype.kind in "biuf" and np.isfinite(item).all() else plain(item.tolist())
+        )
     if isinstance(item, (list, tuple)):
         return [plain(entry) for entry in item]
     return None if isinstance(item, float) and not math.isfinite(item) else item

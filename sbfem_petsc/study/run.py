@@ -128,10 +128,11 @@ class _Run:
             if name not in pending:
                 self.watch.say(f"{name}: finished before")
         try:
+            summary = None if pending else self._write()
             for k, name in enumerate(pending):
                 self._one(name, f"[{k + 1}/{len(pending)}] {name}")
-                self._write()
-            summary = self.comm.bcast(self._write())
+                summary = self._write()
+            summary = self.comm.bcast(summary)
         finally:
             if self.structure is not None:
                 self.structure.destroy()

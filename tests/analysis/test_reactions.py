@@ -87,6 +87,17 @@ def held_faces():
     return found
 
 
+def test_friction_on_a_held_face():
+    """Pressure and friction on nodes that do not move are the support's: in balance with the load."""
+    mesh = Beam(0.1, 0.01, [VNotch(0.07, 0.004, 0.02)]).mesh(order=3)
+    for face in ("crack1_right", "crack1_left"):
+        model = sb.Model(mesh, STEEL, clamped=["left", face], contact_laws=sb.Coulomb(0.4))
+        state = sb.static(model, sb.PointForce("A", fx=-2000.0, fy=3000.0))
+        assert np.abs(state.friction_force).max() > 1.0
+        carried = np.sum([*state.reactions.values()], axis=0)
+        assert carried == pytest.approx([2000.0, -3000.0], abs=1e-8 * 3000.0)
+
+
 def test_contact_with_a_held_face():
     """Contact forces on nodes that do not move are the support's, on whatever rank they are: in balance with
     the load, and alike on three ranks.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.parallel import answer, on_ranks
+from tests.parallel import alone, answer, on_ranks
 
 PLATE = """
 import json
@@ -40,7 +40,7 @@ if MPI.COMM_WORLD.rank == 0:
 @pytest.mark.long
 def test_plate_on_three_ranks():
     """At rest, over states, in time with and without modes, in a steady state."""
-    one, three = (answer(on_ranks(ranks, PLATE)) for ranks in (1, 3))
+    one, three = alone(PLATE), answer(on_ranks(3, PLATE))
     for name, expected in one.items():
         size = np.abs(expected).max()
         assert size > 0.0 and three[name] == pytest.approx(expected, abs=1e-9 * size), name

@@ -5,6 +5,7 @@ that is complete and typed, rooms that use only those before them, functions wit
 from __future__ import annotations
 
 import ast
+import functools
 import graphlib
 import importlib
 import inspect
@@ -232,6 +233,12 @@ def test_examples_are_short():
     assert all(read_case(path).tables.title for path in cases)
 
 
+@functools.cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text())
+
+
+@functools.cache
 def imported(*, in_functions: bool = True) -> dict[str, set[str]]:
     """Modules of the packages that each of them uses, for types alone or within functions too."""
     files = {
@@ -254,7 +261,7 @@ def imported(*, in_functions: bool = True) -> dict[str, set[str]]:
             yield from used(name, child)
 
     return {
-        name: {other for other in used(name, ast.parse(path.read_text())) if other in files} - {name}
+        name: {other for other in used(name, parsed(path)) if other in files} - {name}
         for name, path in files.items()
     }
 
@@ -393,7 +400,7 @@ def test_few_arguments():
     longer, checked = set(), 0
     for room in ("sbfem_petsc", "meshing", "benchmarks"):
         for path in sorted((ROOT / room).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text())):
+            for node in ast.walk(parsed(path)):
                 if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
                     continue
                 a = node.args

@@ -123,18 +123,18 @@ def refused(copy):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("part", [0, *(pytest.param(k, marks=pytest.mark.long) for k in range(1, 6))])
+@pytest.mark.parametrize("part", [0, *(pytest.param(k, marks=pytest.mark.long) for k in range(1, 12))])
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_part_in_turn(kind, part, files, tmp_path):
     """Left out, of another type or shape, or not a number; whatever becomes of it, no error from below. In
-    the ordinary suite every sixth.
+    the ordinary suite every twelfth.
     """
     path = files[kind]
     copy, (sets, attributes) = tmp_path / path.name, items(path)
     if kind != "torus":  # the reduced model, of which each motion has one, stands in this one
         sets = [name for name in sets if not re.search(r"\breduced(_model)?/", name)]
     accepted = []
-    for name in sets[part::6]:
+    for name in sets[part::12]:
         with h5py.File(path) as file:
             numeric, size = file[name].dtype.kind in "fc", file[name].size
         ways = {
@@ -147,7 +147,7 @@ def test_every_part_in_turn(kind, part, files, tmp_path):
         for way, change in ways.items():
             if refused(changed(path, copy, change)) is None:
                 accepted.append((name, way))
-    for name, key in attributes[part::6]:
+    for name, key in attributes[part::12]:
         for value in (-1, "a", np.nan, 10**12):
             made = changed(path, copy, lambda file, n=name, k=key, v=value: file[n].attrs.__setitem__(k, v))
             if refused(made) is None and value != 10**12:

@@ -14,7 +14,7 @@ from sbfem_petsc.system.contact import bordered_contact
 from sbfem_petsc.system.contact.expected_contact import expected_contact
 from sbfem_petsc.system.solve import assembly, equilibrium
 from sbfem_petsc.system.solve.assembly import ElementBlocks, assemble, assemble_like
-from tests.parallel import answer, on_ranks
+from tests.parallel import alone, answer, on_ranks
 
 STEEL = sb.Material(70e9, 0.3, 2700)
 
@@ -97,7 +97,7 @@ if MPI.COMM_WORLD.rank == 0:
 @pytest.mark.long
 def test_room_on_ranks():
     """Rows that several ranks add to are counted exactly: no room left over, none to be got while filling."""
-    one = answer(on_ranks(1, ROOM))
+    one = alone(ROOM)
     for ranks in (2, 3):
         found = answer(on_ranks(ranks, ROOM))
         assert found["unneeded"] == 0 and found["mallocs"] == 0
