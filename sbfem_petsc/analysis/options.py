@@ -302,6 +302,7 @@ class QuasiPeriodicOptions(Options):
     )
     modes: int | None = _counted(_MODES, most=SAMPLES)
     stability: bool = item(True, text="compute the largest Lyapunov exponents")
+    accuracy: float | None = _harmonics()
 
 
 class TorusCurveOptions(Options):

@@ -228,7 +228,8 @@ def _accurate(
         accuracy.require(fixed, errors)
     except TooInaccurate as error:
         fixed, errors = accuracy.reached(prepared, error, found)
-    accuracy.tell(fixed.driven.period, errors)
+    period = fixed.driven.period
+    accuracy.tell(period.reduced, period.steps // period.excitation.periods, errors)
     return fixed, errors
 
 

@@ -4,9 +4,11 @@ measured, and motions whose second tone is their own.
 
 from __future__ import annotations
 
+import functools
 import math
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,9 +16,12 @@ import numpy as np
 from meshing.warnings import StepWarning
 
 from ..checks import Bounds, instance, numbers_of, real
+from ..continuation.accuracy import Accuracy, in_modes
+from ..continuation.orbit import LOWEST
 from ..continuation.problem import Point
 from ..continuation.problems.curve_system import require_room, resampled
 from ..continuation.problems.own_tone import OwnTone, curve_near
+from ..continuation.problems.tone_errors import told_tone_errors
 from ..continuation.problems.tones import (
     EXPONENTS,
     TURNS,
@@ -30,7 +35,7 @@ from ..continuation.problems.torus import Torus, exponents
 from ..errors import SolveError, caller_level, on_all_ranks
 from ..motion.contact_work import MOST, times_more, warn_of_contact_work
 from ..motion.excitation import Excitation
-from ..motion.loading import communicator, loading, serving
+from ..motion.loading import Loading, communicator, loading, serving
 from ..motion.preparation import FAST_STEPS, PeriodSettings, prepare, refuse_falling
 from ..motion.step_plan import contact_steps, warn_if_coarse
 from ..motion.two_tones import drives, highest, tone
@@ -41,7 +46,6 @@ from ..system.model import Model
 from .analysis import analysis
 from .options import QuasiPeriodicOptions
 
-STEPS = 512
 _OTHER = (
     "quasi_periodic: guess belongs to another model or number of modes ({}, not {}); give one of the same "
     "model"
@@ -59,6 +63,7 @@ def quasi_periodic(
     modes: int | None = None,
     guess: QuasiPeriodic | None = None,
     stability: bool = True,
+    accuracy: float | None = None,
 ) -> QuasiPeriodic:
     """Find the steady response to two tones of any frequencies by shooting of an invariant curve; or to one,
     with a second tone that is the motion's own.
@@ -92,6 +97,11 @@ def quasi_periodic(
         second tone is the motion's own: one of that kind, with f1 near its.
     stability : bool
         Compute the largest Lyapunov exponents.
+    accuracy : float, optional
+        Of the lines m f1 + n f2 with |m| + |n| = 1 to 4 of the named points, `largest_mode_error`: modes and
+        steps that are not given are as many as that needs, see `periodic`. The motion is found twice more,
+        with what left-out modes add and in twice the steps. Of two given tones; of the samples it knows
+        nothing, `tail` does.
 
     Raises
     ------
@@ -103,6 +113,8 @@ def quasi_periodic(
 
     Warns
     -----
+    AccuracyWarning
+        If the told error is above `accuracy` in the modes or steps given, or in all that the mesh has.
     StepWarning
         If contact is possible and the samples or the steps given are few for the loads' multiples; if the
         samples do not resolve the motion; if contact does much work in the steps.
@@ -113,6 +125,11 @@ def quasi_periodic(
             instance("quasi_periodic", "guess", guess, QuasiPeriodic, "an earlier result of quasi_periodic")
         asked = _checked(frequencies, samples, guess)
     if isinstance(asked, float):
+        if accuracy is not None:
+            raise ValueError(
+                f"quasi_periodic: accuracy = {accuracy:g} is for two given tones; where the second one is "
+                "the motion's own its errors are not told: leave it out"
+            )
         assert guess is not None  # checked
         found = _with_own_tone(model, load, asked, guess, _Wanted(samples, steps, modes, stability))
         warn_if_unresolved("quasi_periodic", found)
@@ -125,23 +142,14 @@ def quasi_periodic(
         driven = drives(loads.signals, ordered)
     if modes is None and guess is not None and isinstance(model, Model):
         modes = len(guess.reduced.omega)
-    reduced = serving("quasi_periodic", model, loads, modes, highest(driven, ordered))
-    refuse_falling("quasi_periodic", reduced.friction)
-    with collective(comm):
-        states = None if guess is None else _of_same(guess, reduced, samples)
-    more = 1 if steps is not None else MOST
-    steps = _steps(reduced, driven, ordered, samples, steps)
-    require_compiler("quasi_periodic", comm)
-    orders = max(len(drive.orders) for drive in driven)
-
-    def torus_in(steps: int) -> Torus:
-        require_room("quasi_periodic", reduced, comm, samples=samples, steps=steps, orders=orders)
-        return Torus(reduced, driven, ordered, samples=samples, steps=steps, comm=comm)
-
+    tones = _TwoTones(model, loads, driven, ordered, samples)
+    settings = PeriodSettings(None, steps, modes, accuracy=accuracy)
+    former = None if guess is None else (guess.states, guess.reduced)
     try:
-        torus, point = _solved(torus_in, states, (steps, more * steps))
+        torus, point, told = tones.solved(settings, guess is not None, former)
     except SolveError as error:
         raise on_all_ranks(error) from None
+    reduced = torus.reduced
     growth, curve = np.zeros(0), point.state
     if stability:
         growth = exponents(curve.maps(smooth=True), torus.rotation, EXPONENTS, TURNS) * ordered[0]
@@ -159,10 +167,64 @@ def quasi_periodic(
         curve.peak,
         lines,
         swapped,
+        mode_error=told,
         **curve.rubbed(ordered[0]),
     )
     warn_if_unresolved("quasi_periodic", found)
     return found
+
+
+class _TwoTones(NamedTuple):
+    """What is looked for, whatever the modes and steps."""
+
+    model: Model | ReducedModel
+    loads: Loading
+    driven: tuple[Excitation, Excitation]
+    frequencies: tuple[float, float]
+    samples: int
+
+    def solved(
+        self,
+        settings: PeriodSettings,
+        begun: bool,
+        former: tuple[np.ndarray, ReducedModel] | None,
+    ) -> tuple[Torus, Point, np.ndarray]:
+        """The map, its invariant curve near differences to the linear response of a model, and the error that
+        is told of its lines, nan where no accuracy is asked for. Collective.
+        """
+        what, comm = "quasi_periodic", self.model.comm
+        accuracy = None if settings.accuracy is None else Accuracy(what, self.model, settings, begun)
+        fastest, most = highest(self.driven, self.frequencies), MOST if settings.steps is None else 1
+        while True:
+            reduced = serving(what, self.model, self.loads, settings.modes, fastest, settings.accuracy)
+            refuse_falling(what, reduced.friction)
+            with collective(comm):
+                states = None if former is None else self._begin(*former, reduced)
+            steps = _steps(reduced, self.driven, self.frequencies, self.samples, settings)
+            require_compiler(what, comm)
+            make = functools.partial(self._torus, reduced)
+            torus, point = _solved(make, states, (steps, most * steps))
+            steps = torus.period.steps
+            if accuracy is None:
+                return torus, point, np.full(LOWEST, np.nan)
+            errors = told_tone_errors(torus, point, functools.partial(make, 2 * steps))
+            if (more := accuracy.further(reduced, steps, errors)) is None:
+                accuracy.tell(reduced, steps, errors)
+                return torus, point, errors.sum(axis=0)
+            settings = replace(settings, modes=more[0], least=more[1])
+            former = point.state.states - torus.linear, reduced
+
+    def _torus(self, reduced: ReducedModel, steps: int) -> Torus:
+        """The map in so many steps, if there is room for it."""
+        comm, orders = self.model.comm, max(len(drive.orders) for drive in self.driven)
+        require_room("quasi_periodic", reduced, comm, samples=self.samples, steps=steps, orders=orders)
+        return Torus(reduced, self.driven, self.frequencies, samples=self.samples, steps=steps, comm=comm)
+
+    def _begin(self, states: np.ndarray, old: ReducedModel, reduced: ReducedModel) -> np.ndarray:
+        """A curve to begin from at the phases wanted, if it is one of the same model."""
+        if old is not reduced and (reduced.model is None or old.model is not reduced.model):
+            raise ValueError(_OTHER.format(len(old.omega), len(reduced.omega)))
+        return resampled(in_modes(states, old, reduced), self.samples)
 
 
 def _solved(
@@ -183,24 +245,15 @@ def _solved(
         states, count = point.state.states - torus.linear, times * count
 
 
-def _of_same(guess: QuasiPeriodic, reduced: ReducedModel, samples: int) -> np.ndarray:
-    """The curve to begin from at the phases wanted, if it is one of the same model."""
-    modes = len(reduced.omega)
-    same = guess.reduced is reduced or (reduced.model is not None and guess.reduced.model is reduced.model)
-    if not same or len(guess.reduced.omega) != modes:
-        raise ValueError(_OTHER.format(len(guess.reduced.omega), modes))
-    return resampled(guess.states, samples)
-
-
 def _steps(
     reduced: ReducedModel,
     driven: tuple[Excitation, Excitation],
     frequencies: tuple[float, float],
     samples: int,
-    steps: int | None,
+    settings: PeriodSettings,
 ) -> int:
     """Time steps in a period of the faster tone; a warning where they or the samples given are few."""
-    contact, fastest = len(reduced.initial_gap) > 0, highest(driven, frequencies)
+    contact, fastest, steps = len(reduced.initial_gap) > 0, highest(driven, frequencies), settings.steps
     slow = int(driven[1].orders.max())
     if contact and samples // 2 < 2 * slow:
         warnings.warn(
@@ -217,9 +270,9 @@ def _steps(
             )
         return steps
     if not contact:
-        return STEPS
+        return settings.least
     fast = math.ceil(FAST_STEPS * fastest / frequencies[0])
-    return max(STEPS, contact_steps(reduced, frequencies[0]), fast)
+    return max(settings.least, contact_steps(reduced, frequencies[0]), fast)
 
 
 def _checked(frequencies, samples: int, guess: QuasiPeriodic | None) -> tuple[float, float] | float:

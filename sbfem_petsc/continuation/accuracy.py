@@ -72,30 +72,39 @@ class Accuracy:
         """Whether told errors, see `told_errors`, are within it."""
         return largest_error(errors.sum(axis=0)) <= self.value
 
-    def require(self, fixed: FixedPoint, errors: np.ndarray, value: float = math.nan) -> None:
-        """Raise TooInaccurate where a motion's told errors are above it and modes or steps may grow."""
+    def further(self, reduced: ReducedModel, steps: int, errors: np.ndarray) -> tuple[int | None, int] | None:
+        """Modes, None where they were given, and steps a forcing period of the next attempt; None where told
+        errors are within it or nothing may grow.
+        """
         by_modes, by_steps = (largest_error(part) for part in errors)
         if self.met(errors) or math.isnan(by_modes + by_steps):
-            return
-        period = fixed.driven.period
-        modes, steps = len(period.reduced.omega), period.steps // period.excitation.periods
-        more, times = modes, 1
+            return None
+        modes = more = len(reduced.omega)
+        times = 1
         if self._model is not None and by_modes > (1.0 - OF_STEPS) * self.value:
             share = min(max(math.sqrt(2.0 * by_modes / self.value), LEAST_MORE), MOST_MORE)
             most = min(most_modes(self._model), max(MOST_MODES, modes))
-            further = modes_beyond(self._model, share * period.reduced.frequencies.max(), modes + 1)
-            more = min(most, max(further, math.ceil(LEAST_MORE * modes)))
+            beyond = modes_beyond(self._model, share * reduced.frequencies.max(), modes + 1)
+            more = min(most, max(beyond, math.ceil(LEAST_MORE * modes)))
         if more == modes and by_modes > self.value:
-            return  # steps alone do not help
+            return None  # steps alone do not help
         if by_steps > OF_STEPS * self.value or more == modes:
             needed = math.sqrt(2.0 * by_steps / self.value) if math.isfinite(by_steps) else 2.0
             while times < needed and 2 * times * steps <= self._most_steps:
                 times *= 2
-        if more > modes or times > 1:
-            count = more if self._model is not None else self.settings.modes
-            settings = replace(self.settings, modes=count, periods=period.excitation.periods)
+        if more == modes and times == 1:
+            return None
+        return more if self._model is not None else self.settings.modes, times * steps
+
+    def require(self, fixed: FixedPoint, errors: np.ndarray, value: float = math.nan) -> None:
+        """Raise TooInaccurate where a motion's told errors are above it and modes or steps may grow."""
+        period = fixed.driven.period
+        periods = period.excitation.periods
+        more = self.further(period.reduced, period.steps // periods, errors)
+        if more is not None:
+            settings = replace(self.settings, modes=more[0], periods=periods)
             if self._most_steps:
-                settings = replace(settings, least=times * steps)
+                settings = replace(settings, least=more[1])
             raise TooInaccurate(fixed, settings, value)
 
     def reached(
@@ -171,7 +180,7 @@ class Accuracy:
             self.reached(kept, error, found)
         return maps[-1]
 
-    def missing(self, period: Period, errors: np.ndarray) -> str:
+    def missing(self, reduced: ReducedModel, steps: int, errors: np.ndarray) -> str:
         """What told errors above it, or none, mean; "" where they are within it."""
         by_modes, by_steps = (largest_error(part) for part in errors)
         if self.met(errors):
@@ -181,7 +190,7 @@ class Accuracy:
                 "the error of harmonics is not told, as no point is named or the model's file is older than "
                 "that; name points of the mesh, or reduce the model again"
             )
-        modes, steps = len(period.reduced.omega), period.steps // period.excitation.periods
+        modes = len(reduced.omega)
         if by_modes >= by_steps:
             cause, remedy = f"left out beyond {modes} modes", f"give more than modes = {modes}"
             if self._model is not None:
@@ -197,26 +206,30 @@ class Accuracy:
             f"{remedy}"
         )
 
-    def tell(self, period: Period, errors: np.ndarray) -> str:
+    def tell(self, reduced: ReducedModel, steps: int, errors: np.ndarray) -> str:
         """Warn the owner's caller of told errors above it; what is missing is returned."""
-        missing = self.missing(period, errors)
+        missing = self.missing(reduced, steps, errors)
         if missing:
             warnings.warn(f"{self.owner}: {missing}", AccuracyWarning, stacklevel=caller_level())
         return missing
 
 
 def added(fixed: FixedPoint, period: Period) -> np.ndarray:
-    """What contact adds to the linear response in a motion's state, in the modes of another map: they are the
+    """What contact adds to the linear response in a motion's state, in the modes of another map."""
+    old = fixed.driven.period.reduced
+    return in_modes(fixed.state - fixed.driven.linear_state, old, period.reduced)
+
+
+def in_modes(states: np.ndarray, old: ReducedModel, new: ReducedModel) -> np.ndarray:
+    """(..., 2 m + k) differences of states in the modes of another model of the same structure: those are the
     same but for their signs, further ones rest.
     """
-    old = fixed.driven.period
-    m, n, count = old.modes, period.modes, min(old.modes, period.modes)
-    seen = [
-        np.concatenate([r.gap.modes[:, :count], r.load_modes[:count].T])
-        for r in (old.reduced, period.reduced)
-    ]
+    m, n = len(old.omega), len(new.omega)
+    count = min(m, n)
+    seen = [np.concatenate([r.gap.modes[:, :count], r.load_modes[:count].T]) for r in (old, new)]
     signs = np.where((seen[0] * seen[1]).sum(axis=0) < 0.0, -1.0, 1.0)
-    difference, result = fixed.state - fixed.driven.linear_state, np.zeros(period.unknowns)
-    result[:count], result[n : n + count] = signs * difference[:count], signs * difference[m : m + count]
-    result[2 * n :] = difference[2 * m :]
+    result = np.zeros((*states.shape[:-1], states.shape[-1] - 2 * m + 2 * n))
+    result[..., :count] = signs * states[..., :count]
+    result[..., n : n + count] = signs * states[..., m : m + count]
+    result[..., 2 * n :] = states[..., 2 * m :]
     return result

@@ -282,7 +282,8 @@ class PointRows:
         if accuracy is not None:
             worst = int(np.argmax([largest_error(errors.sum(axis=0)) for errors in found]))
             accuracy.require(points[worst].state, found[worst], points[worst].value)
-            self.missing = accuracy.tell(self.period, found[worst])
+            steps = self.period.steps // self.period.excitation.periods
+            self.missing = accuracy.tell(self.period.reduced, steps, found[worst])
 
     def add(self, point: Point, place: int | None = None) -> None:
         """Note a point, at the end or before another one.

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from sbfem_petsc.continuation.orbit import FAINT
 from tests.analysis.test_mode_error import TURN, rod, true_error
 from tests.systems import coarse_beam, two_masses
 
@@ -83,3 +84,21 @@ def test_bifurcations_are_not_located_where_the_error_is_above():
     for item in curve.bifurcations:
         assert any(low - 1e-6 <= item.own_value <= high + 1e-6 for low, high in ends), (item, ends)
     assert "are not located: harmonics" in repr(blocked)
+
+
+def test_two_tones():
+    """Lines of each order beside 80 modes, which are 5e-4 from 120 in twice the steps."""
+    load = sb.PointForce("A", fy=sb.Harmonic(100.0, 433.0) + sb.Harmonic(60.0, 61.7))
+    frequencies, beam = (433.0, 61.7), coarse_beam(0.002)
+    found = sb.quasi_periodic(beam, load, frequencies, accuracy=1e-2, stability=False)
+    fine = sb.quasi_periodic(beam, load, frequencies, modes=80, steps=512, stability=False)
+    sizes = {(m, n): abs(fine.line(m, n, "A")) for m in range(4) for n in range(-3, 4) if (m, n) > (0, 0)}
+    least, errors = FAINT * max(sizes.values()), np.zeros(5)
+    for (m, n), size in sizes.items():
+        if (order := m + abs(n)) < 5:
+            off = abs(found.line(m, n, "A") - fine.line(m, n, "A")) / max(size, least)
+            errors[order] = max(errors[order], off / order)
+    assert 1e-4 < errors.max() <= found.largest_mode_error <= 1e-2, (errors, found.mode_error)
+    assert len(found.reduced.omega) < 20 and np.isnan(fine.mode_error).all()
+    with pytest.warns(sb.AccuracyWarning, match="quasi_periodic: .* give more than modes = 12"):
+        sb.quasi_periodic(beam, load, frequencies, modes=12, steps=192, accuracy=1e-3, stability=False)

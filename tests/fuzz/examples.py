@@ -447,6 +447,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "modes": None,
             "guess": None,
             "stability": False,
+            "accuracy": 0.1,
         },
     ],
     "quasi_periodic_response": [

@@ -18,7 +18,7 @@ from ...petsc import MPI
 from ...record.record import Record, derived, described, quantity
 from ...reduction.reduced_model import ReducedModel
 from ...system.elements.plausibility import furthest_of_lines
-from ..orbit import component
+from ..orbit import LOWEST, component, in_words, largest_error
 from ..problem import Point
 from .curve import RESOLVED, spectral_tail
 from .curve_system import tangents
@@ -91,6 +91,21 @@ class QuasiPeriodic(Record):
     sticking: int | None = quantity(
         "1", "slips that stick throughout, on which the motion depends", kinds="iu", default=None, least=0
     )
+
+    mode_error: np.ndarray = quantity(
+        "1",
+        "error of the lines m f1 + n f2, |m| + |n| = 0 to 4, of the named points by left-out modes and the "
+        "steps, the largest of each such order; inf where it is not found, nan where no accuracy was asked "
+        "for",
+        "low_harmonic",
+        finite=False,
+        default_factory=lambda: np.full(LOWEST, np.nan),
+    )
+
+    @derived("1", "largest error of such lines, each by its order", row=True, finite=False)
+    def largest_mode_error(self) -> float:
+        """Largest of `mode_error[k] / k`."""
+        return largest_error(self.mode_error)
 
     def check(self) -> None:
         """Raise ValueError unless curve, lines and model belong together."""
@@ -239,7 +254,8 @@ class QuasiPeriodic(Record):
         return (
             f"QuasiPeriodic({self.frequencies[0]:.6g} and {self.frequencies[1]:.6g} Hz{born}, {self.samples} "
             f"samples, {self.steps} steps, {len(self.reduced.omega)} modes, {len(self.residuals) - 1} "
-            f"Newton iterations, {verdict}, peak contact resultant {self.contact_peak:.6g} N)"
+            f"Newton iterations, {in_words(self.mode_error)}{verdict}, peak contact "
+            f"resultant {self.contact_peak:.6g} N)"
         )
 
 

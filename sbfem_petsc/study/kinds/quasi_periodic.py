@@ -99,6 +99,7 @@ class QuasiPeriodic(QuasiPeriodicOptions, Kind):
                 tail=("1", "share of the highest quarter of the samples' harmonics"),
                 samples=("1", "phases of the slower tone"),
                 steps=("1", "time steps a period of the faster tone"),
+                largest_mode_error=("1", "largest error of the lines, each by its order"),
                 friction_power=("W", "mean power lost to friction"),
             ),
         }
