@@ -20,7 +20,7 @@ import numpy as np
 from mpi4py import MPI
 
 import sbfem_petsc as sb
-from examples.tables.cracked_cantilever import calculix, mesh, write_deck
+from examples.cracked_cantilever import store
 
 # mm, of elements and of those at the crack.
 SIZES = [(5.0, 2.0), (3.3, 1.5)]
@@ -29,14 +29,8 @@ SIZES = [(5.0, 2.0), (3.3, 1.5)]
 def body_of(size: float, fine: float) -> sb.FiniteElementModel:
     """By gmsh and CalculiX, on rank 0, read on all."""
     folder = MPI.COMM_WORLD.bcast(tempfile.mkdtemp() if MPI.COMM_WORLD.rank == 0 else None)
-    deck = pathlib.Path(folder) / "cantilever.inp"
-
-    def stored() -> None:
-        write_deck(deck, *mesh(size, fine))
-        calculix(deck)
-
-    sb.on_root(MPI.COMM_WORLD, stored)
-    return sb.read_calculix(deck)
+    sb.on_root(MPI.COMM_WORLD, lambda: store(folder, size, fine))
+    return sb.read_calculix(f"{folder}/cantilever")
 
 
 def reduced(body: sb.FiniteElementModel, gap, modes: int = 80, damping: float = 0.0) -> sb.ReducedModel:

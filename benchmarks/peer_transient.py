@@ -55,7 +55,7 @@ from skfem import Basis, MeshTri
 import sbfem_petsc as sb
 from benchmarks import peer_scikit_fem as peer
 from benchmarks.transient import DURATION, FORCE, MODES, least
-from examples.tables.tone_burst import REFINED, burst, distance, read_reference
+from examples.paper.bench import REFINED, burst, distance, known_burst, off_reference
 from meshing import Beam, VNotch
 from sbfem_petsc.contact.law import RowLaws, Table
 from sbfem_petsc.contact.pivoting import Factor, contact_forces, empty_factor
@@ -344,7 +344,7 @@ class Recovery(NamedTuple):
     residual: np.ndarray
 
 
-def run_full(system: Matrices, reduced, recovery: Recovery, step: float, own, reference) -> FullRun:
+def run_full(system: Matrices, reduced, recovery: Recovery, step: float, own) -> FullRun:
     """Time the full model at one step; `reduced` is the history of the same mesh that states in the middle
     of the burst are taken from.
     """
@@ -368,10 +368,8 @@ def run_full(system: Matrices, reduced, recovery: Recovery, step: float, own, re
         time_points = step * np.arange(count + 1)
         amplitude = signal(time_points)
         seconds, (sensed, resultant, u, v) = least(lambda: model.run(amplitude), 1)
-        exact = reference["uA_y_300N_contact"]
-        error = float(
-            np.linalg.norm(np.interp(reference["t"], time_points[1:], sensed) - exact) / np.linalg.norm(exact)
-        )
+        times, exact = known_burst(FORCE)
+        error = distance(np.interp(times, time_points[1:], sensed), exact)
         peak = float(resultant.max())
         work = np.cumsum(0.5 * (amplitude[1:] + amplitude[:-1]) * np.diff(sensed, prepend=0.0))
         lost = float(
@@ -418,7 +416,6 @@ def main() -> None:
     own = parser.parse_args()
     if own.repeats < 1 or own.steps < 1:
         parser.error("--repeats and --steps must be at least 1")
-    reference = read_reference()[0]
     signals = separate(burst(FORCE))[1]
     ours, notes = None, []
 
@@ -459,7 +456,7 @@ def main() -> None:
                 (model.boundary_unknowns, len(model.pairs)),
                 step,
                 (before, seconds),
-                (distance(found, reference, FORCE), found.contact_resultant.max()),
+                (off_reference(found, FORCE), found.contact_resultant.max()),
             )
         model.destroy()
     for parameters, steps in MESHES:
@@ -475,10 +472,10 @@ def main() -> None:
                 size,
                 step,
                 (assembly + reducing, seconds),
-                (distance(histories[step], reference, FORCE), histories[step].contact_resultant.max()),
+                (off_reference(histories[step], FORCE), histories[step].contact_resultant.max()),
             )
         for step in steps:
-            run = run_full(system, histories[REDUCED_STEPS[0]], Recovery(*recovery), step, own, reference)
+            run = run_full(system, histories[REDUCED_STEPS[0]], Recovery(*recovery), step, own)
             line(
                 f"scikit-fem P{ORDER}, full",
                 size,

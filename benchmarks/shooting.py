@@ -30,8 +30,7 @@ import numpy as np
 from scipy import linalg
 
 import sbfem_petsc as sb
-from examples.tables.harmonics import build
-from examples.tables.tone_burst import REFINED
+from examples.paper.bench import REFINED, Bench
 from sbfem_petsc.contact.marching import march
 from sbfem_petsc.contact.tangent import Derivative
 from sbfem_petsc.continuation.multipliers import multipliers
@@ -265,10 +264,9 @@ def main() -> None:
         help="periods of the time history that are run at its coarser steps (default 9000)",
     )
     own = parser.parse_args()
-    from mpi4py import MPI
 
     warnings.simplefilter("ignore", sb.StepWarning)
-    model = build(MPI.COMM_WORLD, DAMPING, **REFINED)
+    model = Bench().model("tables", DAMPING, **REFINED)
     print(model)
     seconds, reduced = least(lambda: sb.reduce(model, push(1.0), modes=MODES), 1)
     print(f"reduction to {MODES} modes: {seconds:.2f} s")

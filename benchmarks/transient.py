@@ -26,7 +26,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import numpy as np
 
 import sbfem_petsc as sb
-from examples.tables.tone_burst import REFINED, build, burst, distance, read_reference
+from examples.paper.bench import REFINED, Bench, burst, off_reference
 
 DURATION, FORCE, MODES, ASKED = 0.033, 300.0, 80, 3e-3
 STEPS = {"exact": (16e-6, 8e-6, 4e-6, 2e-6, 1e-6, 0.5e-6), "newmark": (4e-6, 2e-6, 1e-6, 0.5e-6, 0.25e-6)}
@@ -48,7 +48,6 @@ def reduced(model, repeats):
     """
     seconds, system = least(lambda: sb.reduce(model, burst(FORCE), modes=MODES), 1)
     print(f"reduction to {MODES} modes: {seconds:.2f} s")
-    reference = read_reference()[0]
     sb.transient(system, burst(FORCE), 1e-5, step=1e-6)
     reached, at_one = {}, None
     print("scheme      step, us     steps   relative L2   seconds    steps/s")
@@ -58,7 +57,7 @@ def reduced(model, repeats):
                 partial(sb.transient, system, burst(FORCE), DURATION, step=step, scheme=scheme),
                 repeats,
             )
-            error, count = distance(history, reference, FORCE), round(DURATION / history.step)
+            error, count = off_reference(history, FORCE), round(DURATION / history.step)
             print(
                 f"{scheme:8s}{history.step * 1e6:12.4g}{count:10,d}"
                 f"{error:14.2e}{seconds:10.3f}{count / seconds:11,.0f}"
@@ -118,7 +117,7 @@ def full(model, reduced_seconds, duration):
     solve, product = 0.5 * (before + parts(model, step))
     count = round(duration / step)
     each, touching = (seconds - prepared) / count, float((history.contact_force > 0).any(axis=1).mean())
-    error = distance(history, read_reference()[0], FORCE)
+    error = off_reference(history, FORCE)
     print(
         f"unreduced, {model.unknowns:,d} unknowns: {seconds:.1f} s for {count:,d} steps of 1 us, "
         f"{prepared:.2f} s of them before the first; relative L2 {error:.2e}"
@@ -153,10 +152,9 @@ def main() -> None:
         help="also the unreduced model, over 33 ms or a duration (s) of your own",
     )
     own = parser.parse_args()
-    from mpi4py import MPI
 
     warnings.simplefilter("ignore", sb.StepWarning)  # the table shows what coarse steps cost
-    model = build(MPI.COMM_WORLD, **REFINED)
+    model = Bench().model("tables", **REFINED)
     print(model)
     seconds = reduced(model, own.repeats)
     if own.full:

@@ -29,7 +29,7 @@ PAGES = {
     "rubbing_sidebands.png": "friction.md",
     "rubbing_map.png": "friction.md",
 }
-BEAM, REPORT = ("examples/beam_notch.py",), "examples/reproduce_paper.py"
+BEAM, REPORT = ("examples/beam_notch.py",), "examples/paper/reproduce.py"
 SWEEP = ("-m", "sbfem_petsc", "sweep", "examples/modulation_map.toml")
 # Programs, to which the output's folder is added, and what they write there.
 PROGRAMS = {

@@ -11,16 +11,13 @@ closes and its tip still opens. Edges of orders 3 to 6 tell the error.
 import pathlib
 import sys
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent))
 
 from sbfem_petsc.command_line import Parser, begin, run
 
-GEOMETRY, FORCE = pathlib.Path(__file__).parent / "bracket.geo", 4000.0  # N
-parser = Parser(
-    "A bracket from a gmsh model: two materials, curved edges, a crack; modes and static contact."
-)
-size_text = "largest size of the cells, m (default: the sizes in bracket.geo, at most 0.020)"
-parser.add_numbers(order=(5, "polynomial order of the edges"), size=(float, size_text))
+parser = Parser("A gmsh model with two materials, curved edges and a crack; modes and static contact.")
+parser.add_numbers(orders=([3, 4, 5, 6], "of the edges"), size=(float, "largest size of the cells, m"))
 parser.add_output("gmsh_bracket", "files and pictures", "write the HDF5 and VTU files only")
 
 
@@ -28,28 +25,32 @@ def main():
     """Run the example."""
     own = parser.parse()  # PETSc starts with the rest of the command line
     import sbfem_petsc as sb
-    from examples.tables.gmsh_bracket import print_tables, summary, write
     from meshing import read_gmsh
+    from sbfem_petsc.plot import plot_contact, plot_crack, plot_discretisation, plot_modes, save_pictures
 
     comm, out, folder = begin(own.output)
     materials = {
         "steel": sb.Material(young=210e9, poisson=0.30, density=7850),
         "bronze": sb.Material(young=105e9, poisson=0.34, density=8700),
     }
-    measured = {}
-    for order in sorted({3, 4, 5, 6, own.order}, key=lambda order: order == own.order):
-        mesh = sb.on_root(comm, lambda order=order: read_gmsh(GEOMETRY, order=order, size=own.size))
+    for order in own.orders:
+        mesh = sb.on_root(
+            comm, lambda order=order: read_gmsh(HERE / "bracket.geo", order=order, size=own.size)
+        )
         model = sb.Model(mesh, materials, clamped="bolts", thickness=0.020)
         modes = sb.modal(model, count=10)
-        cases = {
-            "closing": sb.static(model, sb.PointForce("load", fy=FORCE)),
-            "opening": sb.static(model, sb.PointForce("load", fy=-FORCE), contact=False),
-        }
-        measured[order] = summary(model, modes, cases)
-    out.print(f"{model}\n")
-    print_tables(out, model, modes, cases, measured, order=own.order, force=FORCE)
-    write(folder, mesh, model, modes, cases, pictures=not own.no_pictures)
-    out.print(f"\nfiles and pictures are in {folder}")
+        closing = sb.static(model, sb.PointForce("load", fy=4000.0))
+        opening = sb.static(model, sb.PointForce("load", fy=-4000.0), contact=False)
+        out.print(model, modes, f"closing: {closing}", f"opening: {opening}\n", sep="\n")
+    cases = {"closing": closing, "opening": opening}
+    sb.save(f"{folder}/gmsh_bracket.h5", {"modes": modes, **cases})  # of the last order
+    sb.write_vtu(f"{folder}/static.vtu", model, cases)
+    sb.write_modes(f"{folder}/modes.vtu", modes, range(3))
+    if not own.no_pictures:
+        save_pictures(folder, discretisation=plot_discretisation(mesh, comm=comm))
+        save_pictures(folder, modes=plot_modes(modes, range(6), columns=3), crack=plot_crack(model, cases))
+        save_pictures(folder, contact=plot_contact({"closing": closing}))
+    out.print(f"files and pictures are in {folder}")
 
 
 if __name__ == "__main__":

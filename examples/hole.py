@@ -11,7 +11,6 @@ prints a hole radius of 2.5 mm, which would cut the beam through, and gives neit
 
 import pathlib
 import sys
-from functools import partial
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
@@ -21,38 +20,40 @@ parser = Parser("Beam with a hole and a breathing crack: mesh and harmonics at 3
 parser.add_numbers(frequency=(3000.0, "Hz"), force=(300.0, "amplitude at A, N"))
 parser.add_numbers(damping=(0.002, "modal damping ratio"), steps=(1024, "time steps a period"))
 parser.add_tip_mesh()
-parser.add_output("hole", "numbers and pictures", "write the numbers only")
+parser.add_output("hole", "motions and pictures", "write the motions only")
 
 
 def main():
     """Run the example."""
     own = parser.parse()  # PETSc starts with the rest of the command line
     import sbfem_petsc as sb
-    from examples.tables import hole as tables
-    from examples.tables.harmonics import write
     from meshing import Beam, Hole, VNotch
-    from sbfem_petsc.plot import plot_discretisation, save_pictures
+    from sbfem_petsc.plot import plot_discretisation, plot_harmonics, plot_orbit, save_pictures
+    from sbfem_petsc.results.harmonics import harmonics_table
 
     comm, out, folder = begin(own.output)
     hole, notch = Hole(x=0.065, y=0.0025, diameter=0.0025), VNotch(x=0.080, depth=0.0015, opening=0.0458366)
     material = sb.Material(young=70e9, poisson=0.33, density=2700)
     refined = {"order": own.order, "grading": own.grading, "tip_size": own.tip_size}
-    orbits, first, steps, load = {}, {}, {"steps": own.steps}, sb.PointForce("A", fy=own.force)
-    for name, notches, choice in (("healthy", [], {"order": own.order}), ("cracked", [notch], refined)):
+    orbits, load = {}, sb.PointForce("A", fy=own.force)
+    for name, notches, chosen in (("healthy", [], {"order": own.order}), ("cracked", [notch], refined)):
         beam = Beam(length=0.400, height=0.005, holes=[hole], notches=notches)
-        mesh = sb.on_root(comm, partial(beam.mesh, **choice))
+        mesh = sb.on_root(comm, lambda beam=beam, chosen=chosen: beam.mesh(**chosen))
         model = sb.Model(mesh, material, clamped="left", damping=own.damping)
-        first[name] = sb.modal(model, 1).frequencies[0]
-        out.print(f"{name}: {model}, f1 {first[name]:.4f} Hz")
+        out.print(f"{name}: {model}", sb.modal(model, 1), sep="\n")
         if notches:
-            orbits["without contact"] = sb.periodic(model, load, own.frequency, contact=False, **steps)
-        orbits[name] = sb.periodic(model, load, own.frequency, **steps)
-    tables.print_tables(out, orbits, first, own)
-    write(comm, folder, own.frequency, orbits)
+            linear = sb.periodic(model, load, own.frequency, contact=False, steps=own.steps)
+            orbits["without contact"] = linear
+        orbits[name] = sb.periodic(model, load, own.frequency, steps=own.steps)
+    out.print(*(f"{name}: {orbit}" for name, orbit in orbits.items()), sep="\n")
+    title = f"{own.frequency:g} Hz, {own.force:g} N"
+    out.print(harmonics_table(orbits, "A", title=f"Amplitudes of u_y(A), m: {title}"))
+    sb.save(f"{folder}/orbits.h5", orbits)
     if not own.no_pictures:
         save_pictures(folder, figure_12=plot_discretisation(mesh, comm=comm))
-        tables.pictures(folder, comm, orbits, own)
-    out.print(f"\nnumbers{'' if own.no_pictures else ' and pictures'} are in {folder}")
+        save_pictures(folder, figure_13=plot_harmonics(orbits, "A", title=title, comm=comm))
+        save_pictures(folder, orbit=plot_orbit(orbits["cracked"], "A", title=title, comm=comm))
+    out.print(f"motions and pictures are in {folder}")
 
 
 if __name__ == "__main__":

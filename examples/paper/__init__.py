@@ -1,1 +1,1 @@
-"""Parts of `reproduce_paper.py`: the tables and figures of Sepehry et al. (2020), recomputed and checked."""
+"""The tables and figures of Sepehry et al. (2020), recomputed and checked by `reproduce.py`."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 import functools
 import json
 import pathlib
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -18,7 +19,7 @@ REFERENCE = pathlib.Path(__file__).resolve().parents[1] / "reference"
 
 # Meshes: the default, one that is refined towards the tip for histories, one that is so at 1 N, and one whose
 # own error is below the reference's.
-REFINED = {"order": 6, "grading": 1.8, "tip_size": 5e-6}
+REFINED: dict[str, Any] = {"order": 6, "grading": 1.8, "tip_size": 5e-6}
 # At 1 N the faces touch over a fraction of a micrometre next to the tip.
 NEAR_TIP = {"order": 6, "tip_size": 1e-8}
 CONVERGED = {"order": 8, "grading": 1.8, "tip_size": 1e-6}
@@ -64,11 +65,6 @@ class Bench:
     def reference(self) -> dict:
         """Converged values of an independent hp finite element code, and the paper's tables."""
         return json.loads((REFERENCE / "reference.json").read_text())
-
-    @functools.cached_property
-    def histories(self) -> dict[str, np.ndarray]:
-        """Reference histories of the tone bursts."""
-        return dict(np.load(REFERENCE / "transient_paper.npz"))
 
     def once(self, key, work):
         """`work()`, or what it gave before under the same key: results that several parts use."""
@@ -123,6 +119,25 @@ def push(force: float):
 def burst(force: float):
     """Eq. (39) at A."""
     return sb.PointForce("A", fy=sb.ToneBurst(force, frequency=3000.0, cycles=100))
+
+
+@functools.cache
+def histories() -> dict[str, np.ndarray]:
+    """Reference histories of the tone bursts."""
+    return dict(np.load(REFERENCE / "transient_paper.npz"))
+
+
+def known_burst(force: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times and u_y(A) of the reference under the burst of 1 N or 300 N."""
+    names = ("t_linear", "uA_y_1N_linear") if force == 1.0 else ("t", "uA_y_300N_contact")
+    return histories()[names[0]], histories()[names[1]]
+
+
+def off_reference(history: sb.History, force: float) -> float:
+    """Relative L2 distance of a burst's u_y(A) to the reference, over the time that both have."""
+    times, exact = known_burst(force)
+    both = times <= history.time[-1] * (1 + 1e-9)
+    return distance(np.interp(times[both], history.time, history.displacement("A")[:, 1]), exact[both])
 
 
 def distance(found, exact) -> float:

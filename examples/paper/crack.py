@@ -4,15 +4,10 @@ multipliers, the paper's time steps.
 
 from __future__ import annotations
 
-import os
-import tempfile
-import warnings
-
 import numpy as np
 from matplotlib.collections import LineCollection
 
 import sbfem_petsc as sb
-from sbfem_petsc.contact.complementarity import one_pass_tie
 from sbfem_petsc.plot.drawing import (
     BLACK,
     BLUE,
@@ -29,6 +24,7 @@ from sbfem_petsc.selement.basis import shape_functions
 
 from .bench import CONVERGED, burst, push
 from .findings import Claim, Finding, Part, Table, percent, size
+from .time_scheme import at_rest, integrate
 
 LAYOUTS = {"tip": "scaling centre on the tip", "vertex": "the paper's: tip is a vertex of four S-elements"}
 FORCES = (1.0, 100.0, 300.0)
@@ -321,19 +317,12 @@ def draw_signorini(finding: Finding, path: str) -> None:
 def multipliers(bench) -> Finding:
     """Eq. (33) as printed and as meant; the paper's time steps against steps that keep the energy."""
     reduced = bench.reduced("tables")
-    gap = reduced.gap
-    compliance = (gap.modes / reduced.omega**2) @ gap.modes.T + gap.contact
-    free = (
-        (gap.modes / reduced.omega**2) @ reduced.load_modes[:, 0] * 100.0
-        + gap.loads[:, 0] * 100.0
-        + reduced.initial_gap
-    )
-    touching = free < 0.0
+    meant = at_rest(reduced, 100.0)
+    free, compliance, touching = meant.free_gap, meant.compliance, meant.free_gap < 0.0
     deepest = float(-free.min())
     printed = -compliance @ np.where(touching, free, 0.0)  # eq. (33): no inverse
     moved = -compliance @ printed  # eq. (34): its sign, on top of that of (33)
     left = float(np.abs(free[touching] + moved[touching]).max() / deepest)
-    meant = one_pass_tie(compliance, free)
     closed = float(np.abs(meant.gap[touching]).max() / deepest)
     tension = float(-meant.force.min())
 
@@ -441,27 +430,11 @@ def paper_steps(bench, terms: int, duration: float, step: float):
     """The paper's time integration: times, energy, work, contact resultant and a remark where it was
     stopped because its energy ran away.
     """
-    model, remark = bench.model("tables", continued_fraction=terms), ""
-    with tempfile.TemporaryDirectory() as folder:
-        file = os.path.join(folder, "history.journal")
-        try:
-            history = sb.transient(
-                model,
-                burst(300.0),
-                duration,
-                step=step,
-                scheme="paper",
-                decimation=4,
-                progress=None,
-                file=file,
-            )
-        except sb.SolveError:
-            # what was recorded until then is what is to be seen
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                history = sb.read(file)
-            remark = "stopped: the energy ran away"
-    return *_of(history)[:-1], remark
+    model = bench.model("tables", continued_fraction=terms)
+    signal = sb.ToneBurst(300.0, frequency=3000.0, cycles=100)
+    run = integrate(model, push(1.0), signal, step, round(duration / step))
+    remark = "stopped: the energy ran away" if run.stopped else ""
+    return run.time, run.energy, run.work, run.resultant, remark
 
 
 def _of(history):

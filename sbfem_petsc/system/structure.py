@@ -27,6 +27,7 @@ from .fields.reactions import SupportForces
 from .fields.tips import Tips
 from .layout.distribution import distribute
 from .loads import LoadColumns, NodalForces, load_columns
+from .matrices import Matrices, matrices
 from .solve.static_solver import StaticSolver
 from .solve.stiffness import Stiffness
 
@@ -204,6 +205,16 @@ class Structure:
     def stiffness(self) -> PETSc.Mat:
         """K over the displacement unknowns, N/m. Collective."""
         return self.statics.matrix
+
+    def matrices(self) -> Matrices:
+        """K, M and the contact rows as sparse matrices of SciPy, for programs of one's own.
+
+        Raises
+        ------
+        ValueError
+            On several ranks, which hold them in parts.
+        """
+        return matrices(self.statics, self.contact)
 
     # ------------------------------------------------------------------ what analyses share
     @property

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from examples.tables.frequency_response import doublings, half
 from meshing import Beam, VNotch
 from meshing.warnings import BranchWarning
 from sbfem_petsc.continuation.problems.several_periods import minimal_periods
@@ -173,6 +172,32 @@ def test_subcritical_doubling(tmp_path):
     assert np.abs(settled.subharmonics("A")[1]) == pytest.approx(half[-1], rel=1e-6)
 
 
+def doublings(load, curve, tries=6):
+    """Motions of twice the period near the first unstable motions with a negative real multiplier: the
+    disturbance that grows shows itself whatever the direction.
+    """
+    real = (curve.multipliers.imag == 0.0) & (curve.multipliers.real < -1.0)
+    for k in np.flatnonzero(real.any(axis=1))[:tries]:
+        orbit = curve.orbit(int(k))
+        direction = np.random.default_rng(0).standard_normal(len(orbit.state))
+        direction *= np.linalg.norm(orbit.state) / np.linalg.norm(direction)
+        for share in (0.02, 0.1):
+            guess = replace(orbit, state=orbit.state + share * direction)
+            options = {"periods": 2, "steps": len(orbit.time), "guess": guess}
+            try:
+                other = sb.periodic(curve.reduced, load, orbit.frequency, **options)
+            except sb.SolveError:
+                continue
+            if half(other) > 1e-6:
+                yield other
+                break
+
+
+def half(orbit):
+    """Amplitude at half the drive over the first harmonic."""
+    return float(abs(orbit.subharmonics("A")[1]) / abs(orbit.harmonics("A")[1]))
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("damping, force, some", [(0.0005, 1300.0, True), (0.001, 1500.0, False)])
 def test_search_over_fig_11(damping, force, some):
@@ -181,7 +206,7 @@ def test_search_over_fig_11(damping, force, some):
     """
     load = sb.PointForce("A", fy=force)
     curve = sb.frequency_response(case_p(damping), load, 14110.0, 14130.0, largest_step=4.0)
-    found = doublings(load, curve)
+    found = list(doublings(load, curve))
     real = curve.multipliers[curve.multipliers.imag == 0.0].real
     assert curve.complete and (real.min() < -1.0) == some and bool(found) == some
     for orbit in found:

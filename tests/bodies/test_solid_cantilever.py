@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 import sbfem_petsc as sb
-from examples.tables.cracked_cantilever import calculix, faces, mesh, write_deck
+from examples.cracked_cantilever import store
 
 FILES = Path(__file__).parent / "calculix"
 
@@ -42,15 +43,16 @@ def test_matrices_and_what_follows(tmp_path):
     """CalculiX integrates the mass of ten-node tetrahedra at four points, which moves the third frequency by
     2e-6; so integrated, scikit-fem's matrices are the same. Of an exact mass harmonics are to 1e-4.
     """
-    places, tets = mesh(20.0, 5.0)
-    write_deck(tmp_path / "beam.inp", places, tets)
-    calculix(tmp_path / "beam.inp")
-    body = sb.read_calculix(tmp_path / "beam")
-    mass, stiffness = assembled(places, tets, body.unknowns, 2)
+    store(tmp_path, 20.0, 5.0)
+    body = sb.read_calculix(tmp_path / "cantilever")
+    row = {label: k for k, label in enumerate(body.labels)}
+    places, tets = 1e3 * body.places, body.elements["tetra10"]
+    unknowns = np.array([(row[node] + 1, d) for node, d in body.unknowns.tolist()])
+    mass, stiffness = assembled(places, tets, unknowns, 2)
     assert abs(stiffness - body.stiffness).max() < 1e-8 * abs(stiffness).max()
     assert abs(mass - body.mass).max() < 1e-8 * abs(mass).max()
     exact = sb.FiniteElementModel(
-        assembled(places, tets, body.unknowns, 4)[0],
+        assembled(places, tets, unknowns, 4)[0],
         stiffness,
         body.unknowns,
         dict(zip(body.labels, body.places)),
@@ -81,7 +83,10 @@ def test_history_beside_calculix():
     places, tets = found["places"], found["tets"].astype(int)
     free = [(k, d) for k in np.flatnonzero(places[:, 0] > 1e-6).tolist() for d in range(3)]
     mass, stiffness = assembled(places, tets, np.array(free) + [1, 0], 2)
-    left, right = faces(places, tets)
+    pairs, low = cKDTree(places).query_pairs(1e-6, output_type="ndarray"), np.zeros(len(places), dtype=bool)
+    low[tets[places[tets[:, :4], 0].mean(axis=1) < 80.0]] = True
+    left = np.where(low[pairs[:, 0]], pairs[:, 0], pairs[:, 1])
+    right = pairs.sum(axis=1) - left
     body = sb.FiniteElementModel(
         mass,
         stiffness,

@@ -36,6 +36,13 @@ def run(
     return done
 
 
+def printed(example: str, folder: pathlib.Path, *options: object, ranks: int = 1) -> str:
+    """What an example prints, in one line."""
+    done = on_ranks(ranks, f"examples/{example}.py", *map(str, options), "--output", str(folder))
+    assert not done.stderr.strip(), done.stderr
+    return " ".join(done.stdout.split())
+
+
 def check_help(example: str, ranks: int, own: tuple[str, ...]) -> None:
     """`--help`, once over all ranks: the example's own options and how to see PETSc's."""
     done = run(example, "--help", ranks=ranks)

@@ -25,7 +25,7 @@ def report(folder, *arguments, ranks=1, check=True, timeout=300):
     done = (
         on_ranks(
             ranks,
-            "examples/reproduce_paper.py",
+            "examples/paper/reproduce.py",
             "--output",
             str(folder),
             *arguments,
@@ -33,7 +33,7 @@ def report(folder, *arguments, ranks=1, check=True, timeout=300):
             timeout=timeout,
         )
         if ranks > 1
-        else run("reproduce_paper.py", "--output", folder, *arguments, folder=folder, check=check)
+        else run("paper/reproduce.py", "--output", folder, *arguments, folder=folder, check=check)
     )
     return done, json.loads((folder / "numbers.json").read_text())["parts"]
 
@@ -100,7 +100,7 @@ def test_report_is_self_contained(fast):
     for part, picture in zip(("eq1", "table2", "table4", "table6", "fig12"), pictures):
         assert (folder / f"{part}.png").read_bytes() == base64.b64decode(picture.split(",")[1])
     assert page.count("not computed in this run") == len(
-        run("reproduce_paper.py", "--list").stdout.splitlines()
+        run("paper/reproduce.py", "--list").stdout.splitlines()
     ) - len(FAST)
     assert "<script" not in page and "<link" not in page and not re.search(r"\d\.\d{7,}", page)
     assert set(parts) == set(FAST) and all("error" not in part for part in parts.values())
@@ -132,7 +132,7 @@ def test_killed_run_goes_on(tmp_path):
     """
     command = [
         sys.executable,
-        str(EXAMPLES / "reproduce_paper.py"),
+        str(EXAMPLES / "paper/reproduce.py"),
         "--output",
         str(tmp_path),
         "--no-pictures",
@@ -193,7 +193,7 @@ def test_part_that_fails(tmp_path, ranks):
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_unknown_part(tmp_path, ranks):
     done = on_ranks(
-        ranks, "examples/reproduce_paper.py", "--output", str(tmp_path), "--only", "table7", check=False
+        ranks, "examples/paper/reproduce.py", "--output", str(tmp_path), "--only", "table7", check=False
     )
     assert (
         done.returncode != 0
@@ -204,12 +204,12 @@ def test_unknown_part(tmp_path, ranks):
 
 @pytest.mark.long
 def test_list_and_help():
-    listed = run("reproduce_paper.py", "--list").stdout
+    listed = run("paper/reproduce.py", "--list").stdout
     assert all(
         re.search(rf"^{name} ", listed, re.M)
         for name in (*FAST, "fig5", "fig11", "fig13", "table1", "readings")
     )
-    check_help("reproduce_paper.py", 1, ("--only", "--fresh", "--output", "--no-pictures", "--list"))
+    check_help("paper/reproduce.py", 1, ("--only", "--fresh", "--output", "--no-pictures", "--list"))
 
 
 # Number: value and relative tolerance. Where there is a reference, its values; otherwise those of the report,
@@ -373,7 +373,7 @@ def test_whole_report(tmp_path):
     done, parts = report(tmp_path, ranks=2, timeout=600)
     print(f"{time.perf_counter() - began:.0f} s")
     assert all("error" not in part for part in parts.values())
-    listed = [line.split()[0] for line in run("reproduce_paper.py", "--list").stdout.splitlines()]
+    listed = [line.split()[0] for line in run("paper/reproduce.py", "--list").stdout.splitlines()]
     assert list(parts) == listed and all(
         (tmp_path / f"{name}.png").stat().st_size > 15_000 for name in listed
     )

@@ -1,9 +1,9 @@
 """Recompute every table and figure of Sepehry et al. (2020) and write one report.
 
-    python examples/reproduce_paper.py                          the whole report, in output/reproduce_paper
-    python examples/reproduce_paper.py --only table6 fig11      some parts; the report keeps the others
-    python examples/reproduce_paper.py --list                   names of the parts
-    mpiexec -n 2 python examples/reproduce_paper.py             parts shared out among the ranks
+    python examples/paper/reproduce.py                          the whole report, in output/reproduce_paper
+    python examples/paper/reproduce.py --only table6 fig11      some parts; the report keeps the others
+    python examples/paper/reproduce.py --list                   names of the parts
+    mpiexec -n 2 python examples/paper/reproduce.py             parts shared out among the ranks
 
 report.html holds its pictures and opens from disk; the same pictures are PNG files, numbers.json has all
 numbers, parts/ the curves (NPZ). Each finished part is kept, and an interrupted run goes on where it was; a
@@ -14,7 +14,8 @@ with --fresh. A part that fails is named with a sentence, and the exit code is 1
 import pathlib
 import sys
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+# in the place of this folder, whose modules are a package
+sys.path[0] = str(pathlib.Path(__file__).resolve().parents[2])
 
 from sbfem_petsc.command_line import Parser, run
 
@@ -29,7 +30,7 @@ parser.add_output("reproduce_paper", "the report", "numbers only")
 def main():
     """Run the program."""
     own = parser.parse()  # PETSc starts with the rest of the command line
-    from paper.program import reproduce
+    from examples.paper.program import reproduce
 
     reproduce(own)
 
