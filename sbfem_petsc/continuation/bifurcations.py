@@ -6,7 +6,7 @@ import numpy as np
 
 from ..record.record import Record, described, quantity
 from . import extrapolation
-from .events import find_zero, folds, furthest
+from .events import find_zero, fold_between, folds, furthest
 from .follow import Line
 from .multipliers import Multipliers, multipliers_of
 from .problem import Point
@@ -104,18 +104,26 @@ def follow_multiplier(spectra: dict[float, np.ndarray], start: float, rank: int)
     return result
 
 
+def by_steps(point: Point) -> float:
+    """How far the steps of time change the value that belongs to a motion."""
+    period = point.state.driven.period
+    return float(abs(point.value) * (2.0 * np.pi * period.excitation.periods / period.steps) ** 2 / 12.0)
+
+
 def _turns(points: list[Point], k: int) -> bool:
     steps = np.diff([point.value for point in points[max(0, k - 2) : k + 2]])
     return bool((steps[1:] * steps[:-1] < 0.0).any())
 
 
 def _fold_or(crossing: Bifurcation, line: Line, k: int) -> Bifurcation:
-    """A multiplier through +1 before point k as the fold that it is where the points turn beside it, though
-    steps keep the tangents from it: as far away as they change a period.
+    """A multiplier through +1 before point k as the fold that it is where the tangents turn there, though the
+    points go on beyond another fold; or where the points turn beside it, though steps keep the tangents from
+    it: as far away as they change a period.
     """
-    period = line.points[k].state.driven.period
-    within = abs(crossing.value) * (2.0 * np.pi * period.excitation.periods / period.steps) ** 2 / 12.0
-    turn = furthest(line, k, within)
+    between = fold_between(line, k - 1)
+    if between is not None:
+        return _fold(line, k - 1, between)
+    turn = furthest(line, k, by_steps(line.points[k]))
     return crossing if turn is None else _fold(line, turn, line.points[turn])
 
 

@@ -18,9 +18,9 @@ from ..motion.excitation import one_sided
 from ..motion.period_map import Period
 from ..motion.unreduced.period import UnreducedPeriod
 from .accuracy import Accuracy
-from .bifurcations import Bifurcation, locate, unlocated
+from .bifurcations import Bifurcation, by_steps, locate, unlocated
 from .branch import Branch
-from .events import beside, insert, refine
+from .events import beside, hides_turns, insert, refine
 from .extrapolation import uncertainty_at
 from .follow import CLOSED, Follower, Line, Settings, follow
 from .line_file import LineFile
@@ -30,7 +30,7 @@ from .problem import Point, Range
 from .problems.driven_orbits import Orbits, ParameterRange
 from .problems.several_periods import distances, minimal_periods
 from .problems.unreduced import UnreducedOrbits
-from .unit_circle import ambiguous, excursion, passages
+from .unit_circle import ambiguous, excursion, hurried, passages
 
 # Harmonics kept of every point.
 HARMONICS = 20
@@ -337,7 +337,9 @@ def _unseen(line: Line, k: int, found: list[Multipliers | None]) -> float | None
     one, other = found[k : k + 2]
     assert one is not None and other is not None  # stability is asked for
     passing = passages(one, other)
-    if passing > 1 or ambiguous(one, other):
+    if passing > 1 or ambiguous(one, other) or hides_turns(line, k, by_steps(line.points[k])):
+        return 0.5
+    if not passing and hurried(one, other):
         return 0.5
     outer = beside(line, k)
     if passing or len(outer) < 2:

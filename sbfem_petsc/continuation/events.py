@@ -270,6 +270,54 @@ def folds(line: Line) -> list[tuple[int, Point]]:
     return sorted({item[0]: item for item in found if item is not None}.values(), key=lambda item: item[0])
 
 
+def fold_between(line: Line, k: int) -> Point | None:
+    """Where the value turns between points k and k + 1 by their tangents, whatever the values of the points
+    tell; None where these do not.
+    """
+    one, other = line.points[k : k + 2]
+    direction = _direction(one, one, other)
+    _, begin = direction(one)
+
+    def pace(point: Point) -> float:
+        value, sign = direction(point)
+        return begin * sign * value
+
+    ends = pace(one), pace(other)
+    return located(line, k, pace, ends)[1] if ends[0] * ends[1] < 0.0 else None
+
+
+def hides_turns(line: Line, k: int, within: float) -> bool:
+    """Whether the value turns twice between points k and k + 1: by more than `within` it goes back from one
+    to the other, and the tangents at both lead forth.
+    """
+    values = np.diff([point.value for point in line.points[max(0, k - 1) : k + 3]])
+    if len(values) < 3 or not values[0] * values[1] < 0.0 or not values[1] * values[2] < 0.0:
+        return False
+    one, other = line.points[k : k + 2]
+    if abs(values[1]) <= within or len(one.u) != len(other.u):
+        return False
+    direction = _direction(one, one, other)
+    (first, begin), (second, end) = direction(one), direction(other)
+    return begin == end and first * values[1] < 0.0 and second * values[1] < 0.0
+
+
+def _direction(about: Point, one: Point, other: Point) -> Callable[[Point], tuple[float, float]]:
+    """The value's part of the branch's direction at a point, along the way from one point to another, and the
+    determinant's sign. Which way that is is told by all but the value, which turns.
+    """
+    metric = Metric(about.problem, about.u)
+    way = metric.way(one, other)
+    row = metric.row(metric.unit(way - _of_value(metric, about, way)))
+
+    def direction(point: Point) -> tuple[float, float]:
+        border = point.linear.bordered(row)
+        tangent = border.solve(np.eye(1, point.linear.rows + 1, point.linear.rows)[0])
+        pace = point.problem.sum(float(point.problem.value(point.u)[1] @ tangent))
+        return pace, border.sign or 1.0
+
+    return direction
+
+
 def furthest(line: Line, k: int, within: float) -> int | None:
     """The nearest point at which the values of the points turn, and beyond which none of `TEETH` to either
     side goes, on the stretch around point k of which all values are within some of its own; None without one.
@@ -294,18 +342,7 @@ def _fold(line: Line, k: int) -> tuple[int, Point] | None:
     before, here, behind = line.points[k - 1 : k + 2]
     if not (here.value - before.value) * (behind.value - here.value) < 0.0:
         return None
-    metric = Metric(here.problem, here.u)
-    # which way the branch goes is told by all but the value, which turns
-    way = metric.way(before, behind)
-    row = metric.row(metric.unit(way - _of_value(metric, here, way)))
-
-    def direction(point: Point) -> tuple[float, float]:
-        """The value's part of the branch's direction along that way, and the determinant's sign."""
-        border = point.linear.bordered(row)
-        direction = border.solve(np.eye(1, point.linear.rows + 1, point.linear.rows)[0])
-        pace = point.problem.sum(float(point.problem.value(point.u)[1] @ direction))
-        return pace, border.sign or 1.0
-
+    direction = _direction(here, before, behind)
     # where a corner turns all else too, the determinant keeps its sign along the branch
     ahead = sum(direction(point)[1] for point in (before, here, behind)) * (here.value - before.value)
 

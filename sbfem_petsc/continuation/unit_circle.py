@@ -11,6 +11,8 @@ from .orbit import FLOOR
 
 # Multipliers whose modulus is this near to one are watched for excursions over the unit circle.
 NEAR = 0.05
+# A multiplier that is no further from -1 than this share of its change may have been beyond it.
+HURRIED = 0.25
 
 
 def outside(found: Multipliers) -> np.ndarray:
@@ -38,6 +40,19 @@ def ambiguous(one: Multipliers, other: Multipliers) -> bool:
     real = np.count_nonzero(there == 0.0) - np.count_nonzero(here == 0.0)
     paired = np.count_nonzero(there > 0.0) - np.count_nonzero(here > 0.0)
     return real != 0 and paired != 0 and real + 2 * paired != 0
+
+
+def hurried(one: Multipliers, other: Multipliers) -> bool:
+    """Whether a multiplier is just inside -1 at one of two points of a branch and far from there at the other:
+    between them it may have passed -1 and come back.
+    """
+    for here, there in ((one, other), (other, one)):
+        values = here.values
+        near = values[(values.imag == 0.0) & (np.abs(values.real + 1.0) < NEAR) & ~outside(here)]
+        changes = np.abs(there.values[_nearest(there, near)] - near)
+        if (np.abs(near + 1.0) < HURRIED * changes).any():
+            return True
+    return False
 
 
 def excursion(around: list[tuple[float, Multipliers]]) -> float | None:
