@@ -43,6 +43,9 @@ AHEAD = 1e-4
 # The multipliers' uncertainty is measured at every so many points, and where the largest modulus is off 1 by
 # no more than so many times that of its neighbours.
 SPARSE, FAR = 32, 5.0
+# Of few pairs, each meeting that is gained or lost between two points may make multipliers jump, and is
+# enclosed up to this share of the value.
+FEW, ENCLOSED = 8, 1e-3
 # A branch that first leads away from its range may do so by this share of the parameter or of the range.
 EXCURSION = 0.02
 
@@ -258,6 +261,7 @@ class PointRows:
         self.period, self.stability, self.most, self.work = period, stability, most, 0.0
         self.rows: list[tuple] = []
         self.found: list[Multipliers | None] = []
+        self.meetings: list[np.ndarray] = []
         self.told, self.missing = np.full(LOWEST, np.nan), ""
 
     def judge(self, line: Line, accuracy: Accuracy | None) -> None:
@@ -310,6 +314,14 @@ class PointRows:
         place = len(self.rows) if place is None else place
         self.rows.insert(place, row)
         self.found.insert(place, found)
+        self.meetings.insert(place, self._meetings(point))
+
+    def _meetings(self, point: Point) -> np.ndarray:
+        """(pairs,): how often each of few pairs begins to touch in a period; (0,) where there are many."""
+        if not isinstance(self.period, Period) or self.period.pairs > FEW:
+            return np.zeros(0, dtype=int)
+        touching = point.state.motion.forces != 0.0
+        return np.asarray((touching[1:] & ~touching[:-1]).sum(axis=0))
 
     def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Harmonics, amplitudes, subharmonics, contact peaks and multipliers of all points."""
@@ -323,13 +335,25 @@ def _separate(line: Line, rows: PointRows) -> None:
     """
     found, points = rows.found, line.points
     for _ in range(HALVINGS):
-        places = {k: _unseen(line, k, found) for k in range(len(points) - 1)}
+        places = {
+            k: 0.5 if _gained(line, k, rows.meetings) else _unseen(line, k, found)
+            for k in range(len(points) - 1)
+        }
         for k, place in reversed(places.items()):
             if place is None:
                 continue
             insert(line, k, place, rows.add)
         if line.full or not any(places.values()):
             break
+
+
+def _gained(line: Line, k: int, meetings: list[np.ndarray]) -> bool:
+    """Whether few pairs meet more often, or less, at point k + 1 than at point k, and where is to be told more
+    finely.
+    """
+    one, other = line.points[k : k + 2]
+    far = abs(other.value - one.value) > ENCLOSED * abs(one.value)
+    return far and bool((meetings[k] != meetings[k + 1]).any())
 
 
 def _unseen(line: Line, k: int, found: list[Multipliers | None]) -> float | None:

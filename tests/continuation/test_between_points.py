@@ -1,0 +1,70 @@
+"""What a branch passes between two of its points is told as if its points were dense: folds of which a step has
+passed over both, and stretches without stability that begin and end between two points.
+"""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+
+
+def stopped_chain(seed: int) -> tuple[sb.ReducedModel, float]:
+    """A random chain of 2 to 5 masses between walls with elastic stops, and a force's amplitude on the first."""
+    generator = np.random.default_rng(seed)
+    n = int(generator.integers(2, 6))
+    stops = int(generator.integers(1, min(n, 3) + 1))
+    mass, stiffness = np.diag(generator.uniform(0.5, 3.0, n)), np.zeros((n, n))
+    for i in range(n):
+        stiffness[i, i] += generator.uniform(0.0, 0.5) + (1.0 if i in (0, n - 1) else 0.0)
+    for i in range(n - 1):
+        spring = generator.uniform(0.5, 2.0)
+        stiffness[i : i + 2, i : i + 2] += spring * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    places = generator.choice(n, stops, replace=False)
+    rows = np.eye(n)[places] * np.where(generator.random(stops) < 0.5, 1.0, -1.0)[:, None]
+    gap = generator.uniform(0.3, 1.5, stops)
+    damping = float(generator.uniform(0.02, 0.06)) * stiffness
+    compliance = generator.uniform(0.02, 0.5, stops)
+    chain = sb.reduce_matrices(
+        mass,
+        stiffness,
+        rows,
+        gap,
+        loads=np.eye(n)[:, :1],
+        sensors={"last": n - 1},
+        damping=damping,
+        compliance=compliance,
+    )
+    return chain, float(generator.uniform(0.05, 0.3))
+
+
+def passed(chain: sb.ReducedModel, force: float, start: float, stop: float, **asked) -> list[tuple]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        curve = sb.frequency_response(chain, [force], start, stop, **asked)
+    return [(item.kind, item.value) for item in curve.bifurcations]
+
+
+@pytest.mark.parametrize(
+    ("seed", "around", "steps", "expected"),
+    [
+        # two steps of usual length pass over both of two folds each, and a third one over a doubling and its end
+        pytest.param(
+            1001, (0.0868, 0.0906), 1024, 2 * ["period doubling"] + 6 * ["fold"], marks=pytest.mark.long
+        ),
+        # .3 % wide, begins where a stop is met once more in a period
+        (1013, (0.148, 0.157), 256, 2 * ["Neimark-Sacker"]),
+        # .7 % wide, at its begin a multiplier jumps from -.7 to -1.3
+        (1069, (0.0905, 0.0946), 256, 2 * ["period doubling"]),
+    ],
+)
+def test_as_of_dense_points(seed, around, steps, expected):
+    chain, force = stopped_chain(seed)
+    first = chain.frequencies[0]
+    whole = passed(chain, force, 0.7 * first, 1.4 * first, steps=steps)
+    found = [item for item in whole if around[0] < item[1] < around[1]]
+    dense = passed(chain, force, *around, steps=512, largest_step=(around[1] - around[0]) / 60, points=400)
+    assert [kind for kind, _ in dense] == [kind for kind, _ in found] == expected
+    # what is left of the error of the steps behind its extrapolation
+    np.testing.assert_allclose([value for _, value in found], [value for _, value in dense], rtol=5e-6)
