@@ -348,9 +348,7 @@ def _separate(line: Line, rows: PointRows) -> None:
 
 
 def _gained(line: Line, k: int, meetings: list[np.ndarray]) -> bool:
-    """Whether few pairs meet more often, or less, at point k + 1 than at point k, and where is to be told more
-    finely.
-    """
+    """Whether few pairs meet more often, or less, at point k + 1 than at point k, which is far from it."""
     one, other = line.points[k : k + 2]
     far = abs(other.value - one.value) > ENCLOSED * abs(one.value)
     return far and bool((meetings[k] != meetings[k + 1]).any())

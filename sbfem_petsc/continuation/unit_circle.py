@@ -43,8 +43,8 @@ def ambiguous(one: Multipliers, other: Multipliers) -> bool:
 
 
 def hurried(one: Multipliers, other: Multipliers) -> bool:
-    """Whether a multiplier is just inside -1 at one of two points of a branch and far from there at the other:
-    between them it may have passed -1 and come back.
+    """Whether a multiplier is just inside -1 at one of two points of a branch and far from there at the
+    other: between them it may have passed -1 and come back.
     """
     for here, there in ((one, other), (other, one)):
         values = here.values
