@@ -693,6 +693,7 @@ class _Spectrum(Problem):
         self.points = [self.point(float(place)) for place in (-1, 0, 1, 2)]
         monkeypatch.setattr(events, "between", self.between)
         monkeypatch.setattr(bifurcations, "multipliers_of", lambda fixed: self.at(fixed.state[1]))
+        monkeypatch.setattr(bifurcations, "fold_between", lambda line, k: None)  # a straight branch
 
     def units(self, u):
         return np.ones(3), np.ones(3)
