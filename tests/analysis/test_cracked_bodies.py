@@ -7,19 +7,11 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Hole, Plate, VNotch, read_gmsh
+from tests.validation.contact_cases import arc, ray
 
 YOUNG, POISSON, PRESSURE, SIDE = 70e9, 0.3, 1e6, 0.1
 SQUARE = [(0, 0), (SIDE, 0), (SIDE, SIDE), (0, SIDE)]
 MATERIAL = sb.Material(young=YOUNG, poisson=POISSON, density=2700)
-
-
-def arc(corners):
-    angle = np.linspace(0, np.pi / 2, corners)
-    return [(0.05 + 0.04 * (1 - math.cos(a)), 0.1 - 0.04 * math.sin(a)) for a in angle]
-
-
-def ray(angle):
-    return [(0.05, 0.05), (0.05 + 0.02 * math.cos(angle), 0.05 + 0.02 * math.sin(angle))]
 
 
 # Lines of cracks; the first goes from the top edge in most.

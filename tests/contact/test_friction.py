@@ -12,6 +12,7 @@ from meshing import Beam, CrackLine, Plate, VNotch
 from sbfem_petsc.contact.complementarity import Complementarity, solve_complementarity
 from sbfem_petsc.contact.friction import Friction, Memory, solve_friction
 from sbfem_petsc.contact.law import RowLaws
+from tests.validation.contact_cases import ray
 
 SIDE = 0.1
 ALUMINIUM = sb.Material(70e9, 0.33, 2700)
@@ -155,10 +156,6 @@ def test_static_coefficient():
 
 
 # ---------------------------------------------------------------------- bodies
-def ray(angle):
-    return [(0.05, 0.05), (0.05 + 0.02 * math.cos(angle), 0.05 + 0.02 * math.sin(angle))]
-
-
 LINES = {
     "kink": [[(0.05, 0.1), (0.05, 0.07), (0.065, 0.045)]],
     "embedded": [[(0.03, 0.04), (0.07, 0.06)]],

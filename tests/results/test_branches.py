@@ -18,24 +18,10 @@ from sbfem_petsc.contact.law import Tied, Unilateral
 from sbfem_petsc.continuation import follow as following
 from sbfem_petsc.motion.files import run_file as module
 from tests.results.same import compared, inverted
-from tests.systems import same_products
+from tests.systems import same_products, two_masses
 
 TURN = 2 * np.pi
 START, STOP = 0.5 / TURN, 0.9 / TURN
-
-
-def two_masses(damping=0.03, compliance=0.01, force=1.0):
-    stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
-    return sb.reduce_matrices(
-        np.eye(2),
-        stiffness,
-        np.array([[1.0, 0.0]]),
-        np.array([1.0]),
-        loads=np.array([[0.0], [force]]),
-        sensors={"1": 0, "2": 1},
-        damping=damping * stiffness,
-        compliance=np.array([compliance]),
-    )
 
 
 def test_contact_laws_are_kept(tmp_path):
