@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg.blas import dger
 
 from ..errors import SolveError, on_all_ranks
 from ..petsc import MPI
@@ -19,9 +20,19 @@ LOST, ENOUGH = 1e-12, 0.1
 SPACE, BLOCKS = 2, 60
 
 
-def share(comm: MPI.Comm, count: int) -> slice:
-    """This rank's part of so many rows or columns."""
-    return slice(count * comm.rank // comm.size, count * (comm.rank + 1) // comm.size)
+def share(comm: MPI.Comm, count: int, rank: int | None = None) -> slice:
+    """A rank's part of so many rows or columns, by default this one's."""
+    rank = comm.rank if rank is None else rank
+    return slice(count * rank // comm.size, count * (rank + 1) // comm.size)
+
+
+def by_columns(comm: MPI.Comm, rows: np.ndarray, work: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """What `work` makes of columns, of which each rank has its rows, and works on its share of them."""
+    if comm.size == 1:
+        return work(rows)
+    parts = [rows[:, share(comm, rows.shape[1], rank)] for rank in range(comm.size)]
+    found = work(np.concatenate(comm.alltoall(parts)))
+    return np.hstack(comm.alltoall([found[share(comm, len(found), rank)] for rank in range(comm.size)]))
 
 
 def whole(comm: MPI.Comm, own: np.ndarray) -> np.ndarray:
@@ -42,7 +53,7 @@ def lowest(
     width: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The largest eigenvalues of K^-1 M, falling, their mass-normalised vectors and M times these, on each
-    rank alike. Collective.
+    rank alike; `solve` takes and gives this rank's rows. Collective.
 
     Eigenvalues of multiplicity `width` or less are all found but by round-off. All vectors are out of K^-1 M,
     and have no part in what has no mass.
@@ -59,7 +70,7 @@ def lowest(
     done, due = 0, count
     while True:
         if space.used == done:  # at the beginning, and where vectors are those of an invariant part
-            space.add(solve(mass @ random.standard_normal((mass.shape[0], width))))
+            space.add(solve(space.mass @ random.standard_normal((mass.shape[0], width))))
         last = slice(done, space.used)
         done = space.used
         if last.start == done or done + width > space.most:
@@ -69,7 +80,7 @@ def lowest(
                     "check that the mass moves in so many ways"
                 )
             )
-        inside, outside = space.add(solve(whole(comm, space.inertia[:, last])))
+        inside, outside = space.add(solve(space.inertia[:, last]))
         projected[:done, last], projected[done : space.used, last] = inside, outside
         if done < count or (done < due and len(outside)):
             continue
@@ -99,7 +110,7 @@ class _Space:
         self.basis, self.inertia = (np.empty((self.mass.shape[0], most), order="F") for _ in range(2))
 
     def add(self, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Take in what the columns of (n, k) have beside the vectors.
+        """Take in what columns, (own, k), have beside the vectors.
 
         Returns
         -------
@@ -107,7 +118,7 @@ class _Space:
             Their coefficients of the vectors that were there, and of those that come in.
         """
         before, size = slice(self.used), block.shape[1]
-        inside, outside, rows = np.zeros((self.used, size)), np.eye(size), block[self.own]
+        inside, outside, rows = np.zeros((self.used, size)), np.eye(size), block
         for lost in (LOST, ENOUGH):
             along = self._summed(self.inertia[:, before].T @ rows)
             rows = np.asfortranarray(rows - self.basis[:, before] @ along)
@@ -151,7 +162,8 @@ class _Space:
             kept.append(j)
             for part in (rows, heavy):
                 part[:, j] /= length
-                part[:, j + 1 :] -= part[:, j, None] * (row[1:] / length)
+                if part[:, j + 1 :].size:  # in place, without an array of that size
+                    dger(-1.0 / length, part[:, j], row[1:], a=part[:, j + 1 :], overwrite_a=True)
         return kept, triangle[: len(kept)], least
 
     def _summed(self, array: np.ndarray) -> np.ndarray:

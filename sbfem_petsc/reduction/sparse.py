@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from scipy import linalg, sparse
@@ -23,7 +25,8 @@ from ..petsc import (
 )
 from ..ranks.parallel import collective
 from ..system.solve.linear_solver import LinearSolver
-from .krylov import lowest, share, whole
+from .chosen import by_options, lowest_by_slepc
+from .krylov import by_columns, lowest, share, whole
 
 # Relative residual of K x = b that a solve may have, and the energy of a mode, beside that of its parts, that
 # is told from their round-off.
@@ -63,34 +66,37 @@ def sparse_modes(
     require_thread()
     heavy = _heavy(mass, count)
     try:
-        found = _solved((mass, stiffness), columns, count, comm, 0.0)
+        found = _solved((mass, heavy, stiffness), columns, count, comm, 0.0)
         if found is None:  # with rigid-body motions
             carried = mass.diagonal() > 0.0
             shift = SHIFT * float(np.median(stiffness.diagonal()[carried] / mass.diagonal()[carried]))
-            found = _solved((mass, stiffness), columns, count, comm, shift)
+            found = _solved((mass, heavy, stiffness), columns, count, comm, shift)
     except (ValueError, SolveError):
-        _require_mass(_negative(comm, heavy)[0])
+        _require_mass(_negative(comm, lambda: heavy)[0])
         raise
     assert found is not None
     return found
 
 
 def _solved(
-    matrices: tuple[sparse.csr_matrix, sparse.csr_matrix],
+    matrices: tuple[sparse.csr_matrix, sparse.csr_matrix, sparse.csr_matrix],
     columns: sparse.csr_matrix,
     count: int,
     comm: MPI.Comm,
     shift: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """See `sparse_modes`, by K + shift M; None where a shift of 0 meets rigid-body motions."""
-    mass, stiffness = matrices
+    mass, heavy, stiffness = matrices
     definite = sparse.csr_matrix(stiffness + shift * mass) if shift else stiffness
     solver = _Columns(comm, definite, "modal_st_")
     try:
         if not solver.factorised(sure=shift > 0.0):
             return None
-        values, vectors, inertia = _none_left_out(solver, mass, count)
+        values, vectors, inertia = _none_left_out(solver, (mass, heavy), count, shift)
         values = values - shift
+        if shift:  # which costs frequencies digits, but quotients of shapes have few errors of these
+            values, parts = linalg.eigh(vectors.T @ (stiffness @ vectors), vectors.T @ inertia)
+            vectors, inertia = vectors @ parts, inertia @ parts
         first = np.abs(vectors[:, 0])
         if not shift and values[0] * (first @ np.abs(inertia[:, 0])) <= ZERO * (
             first @ (abs(stiffness) @ first)
@@ -151,9 +157,21 @@ class _Columns:
         with collective(self.comm):
             return self.solver.columns(right, "reduction")
 
-    def all(self, right: np.ndarray) -> np.ndarray:
-        """Solve for (n, k) columns that every rank has, on each. Collective."""
-        return whole(self.comm, self.own(right[:, share(self.comm, right.shape[1])]).T).T
+    def shared(self, rows: np.ndarray) -> np.ndarray:
+        """Solve for columns of which each rank has its rows, (own, k). Collective."""
+        return by_columns(self.comm, rows, self.own)
+
+    def by_slepc(
+        self, mass: sparse.csr_matrix, count: int, width: int
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """See `lowest_by_slepc`, with some more modes as further vectors of multiple ones. Collective."""
+        inertia = _matrix(mass)
+        try:
+            with collective(self.comm):
+                wanted = min(count + width, mass.shape[0])
+                return lowest_by_slepc(self.ksp, inertia, mass, count, wanted)
+        finally:
+            inertia.destroy()
 
     def free(self) -> None:
         """Destroy what PETSc has of it."""
@@ -178,23 +196,28 @@ def _factorised(ksp: PETSc.KSP, sure: bool) -> bool:
 
 
 def _none_left_out(
-    solver: _Columns, mass: sparse.csr_matrix, count: int
+    solver: _Columns, masses: tuple[sparse.csr_matrix, sparse.csr_matrix], count: int, shift: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Lowest eigenvalues, mass-normalised vectors and M times these; with more right-hand sides at a time
     where the inertia below the last one says that some are missing: as many vectors of a multiple eigenvalue
     are found, further ones through round-off only.
     """
-    heavy = _heavy(mass, count)
+    mass, heavy = masses
     for doubled in range(4):
-        inverse, vectors, inertia = lowest(solver.comm, solver.all, mass, count, WIDTH << doubled)
+        width = WIDTH << doubled
+        if by_options():
+            inverse, vectors, inertia = solver.by_slepc(mass, count, width)
+        else:
+            inverse, vectors, inertia = lowest(solver.comm, solver.shared, mass, count, width)
         if mass.diagonal().min() <= 0.0:  # rounding in what has no mass
-            vectors = solver.all(inertia) / inverse
+            vectors = whole(solver.comm, solver.shared(inertia[share(solver.comm, len(inertia))])) / inverse
             inertia = mass @ vectors
             lengths = np.sqrt((vectors * inertia).sum(axis=0))
             vectors, inertia = vectors / lengths, inertia / lengths
         values = 1.0 / inverse
-        last = values[-1] * (1.0 - 1e-6)
-        negative, below = _negative(solver.comm, heavy, solver.csr - last * mass)
+        rigid = values[-1] <= shift * (1.0 + SAME)
+        last = shift * (1.0 + SAME) if rigid else values[-1] * (1.0 - 1e-6)
+        negative, below = _negative(solver.comm, lambda: heavy, partial(_less, solver.csr, last, mass))
         _require_mass(negative)
         found = int((values < last).sum())
         if below is None:
@@ -206,6 +229,8 @@ def _none_left_out(
             )
         if below is None or below <= found:
             return values, vectors, inertia
+        if rigid:
+            raise _not_held(count)
     raise on_all_ranks(
         SolveError(
             f"modal: {below} eigenvalues lie below the last of {count}, but {found} were found; keep another "
@@ -227,7 +252,11 @@ def _heavy(mass: sparse.csr_matrix, count: int) -> sparse.csr_matrix:
         )
     coupled = abs(mass).sum(axis=1).A1 > 0.0
     _require_mass(int(((diagonal < 0.0) | (coupled & (diagonal == 0.0))).sum()))
-    return mass[heavy][:, heavy]
+    return mass if len(heavy) == len(diagonal) else mass[heavy][:, heavy]
+
+
+def _less(stiffness: sparse.csr_matrix, factor: float, mass: sparse.csr_matrix) -> sparse.csr_matrix:
+    return stiffness - factor * mass
 
 
 def _require_mass(negative: int | None) -> None:
@@ -240,14 +269,14 @@ def _require_mass(negative: int | None) -> None:
         )
 
 
-def _negative(comm: MPI.Comm, *matrices: sparse.csr_matrix) -> list[int | None]:
-    """Negative eigenvalues of matrices, which ranks share out; None where PETSc has nothing that counts them.
-    Collective.
+def _negative(comm: MPI.Comm, *matrices: Callable[[], sparse.csr_matrix]) -> list[int | None]:
+    """Negative eigenvalues of what makes matrices, which ranks share out; None where PETSc has nothing that
+    counts them. Collective.
     """
     found = list[int | None]()
     with collective(comm):
         for matrix in matrices[comm.rank :: comm.size]:
-            made = _matrix(matrix)
+            made = _matrix(matrix())
             try:
                 found.append(negative_eigenvalues(made, "modal"))
             finally:

@@ -11,6 +11,7 @@ import scipy.sparse
 
 import sbfem_petsc as sb
 from meshing.warnings import BandWarning, SolverWarning
+from sbfem_petsc.petsc import PETSc
 
 
 @pytest.fixture(scope="module")
@@ -251,3 +252,48 @@ def test_most_of_all_modes(count):
     )
     expected = scipy.linalg.eigvalsh(stiffness)[:count]
     np.testing.assert_allclose(np.sort(found.omega) ** 2, expected, rtol=1e-11)
+
+
+def test_rigid_motions_take_no_digits():
+    """Four chains that nothing holds beside w^2 = 2 k / m (1 - cos(pi j / n)); fewer modes than chains are
+    refused, the four motions of all of them are modes.
+    """
+    n, k = 60, 1e6 * (1.0 + 0.1 * np.arange(4))
+    springs = np.diff(np.eye(n), axis=0)
+    one = scipy.sparse.csr_matrix(springs.T @ springs)
+    stiffness = scipy.sparse.block_diag([factor * one for factor in k]).tocsr()
+    mass = 0.01 * scipy.sparse.eye(4 * n, format="csr")
+    push = np.eye(4 * n)[:, :1]
+
+    def squares(modes):
+        given = {"loads": push, "sensors": {"a": 0}, "modes": modes}
+        found = sb.reduce_matrices(mass, stiffness, np.zeros((0, 4 * n)), np.zeros(0), **given)
+        return found.omega**2
+
+    exact = np.sort(np.outer(k, 200.0 * (1.0 - np.cos(np.arange(n) * np.pi / n))).ravel())
+    assert not squares(4).any()
+    assert squares(40) == pytest.approx(exact[:40], rel=1e-12, abs=0.0)
+    for modes in (1, 3):
+        with pytest.raises(ValueError, match=f"beside the lowest {modes} modes; keep more"):
+            squares(modes)
+
+
+@pytest.mark.parametrize("kind", ["arnoldi", "krylovschur"])
+def test_eigensolver_by_options(beam, kind):
+    """SLEPc's solver that options name beside SciPy; one that there is not is refused by its prefix."""
+    mass, stiffness, *_ = beam
+    n = mass.shape[0]
+    push, options = np.eye(n)[:, -1:], PETSc.Options()
+    given = {"loads": push, "sensors": {"a": 0}, "modes": 6}
+    try:
+        options.setValue("modal_eps_type", kind)
+        found = sb.reduce_matrices(mass, stiffness, np.zeros((0, n)), np.zeros(0), **given)
+        options.setValue("modal_eps_type", "nonsense")
+        with pytest.raises(sb.SolveError, match="refuses an option that begins with -modal_"):
+            sb.reduce_matrices(mass, stiffness, np.zeros((0, n)), np.zeros(0), **given)
+    finally:
+        options.delValue("modal_eps_type")
+    k, m = (matrix.toarray() for matrix in (stiffness, mass))
+    assert found.omega**2 == pytest.approx(scipy.linalg.eigh(k, m, eigvals_only=True)[:6], rel=1e-9)
+    whole = found.load_flexibility + found.load_modes.T @ (found.load_modes / found.omega[:, None] ** 2)
+    assert whole == pytest.approx(push.T @ np.linalg.solve(k, push), rel=1e-8)
