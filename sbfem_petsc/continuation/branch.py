@@ -20,6 +20,7 @@ from ..motion.states import Point
 from ..record.record import derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
 from .bifurcations import Bifurcation
+from .follow import points_of, ran_out
 from .orbit import (
     FLOOR,
     LOWEST,
@@ -130,7 +131,7 @@ class Branch(Orbits, OfPeriod):
             or self.states.shape[1] != size
             or (self.parameter == "frequency") != (self.fixed_frequency is None)
         ):
-            raise ValueError(f"it is over {self.parameter!r} and has {len(self.value)} points")
+            raise ValueError(f"it is over {self.parameter!r} and has {points_of(len(self))}")
         if self.map is not None and self.map.excitation.periods != self.periods:
             raise ValueError(f"{self.periods} periods are not those of its loads")
         if any(item.after > len(self.value) or len(item.state) != size for item in self.bifurcations):
@@ -143,7 +144,7 @@ class Branch(Orbits, OfPeriod):
         why = f"its run has ended: {self.reason}"
         if self.reason == "unfinished":
             why = "resume=True continues it"
-        elif self.reason.endswith(" points"):
+        elif ran_out(self.reason):
             why = f"it was given {self.reason}; resume=True with more of them continues it"
         warnings.warn(
             f"branch file {path!r} is incomplete: it ends at {self.value[-1]:.8g}; {why}",
@@ -246,6 +247,9 @@ class Branch(Orbits, OfPeriod):
             return make_orbit(fixed, values, later, "point of a curve")
         return make_orbit(fixed, values, error, "point of a curve")
 
+    def __len__(self) -> int:
+        return len(self.value)
+
     def __repr__(self) -> str:
         unit = " Hz" if self.parameter == "frequency" else ""
         if self.told:
@@ -254,7 +258,7 @@ class Branch(Orbits, OfPeriod):
         else:
             verdict = untold(self.reduced)
         return (
-            f"Branch({len(self.value)} points over {self.parameter} {self.value.min():.6g} to "
+            f"Branch({points_of(len(self))} over {self.parameter} {self.value.min():.6g} to "
             f"{self.value.max():.6g}{unit}, {verdict}, "
             f"{len(self.bifurcations)} bifurcations, {in_words(self.mode_error)}"
             f"{'; '.join(filter(None, (self.reason, self.unlocated)))})"

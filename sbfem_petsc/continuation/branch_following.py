@@ -22,7 +22,7 @@ from .bifurcations import Bifurcation, by_steps, locate, unlocated
 from .branch import Branch
 from .events import beside, hides_turns, insert, refine
 from .extrapolation import uncertainty_at
-from .follow import CLOSED, Follower, Line, Settings, follow
+from .follow import CLOSED, Follower, Line, Settings, follow, points_of
 from .line_file import LineFile
 from .multipliers import Multipliers, multipliers_of
 from .orbit import FLOOR, LOWEST, NEAR, largest_error, told_errors
@@ -170,7 +170,7 @@ def _tell(line: Line, parameter: ParameterRange, settings: BranchSettings, resul
             BranchWarning,
             stacklevel=caller_level(),
         )
-    elif len(result.value) >= settings.points and not result.complete:
+    elif len(result) >= settings.points and not result.complete:
         warnings.warn(
             f"{what}: the curve ends at {last:.8g} after {settings.points} points, before "
             f"{parameter.stop:.8g}; {settings.more}, or take more steps a period if it zigzags",
@@ -181,7 +181,7 @@ def _tell(line: Line, parameter: ParameterRange, settings: BranchSettings, resul
         warnings.warn(f"{what}: the curve is {line.reason}", BranchWarning, stacklevel=caller_level())
     elif not line.complete:
         why = "; ".join(filter(None, (line.reason, line.advice)))
-        error = SolveError(f"{what}: the curve stops at {last:.8g} after {len(result.value)} points: {why}")
+        error = SolveError(f"{what}: the curve stops at {last:.8g} after {points_of(len(result))}: {why}")
         error.branch = result  # type: ignore[attr-defined]
         raise on_all_ranks(error)
 

@@ -78,6 +78,16 @@ class Settings:
     turn: float = 0.35
 
 
+def points_of(count: int) -> str:
+    """So many points, in words: the reason of a line that has all that it may have."""
+    return f"{count} point{'s' * (count != 1)}"
+
+
+def ran_out(reason: str) -> bool:
+    """Whether this is why a line ends."""
+    return reason.endswith((" point", " points"))
+
+
 @dataclass
 class Line:
     """A branch while it is followed, and what it takes to go on with it.
@@ -175,7 +185,7 @@ class Follower:
             line.reason, line.complete = self._end()
             if line.reason:
                 return
-        line.reason = f"{self.settings.points} points"
+        line.reason = points_of(self.settings.points)
 
     def _end(self) -> tuple[str, bool]:
         """Why the line ends at its last point, if it does, and whether it is complete."""

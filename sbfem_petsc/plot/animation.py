@@ -20,7 +20,7 @@ from ..ranks.parallel import agreed, collective, on_root, ranks_of
 from ..record.units import force_unit, length_unit, time_unit
 from ..system.model import Model
 from ..writing import destination, replaced
-from .crack import Window, plain, round_down
+from .crack import Window, plain, shown_best
 from .drawing import BLUE, STYLE, VERMILION, Sheet, crack_title
 from .outlines import Piece, gather_outline, gather_region
 from .picture import CHECKS
@@ -196,7 +196,7 @@ class _Film:
         states = [region for region in regions if region is not None]
         assert outline is not None  # on rank 0
         self.window, self.regions, self.outline, self.time = window, states, outline, time
-        self.factor = magnification or round_down(0.12 * window.half / window.largest(states))
+        self.factor = magnification or shown_best(0.12 * window.half, window.largest(states))
         self.colours = window.colours(states)
         sheet = Sheet("animate_crack", None)
         layout = [["crack", "gap"], ["crack", "resultant"]]

@@ -18,7 +18,7 @@ from ..bodies.finite_element_model import FiniteElementModel, nodal_field
 from ..ranks.parallel import on_root
 from ..record.units import length_unit, place_unit, stress_unit
 from ..system.model import Model
-from .crack import Colours, Notch, area_quantile, plain, round_down
+from .crack import Colours, Notch, area_quantile, plain, shown_best
 from .drawing import BLACK, WIDTH, Sheet
 from .outlines import Piece, Region, gather_outline, gather_region
 from .picture import fields_by_name, one_of, picture
@@ -96,7 +96,7 @@ def plot_field(
         panels = Sheet.of(ax).panels((len(found), 1), total, wide, sharex=True)
         for row, (axes, (name, region)) in enumerate(zip(panels, found.items())):
             furthest = float(np.linalg.norm(region.displacements, axis=1).max())
-            factor = magnification or (round_down(DRAWN * size / furthest) if furthest > 0.0 else 1.0)
+            factor = magnification or shown_best(DRAWN * size, furthest)
             painted = painter.paint(axes, region, outline, row, factor)
             magnified = notches[0].magnified if notches else "displacement"
             axes.set_title(f"{f'{name}, ' if name else ''}{magnified} × {plain(factor)}")
@@ -117,8 +117,7 @@ def _draw_solid(
     states = {name: nodal_field(body, "plot_field", name, given) for name, given in fields.items()}
     colours, panels = solid.colours(list(states.values())), sheet.panels((len(states), 1), 2.4 * len(states))
     for axes, (name, state) in zip(panels, states.items()):
-        furthest = solid.largest([state])
-        factor = magnification or (round_down(2.0 * DRAWN * solid.half / furthest) if furthest > 0.0 else 1.0)
+        factor = magnification or shown_best(2.0 * DRAWN * solid.half, solid.largest([state]))
         painted = solid.paint(axes, state, None, 0, factor=factor, colours=colours)
         solid.frame(axes)
         axes.set_title(f"{f'{name}, ' if name else ''}displacement × {plain(factor)}")

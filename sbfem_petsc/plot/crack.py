@@ -75,7 +75,7 @@ def plot_crack(
             name, window = list(regions)[number // 2], windows[number % 2]
             region = regions[name][number % 2]
             assert region is not None and outline is not None  # on rank 0
-            factor = magnification or round_down(0.12 * window.half / window.largest([region]))
+            factor = magnification or shown_best(0.12 * window.half, window.largest([region]))
             colours = window.colours([region])
             painted = window.paint(axes, region, outline, number // 2, factor=factor, colours=colours)
             colours.bar(painted[0], axes)
@@ -256,8 +256,12 @@ def plain(value: float) -> str:
     return f"{value:,.0f}" if value >= 1.0 else f"{value:.3g}"
 
 
-def round_down(value: float) -> float:
-    """The next lower of 1, 2, 5, 10, 20, ...; itself where it is one of these but for round-off."""
-    value *= 1.0 + 1e-9
+def shown_best(size: float, largest: float) -> float:
+    """The magnification, of 1, 2, 5, 10, 20, ..., in which the largest displacement is drawn up to this size;
+    1 of what is at rest.
+    """
+    if not largest > 0.0:
+        return 1.0
+    value = size / largest * (1.0 + 1e-9)  # one of them itself, but for round-off
     power = 10.0 ** np.floor(np.log10(value))
     return float(power * max(m for m in (0.5, 1.0, 2.0, 5.0) if m * power <= value))

@@ -135,7 +135,7 @@ class Kept:
     ends : tuple of int
         Where the head and each frame end, bytes.
     state : dict
-        The newest; empty before the first one.
+        The newest; empty where it is missing.
     """
 
     path: str
@@ -258,6 +258,8 @@ class Journal:
             os.lseek(self._file, 0, os.SEEK_SET)
             self._count, self._id = 0, os.urandom(8).hex()
             write(self._file, [MAGIC, *packed({**head, "id": self._id})])
+            self._count = 0
+        self.checkpoint({})  # from here on a state that is missing has been lost
 
     def append(self, frame: Mapping[str, Any]) -> None:
         """Add a frame; it is in the system's hands when this returns: a kill of the process leaves it."""

@@ -8,7 +8,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from .record import About, Record, entries, expanded, record_class
+from .about import About
+from .record import Record, entries, expanded, record_class
 
 # Bytes up to which data stand in a header; of a chunk of others.
 COMPACT, CHUNK = 32768, 1 << 20

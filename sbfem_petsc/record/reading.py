@@ -10,8 +10,9 @@ from typing import Any
 import h5py
 import numpy as np
 
+from .about import Entry
 from .layout import names_along, text
-from .record import Entry, Record, entries, expanded, record_class
+from .record import Record, entries, expanded, record_class
 
 
 def records_in(group: h5py.Group) -> Any:

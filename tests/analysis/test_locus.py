@@ -152,7 +152,7 @@ def test_each_line_once_and_its_ends(curve):
         other = replace(line, value=line.value * (1.0 + shift))
         assert [_passes(other, item, curve) for item in doublings] == [True, True]
     assert line.value.min() == pytest.approx(0.894, abs=1e-3)
-    with pytest.warns(BranchWarning, match="ends inside the range, at .* Hz and the factor .*: 1 points"):
+    with pytest.warns(BranchWarning, match=r"ends inside the range, at .* Hz and the factor .*: 1 point\b"):
         sb.loci(curve, 0.5, 1.1, kinds=("period doubling",), points=1)
 
 

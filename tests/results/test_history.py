@@ -233,6 +233,18 @@ def test_lost_files(tmp_path):
             sb.read(tmp_path / name)
 
 
+def test_a_state_that_is_gone(model, tmp_path):
+    """A run that would begin anew over what stands in the journal says so, and leaves it as it is."""
+    path, run = tmp_path / "h.h5", {"duration": 50e-6, "step": 1e-6, "modes": 16, "decimation": 1}
+    history = sb.transient(model, LOAD, file=path, **run)
+    content = path.read_bytes()
+    os.remove(f"{path}.state")
+    with pytest.raises(ValueError, match=r"the file beside it, '.*h\.h5\.state', is missing; put it back"):
+        sb.transient(model, LOAD, file=path, resume=True, **run)
+    assert path.read_bytes() == content and os.listdir(tmp_path) == ["h.h5"]
+    same(sb.transient(model, LOAD, file=path, **run), history)
+
+
 def test_unwritable_folder(model, tmp_path):
     (tmp_path / "file").write_text("")
     for path in (tmp_path / "missing" / "h.h5", tmp_path / "file" / "h.h5"):

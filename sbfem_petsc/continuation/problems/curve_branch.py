@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import SolveError, on_all_ranks
 from ...record.record import Record, derived, described, quantity
 from ..events import refine
-from ..follow import CLOSED, Follower, Line, Settings
+from ..follow import CLOSED, Follower, Line, Settings, points_of, ran_out
 from ..line_file import LineFile
 from ..problem import Point, Range
 from .own_tone import beginning
@@ -124,7 +124,7 @@ class QuasiPeriodicBranch(Record):
     def __repr__(self) -> str:
         own = self.frequencies[:, 1]
         return (
-            f"QuasiPeriodicBranch({len(self)} points over {self.parameter} {self.value.min():.6g} to "
+            f"QuasiPeriodicBranch({points_of(len(self))} over {self.parameter} {self.value.min():.6g} to "
             f"{self.value.max():.6g}, own tone {own.min():.6g} to {own.max():.6g} Hz, "
             f"{int(self.unstable.sum())} unstable, {self.reason})"
         )
@@ -156,7 +156,7 @@ def follow_curves(
         Called with the fraction done.
     """
     branch = _Branch(line, stop, stability)
-    if not line.reason or line.reason.endswith(" points"):  # otherwise a former run has come to its end
+    if not line.reason or ran_out(line.reason):  # otherwise a former run has come to its end
         for point in Follower(line, branch.within, branch.settings(pace)):
             if not branch.add(line.points[-1], len(line.points) - 1):
                 break
@@ -228,7 +228,7 @@ class _Branch:
     def finish(self) -> None:
         """Finer points where the tone's amplitude bends, but for those that a history leaves."""
         line = self.line
-        if line.reason.endswith(" points"):
+        if ran_out(line.reason):
             return
         if not line.complete and line.advice not in line.reason:
             line.reason += f"; {line.advice}"

@@ -18,7 +18,7 @@ from ...record.record import Record, derived, described, quantity
 from ...reduction.reduced_model import ReducedModel
 from ..events import folds
 from ..events import refine as refine_points
-from ..follow import Line, Settings, follow
+from ..follow import Line, Settings, follow, points_of, ran_out
 from ..line_file import LineFile
 from ..orbit import Orbit, Orbits, make_orbit, run_again
 from ..problem import Lost, Point, Range
@@ -166,7 +166,7 @@ class Backbone(Orbits, Record):
 
     def __repr__(self) -> str:
         return (
-            f"Backbone(mode {self.mode}, {len(self.energy)} points, {self.energy.min():.4g} to "
+            f"Backbone(mode {self.mode}, {points_of(len(self))}, {self.energy.min():.4g} to "
             f"{self.energy.max():.4g} J, {self.frequency.min():.7g} to {self.frequency.max():.7g} Hz, "
             f"{int(self.unstable.sum())} unstable, {self.reason})"
         )
@@ -207,7 +207,7 @@ def follow_backbone(
         if report is not None:
             report(min(1.0, abs(math.log(line.points[-1].value / start) / math.log(stop / start))))
 
-    if not line.reason or line.reason.endswith(" points"):  # otherwise it has come to its end
+    if not line.reason or ran_out(line.reason):  # otherwise it has come to its end
         follow(line, Range(*limits, 1 if stop > start else -1), pace, keep)
         if line.complete:
             rows.refine_line(line, math.log(limits[1] / limits[0]))

@@ -124,12 +124,12 @@ def find_grazing(branch: Branch, every: bool) -> list[Bifurcation]:
         Of one that is not found.
     """
     period, result = branch.period, []
-    touching = np.zeros((len(branch.value), period.pairs), dtype=bool)
+    touching = np.zeros((len(branch), period.pairs), dtype=bool)
     for k, (value, state) in enumerate(zip(branch.value, branch.states)):
         driven = branch.over.at(period, float(value))
         gaps = least_gaps(driven, driven.run(state))
         touching[k] = (gaps < 0.0) & np.isfinite(gaps)
-    for k in range(1, len(branch.value)):
+    for k in range(1, len(branch)):
         changed = touching[k] != touching[k - 1]
         if not every and touching[k].any() == touching[k - 1].any():
             continue

@@ -18,7 +18,7 @@ from ...errors import SolveError
 from ...motion.family import Family
 from ...record.record import Record, described, quantity
 from ..events import folds
-from ..follow import CLOSED, Line, Settings, follow
+from ..follow import CLOSED, Line, Settings, follow, points_of, ran_out
 from ..line_file import LineFile
 from ..newton import correct
 from ..orbit import make_orbit, run_again
@@ -70,7 +70,7 @@ class Locus(Record):
 
     def __repr__(self) -> str:
         return (
-            f"Locus({self.kind}, {len(self)} points, {self.frequency.min():.7g} to "
+            f"Locus({self.kind}, {points_of(len(self))}, {self.frequency.min():.7g} to "
             f"{self.frequency.max():.7g} Hz, "
             f"factor on the {self.parameter} {self.value.min():.6g} to {self.value.max():.6g}; ends: "
             f"{self.reasons[0]}; {self.reasons[1]})"
@@ -125,7 +125,7 @@ def follow_locus(
             # as a run that is gone on with has it, whatever the other side has made of it
             lines.append(Line([problem.recalled(first.u, first.value, problem.memory(first))]))
         line = lines[number]
-        if not line.reason or line.reason.endswith(" points"):  # otherwise a former run has come to its end
+        if not line.reason or ran_out(line.reason):  # otherwise a former run has come to its end
             follow(line, Range(*limits, direction), pace, keep)
     result = _joined(family, start.kind, lines, located=True)
     result = replace(result, largest_displacement=_largest_displacement(family, result))
@@ -190,6 +190,4 @@ def _largest_displacement(family: Family, locus: Locus) -> float:
 
 def _reason(line: Line) -> str:
     """Why a side ends, the points of which are counted without the first one."""
-    return (
-        f"{len(line.points) - 1} points" if line.reason.endswith(" points") else line.reason or "unfinished"
-    )
+    return points_of(len(line.points) - 1) if ran_out(line.reason) else line.reason or "unfinished"

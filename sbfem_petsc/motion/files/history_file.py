@@ -79,7 +79,12 @@ class HistoryFile(RunFile):
                 f"{WHAT} {self.path!r} is that of {kinds[kept.head['kind']]} model, not of "
                 f"{kinds[self.kind]} one; name another file"
             )
-        if not kept.state:  # killed before the first one: there is nothing to go on with
+        if not kept.state and len(kept.ends) > 1:
+            raise ValueError(
+                f"{WHAT} {self.path!r} cannot be gone on with: the file beside it, "
+                f"{f'{self.path}.state'!r}, is missing; put it back, or run again without resume"
+            )
+        if not kept.vouched:  # killed before the first one: there is nothing to go on with
             assert self._journal is not None  # it has left something
             self._journal.former = None
             return None
@@ -252,7 +257,7 @@ def result_of(kept: Kept, in_memory: bool = True) -> History:
         If its rows are not those of its model.
     """
     head, state = kept.head, kept.state
-    if not state:
+    if "count" not in state:
         raise ValueError(
             f"{WHAT} {kept.path!r} holds no recorded instant: its run has not come to one, or "
             f"the file beside it, {f'{kept.path}.state'!r}, is missing; both belong together"

@@ -67,7 +67,7 @@ class Curve(Kind):
     def row(self, result: Any, wanted: Wanted) -> Values:
         values: Values = {
             **super().row(result, wanted),
-            "curve_points": (float(len(result.value)), "1"),
+            "curve_points": (float(len(result)), "1"),
             "unstable_points": (float(result.unstable.sum()) if result.told else math.nan, "1"),
             "bifurcations": (float(len(result.bifurcations)), "1"),
         }

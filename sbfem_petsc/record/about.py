@@ -1,0 +1,190 @@
+"""What a quantity is, and a value with it: unit, words, axes and the names along them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+# Entries of the axes that every result has.
+AXES = {"xy": ("x", "y"), "component": ("I", "II"), "side": ("before", "behind")}
+# Kinds of NumPy's types by the types of fields.
+KINDS = {"bool": "b", "int": "iu", "float": "f", "complex": "c", "str": "U"}
+
+
+@dataclass(frozen=True)
+class About:
+    """What a field or a derived quantity is.
+
+    Attributes
+    ----------
+    unit, text : str
+        "1" without dimension.
+    called : str
+        Its name in files and tables, if that is another one.
+    dims : tuple of str
+        Names of its axes; of a part those that stand for "*" in it.
+    kinds : str
+        Kinds of NumPy's types that it may have; default: by the type of the field.
+    least : float
+        Of all numbers.
+    finite : bool
+    one_of : tuple of str
+        Texts that it may be.
+    by : str
+        Axis of the names of a dict; default: the first one.
+    detail : bool
+        Left out of tables and summaries.
+    row : bool
+        A column of a sweep.
+    stored : bool
+        False: it is not written to files.
+    back : bool
+        Of a derived quantity: it is read, for `Record._revived`.
+    distributed : bool
+        Ranks have parts of it, and `Record._gathered` the whole.
+    kept : bool
+        Of a derived quantity: it is computed once.
+    part : str
+        Name of the record class that it, or each of a tuple, is of; of several classes that it may be of.
+    unit_of : callable
+        The unit of one record, where that depends on it; or units of its entries by their names, that of all
+        by "".
+    """
+
+    unit: str = "1"
+    text: str = ""
+    dims: tuple[str, ...] = ()
+    called: str = ""
+    kinds: str = ""
+    least: float = -math.inf
+    finite: bool = True
+    one_of: tuple[str, ...] = ()
+    by: str = ""
+    detail: bool = False
+    row: bool = False
+    stored: bool = True
+    back: bool = False
+    distributed: bool = False
+    kept: bool = False
+    part: str = ""
+    unit_of: Callable[[Any], str | Mapping[str, str]] | None = None
+
+    def units(self, record: Any) -> Mapping[str, str]:
+        """Units of a record's entries by their names, that of all by ""."""
+        told = self.unit if self.unit_of is None else self.unit_of(record)
+        return {"": told} if isinstance(told, str) else told
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """A field or derived quantity of a record class: whether it is a field, must be there, and its type."""
+
+    name: str
+    about: About
+    type: str
+    field: bool
+    needed: bool
+
+    @property
+    def called(self) -> str:
+        """Its name in files and tables."""
+        return self.about.called or self.name
+
+    @property
+    def kinds(self) -> str:
+        """Kinds of NumPy's types that it may have."""
+        found = re.findall(r"\b(bool|int|float|complex|str)\b", self.type.removeprefix("dict[str,"))
+        return self.about.kinds or (KINDS[found[0]] if found else "f")
+
+
+# Of points that are rows of a body, in what is shown of motions.
+DIRECTION = Entry("direction", About("1", "directions of the points", ("place",)), "str", False, False)
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """A value with what it is.
+
+    Attributes
+    ----------
+    value : array, number or text
+    unit : str
+    dims : tuple of str
+    names : dict of str to tuple of str
+        Entries along some of the axes.
+    units : dict of str to str
+        Of entries by their names, where they have different ones.
+    """
+
+    entry: Entry
+    value: Any
+    unit: str
+    dims: tuple[str, ...]
+    names: Mapping[str, tuple[str, ...]]
+    units: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """In files and tables."""
+        return self.entry.called
+
+    @property
+    def about(self) -> About:
+        """What it is."""
+        return self.entry.about
+
+    @property
+    def titled(self) -> str:
+        """Unit as it stands behind a name in the head of a column."""
+        return "" if self.unit == "1" else f" [{self.unit}]"
+
+    def of_points(self, rows: bool) -> Quantity:
+        """Of rows of a body, which have a direction each: without an axis of x and y and the word u_y."""
+        if "xy" in self.dims and self.value.shape[k := self.dims.index("xy")] == 1:
+            return self.only(k).of_points(rows)
+        if not rows or "u_y" not in self.about.text:
+            return self
+        about = dataclasses.replace(self.about, text=self.about.text.replace("u_y", "u"))
+        return dataclasses.replace(self, entry=dataclasses.replace(self.entry, about=about))
+
+    def only(self, axis: int) -> Quantity:
+        """The last entry along an axis."""
+        dims = (*self.dims[:axis], *self.dims[axis + 1 :])
+        return dataclasses.replace(self, value=np.take(self.value, -1, axis), dims=dims)
+
+    def by_name(self) -> Iterator[tuple[str, Any]]:
+        """The entries along the first axis that has names; otherwise the whole, by ""."""
+        axis = next((k for k, dim in enumerate(self.dims) if dim in self.names), None)
+        if axis is None:
+            yield "", self.value
+        else:
+            for k, name in enumerate(self.names[self.dims[axis]]):
+                yield name, np.take(self.value, k, axis)
+
+    def columns(self) -> Iterator[tuple[str, Any]]:
+        """Real columns over the first axis, by the entries of the others."""
+        if not self.dims:
+            parts = [(self.name, self.value)]
+        else:
+            further = [
+                self.names.get(dim) or AXES.get(dim) or range(n)
+                for dim, n in zip(self.dims[1:], self.value.shape[1:])
+            ]
+            parts = [
+                (
+                    "_".join([self.name, *(str(names[k]) for names, k in zip(further, index))]),
+                    self.value[(slice(None), *index)],
+                )
+                for index in np.ndindex(self.value.shape[1:])
+            ]
+        for name, part in parts:
+            if np.iscomplexobj(part):
+                yield from ((f"re_{name}", part.real), (f"im_{name}", part.imag))
+            else:
+                yield name, part
