@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -148,10 +148,21 @@ class Quantity:
         """Of rows of a body, which have a direction each: without an axis of x and y and the word u_y."""
         if "xy" in self.dims and self.value.shape[k := self.dims.index("xy")] == 1:
             return self.only(k).of_points(rows)
-        if not rows or "u_y" not in self.about.text:
+        return self.told(text=self.about.text.replace("u_y", "u")) if rows else self
+
+    def told(self, **about: Any) -> Quantity:
+        """The same, of which something else is said."""
+        entry = dataclasses.replace(self.entry, about=dataclasses.replace(self.about, **about))
+        return dataclasses.replace(self, entry=entry)
+
+    def among(self, dim: str, names: Sequence[str]) -> Quantity:
+        """Its entries of some names along an axis, where that has names."""
+        known = self.names.get(dim, ())
+        rows = [k for k, name in enumerate(known) if name in names]
+        if len(rows) == len(known):
             return self
-        about = dataclasses.replace(self.about, text=self.about.text.replace("u_y", "u"))
-        return dataclasses.replace(self, entry=dataclasses.replace(self.entry, about=about))
+        along = {**self.names, dim: tuple(known[k] for k in rows)}
+        return dataclasses.replace(self, value=np.take(self.value, rows, self.dims.index(dim)), names=along)
 
     def only(self, axis: int) -> Quantity:
         """The last entry along an axis."""
@@ -166,6 +177,15 @@ class Quantity:
         else:
             for k, name in enumerate(self.names[self.dims[axis]]):
                 yield name, np.take(self.value, k, axis)
+
+    def __getitem__(self, name: str) -> Quantity:
+        """The entry of a name."""
+        axis = next((k for k, dim in enumerate(self.dims) if name in self.names.get(dim, ())), None)
+        if axis is None:
+            raise KeyError(name)
+        dims = (*self.dims[:axis], *self.dims[axis + 1 :])
+        value = np.take(self.value, self.names[self.dims[axis]].index(name), axis)
+        return dataclasses.replace(self, value=value, dims=dims, unit=self.units.get(name, self.unit))
 
     def columns(self) -> Iterator[tuple[str, Any]]:
         """Real columns over the first axis, by the entries of the others."""

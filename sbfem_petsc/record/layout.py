@@ -153,6 +153,29 @@ def bare(data: h5py.Dataset) -> bool:
     return isinstance(name, bytes) and name.startswith(BARE[:20])
 
 
+def value_of(data: h5py.Dataset) -> Any:
+    """What `put` has written: an array, a number or a text."""
+    value = data[()]
+    if isinstance(value, bytes):
+        return value.decode()
+    if data.dtype.kind == "S":
+        return np.char.decode(value, "utf-8")
+    if "dtype" in data.attrs:
+        value = value.astype(bool)
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def axes_of(data: h5py.Dataset) -> dict[str, tuple[str, ...]]:
+    """The axes of what `put` has written, and the names along those that have some."""
+    if data.is_scale:
+        return {data.name.split("/")[-1]: ()}
+    scales = [dim[0] for dim in data.dims]
+    return {
+        scale.name.split("/")[-1]: tuple(value_of(scale).tolist()) if scale.dtype.kind == "S" else ()
+        for scale in scales
+    }
+
+
 def names_along(group: h5py.Group, dim: str) -> tuple[str, ...]:
     """Names of the entries of an axis, in this group or one above."""
     here = group

@@ -34,8 +34,9 @@ class Views:
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ()
-    of_rows: Any
-    point_directions: Any
+    # of points that are rows of a body or of matrices, and their directions
+    of_rows: Any = False
+    point_directions: Any = {}
 
     def quantities(self, wanted: Callable[[About], bool]) -> Iterator[Quantity]:
         """Those that are wanted."""
@@ -70,10 +71,10 @@ class Views:
             if chosen is None or "place" not in q.names or name in chosen
         }
 
-    def tables(self) -> dict[str, dict[str, Any]]:
+    def tables(self, details: bool = False) -> dict[str, dict[str, Any]]:
         """Columns by axis, with the unit in their heads: of each axis its entries or coordinates first."""
         found: dict[str, dict[str, Any]] = {}
-        of = list(self._presented(lambda about: not about.detail))
+        of = list(self._presented(lambda about: details or not about.detail))
         for q in sorted(of, key=lambda q: q.name not in self.coordinates):  # stable
             if not q.dims:
                 single = found.setdefault(NONE, {"quantity": [], "value": [], "unit": []})
@@ -132,15 +133,18 @@ class Views:
             found[q.name] = (q.dims, q.value, {"units": q.unit, "long_name": q.about.text})
         return xarray.Dataset(found, names).set_coords([name for name in self.coordinates if name in found])
 
-    def summary(self) -> dict[str, Any]:
-        """What JSON can hold: entries by name, complex numbers as magnitude and phase, nan as null."""
+    def summary(self, details: bool = False) -> dict[str, Any]:
+        """What JSON can hold: entries by name, complex numbers as magnitude and phase, nan as null; of long
+        arrays their shape, unless there are to be details.
+        """
         found: dict[str, Any] = {}
-        for q in self._presented(lambda about: not (about.detail or about.distributed)):
-            named = {name: plain(item) for name, item in q.by_name()}
+        for q in self._presented(lambda about: not about.distributed and (details or not about.detail)):
+            named = {name: plain(item, math.inf if details else LONGEST) for name, item in q.by_name()}
             found[q.name] = named.get("", named)
         for name, about, part in self.parts():
             if not about.detail:
-                found[name] = [p.summary() for p in part] if isinstance(part, tuple) else part.summary()
+                several = [p.summary(details) for p in (part if isinstance(part, tuple) else (part,))]
+                found[name] = several if isinstance(part, tuple) else several[0]
         return found
 
     def _repr_html_(self) -> str:
@@ -169,12 +173,12 @@ class Views:
         return f'<br><img style="max-width: min(34em, 100%)" alt="" src="data:image/png;base64,{data}">'
 
 
-def plain(item: Any) -> Any:
+def plain(item: Any, longest: float = LONGEST) -> Any:
     """As JSON can hold it; of a long array its shape."""
-    if isinstance(item, np.ndarray) and item.ndim and len(item) > LONGEST:
+    if isinstance(item, np.ndarray) and item.ndim and len(item) > longest:
         return {"shape": list(item.shape)}
     if np.iscomplexobj(item):
-        return {"magnitude": plain(np.abs(item)), "phase": plain(np.angle(item))}
+        return {"magnitude": plain(np.abs(item), longest), "phase": plain(np.angle(item), longest)}
     if isinstance(item, (np.ndarray, np.generic)):
         finite = item.dtype.kind in "biuf" and np.isfinite(item).all()
         return item.tolist() if finite else plain(item.tolist())

@@ -22,8 +22,9 @@ from pydantic_core import PydanticUndefined
 import sbfem_petsc as sb
 
 from ..options import unit_of
+from ..record.about import Entry
 from ..record.body import Body
-from ..record.record import Entry, Record, entries, record_class
+from ..record.record import Record, entries, record_class
 from .case.analyses import KINDS
 from .case.body import BODIES, BodyContact, BodyPoint
 from .case.case import CaseTables

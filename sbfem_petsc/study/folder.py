@@ -13,7 +13,7 @@ from .case.case import Case
 from .storage import read_json, write_json
 
 PARTS = "analyses"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 
 
 class Folder:

@@ -17,13 +17,14 @@ import sbfem_petsc as sb
 from meshing.folder_index import home_of, open_regular
 
 from ..output_folder import regular_file
+from ..record.about import Quantity
+from ..record.found import Found
 from ..record.units import force_unit, length_unit, stress_unit, time_unit
 from ..writing import replaced, spare_folder
 from .case.analyses import kind_called
 from .estimates import duration
 from .kinds.kind import Kind
 from .pictures import lacking
-from .quantities import Quantity, Tree
 from .revive import read_any
 from .run import PICTURES, RunResults
 from .structure import lines_of
@@ -152,13 +153,13 @@ def _run(results: RunResults, home: str) -> xml.Element:
         _table(body, lines_of(model))
     for name, reason in run["failed"].items():
         _add(body, "p", f"{name} failed: {reason}", class_="failed")
-    for name, tree in results.analyses.items():
+    for name, found in results.analyses.items():
         seconds = run["seconds"].get(name)
         took = f", {duration(seconds)}" if seconds else ""
         heading = _add(body, "h2", f"{name} ")
         _add(heading, "small", f"({results.kinds[name].replace('_', ' ')}{took})")
         kind = kind_called(results.kinds[name])
-        _analysis(body, kind, tree)
+        _analysis(body, kind, found)
         # "push_2" has pictures of its own, which are not those of "push"
         longer = tuple(f"{other}_" for other in results.analyses if other.startswith(f"{name}_"))
         _pictures(body, home, kind.captions, f"{name}_", longer)
@@ -166,10 +167,10 @@ def _run(results: RunResults, home: str) -> xml.Element:
     return page
 
 
-def _analysis(body: xml.Element, kind: type[Kind], tree: Tree) -> None:
-    for heading, rows in kind.tables(tree):
+def _analysis(body: xml.Element, kind: type[Kind], found: Found) -> None:
+    for heading, rows in kind.tables(found):
         _table(body, [tuple(map(_shown, row)) for row in rows], heading)
-    _table(body, [(_label(key, entry), _with_unit(entry.value, entry.unit)) for key, entry in _small(tree)])
+    _table(body, [(_label(key, entry), _with_unit(entry.value, entry.unit)) for key, entry in _small(found)])
 
 
 def _label(path: str, entry: Quantity) -> str:
@@ -189,15 +190,15 @@ def _with_unit(value: Any, unit: str) -> str:
     return f"{_shown(value)}{'' if unit == '1' else ' ' + unit.replace('m^(1/2)', '√m')}"
 
 
-def _small(tree: Tree, above: str = "") -> Iterator[tuple[str, Quantity]]:
+def _small(found: Found, above: str = "") -> Iterator[tuple[str, Quantity]]:
     """Single values and pairs of numbers."""
-    for key, entry in tree.items():
-        if isinstance(entry, dict):
-            yield from _small(entry, f"{above}{key} ")
-        elif isinstance(entry, Quantity) and not entry.detail:
-            value = entry.value
+    for q in found.quantities(lambda about: not about.detail):
+        for name, value in q.by_name():
             if not isinstance(value, np.ndarray) or value.size <= 3:
-                yield f"{above}{key}", entry
+                yield f"{above}{q.name} {name}".rstrip(), q[name] if name else q
+    for name, part in found.inner.items():
+        if isinstance(part, Found):
+            yield from _small(part, f"{above}{name} ")
 
 
 def _shown(value: Any) -> str:

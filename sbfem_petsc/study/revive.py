@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from typing import Any
@@ -14,15 +13,15 @@ import sbfem_petsc as sb
 from ..output_folder import make_output_folder, regular_file
 from ..progress import Watch
 from ..ranks.parallel import on_root
+from ..record.found import Found
 from ..record.layout import bare, text
+from ..record.views import plain
 from ..writing import spare_folder
 from . import pictures
 from .case.analyses import kind_called
 from .case.case import Case, case_from_text
-from .csv_tables import write_tables
 from .estimates import duration
 from .folder import PARTS
-from .quantities import Quantity, Tree, plain
 from .run import RESULTS, RunResults, read_run
 from .storage import holds, results_in, write_json
 from .structure import Structure, lines_of
@@ -81,21 +80,19 @@ def described(results: RunResults | Sweep) -> str:
     model = run["model"]
     if model:
         lines.append(f"  {'; '.join(f'{what} {words}' for what, words in lines_of(model))}")
-    for name, tree in results.analyses.items():
+    for name, found in results.analyses.items():
         seconds = run["seconds"].get(name)
         lines.append(f"  {name} ({results.kinds[name]}{f', {duration(seconds)}' if seconds else ''})")
-        lines += [f"    {line}" for line in _lines(tree)]
+        lines += [f"    {line}" for line in _lines(found)]
     lines += [f"  {name} FAILED: {reason}" for name, reason in run["failed"].items()]
     return "\n".join(lines)
 
 
-def _lines(tree: Tree, above: str = "") -> list[str]:
-    lines: list[str] = []
-    for name, entry in tree.items():
-        if isinstance(entry, dict):
-            lines += _lines(entry, f"{above}{name}/")
-        elif isinstance(entry, Quantity):
-            value = entry.value
+def _lines(found: Found, above: str = "") -> list[str]:
+    lines = []
+    for q in found.quantities():
+        text = f"  ({q.about.text})" if q.about.text else ""
+        for name, value in q.by_name():
             shown = (
                 f"array {'x'.join(map(str, value.shape))}"
                 if isinstance(value, np.ndarray) and value.size > 4
@@ -103,8 +100,11 @@ def _lines(tree: Tree, above: str = "") -> list[str]:
                 if isinstance(value, float)
                 else str(value)
             )
-            unit = "" if entry.unit == "1" else f" {entry.unit}"
-            lines.append(f"{above + name:34s} {shown}{unit}" + (f"  ({entry.text})" if entry.text else ""))
+            unit = q.units.get(name, q.unit)
+            title = f"{above}{q.name}{f'/{name}' if name else ''}"
+            lines.append(f"{title:34s} {shown}{'' if unit == '1' else f' {unit}'}{text}")
+    for name, part in found.inner.items():
+        lines += _lines(part, f"{above}{name}/") if isinstance(part, Found) else []
     return lines
 
 
@@ -214,7 +214,11 @@ def _csv(results: RunResults | Sweep, folder: str) -> list[str]:
         path = os.path.join(folder, "sweep.csv")
         write_csv(results, path)
         return [path]
-    return [path for name, tree in results.analyses.items() for path in write_tables(tree, folder, name)]
+    return [
+        path
+        for name, found in results.analyses.items()
+        for path in found.to_csv(os.path.join(folder, f"{name}.csv"))
+    ]
 
 
 def _json(results: RunResults | Sweep, folder: str) -> list[str]:
@@ -227,21 +231,12 @@ def _json(results: RunResults | Sweep, folder: str) -> list[str]:
             "reasons": results.reasons,
         }
     else:
-        value = {"run": results.run, **{name: _whole(tree) for name, tree in results.analyses.items()}}
+        value = {
+            "run": results.run,
+            **{name: own.summary(True) for name, own in results.analyses.items()},
+        }
     write_json(path, value)
     return [path]
-
-
-def _whole(tree: Any) -> Any:
-    """A tree with its details."""
-    if isinstance(tree, dict):
-        return {key: _whole(value) for key, value in tree.items()}
-    if isinstance(tree, list):
-        return [_whole(value) for value in tree]
-    value = tree.value if isinstance(tree, Quantity) else tree
-    if isinstance(value, np.ndarray) and np.iscomplexobj(value):
-        return {"magnitude": plain(np.abs(value).tolist()), "phase": plain(np.angle(value).tolist())}
-    return json.loads(json.dumps(plain(value.tolist() if isinstance(value, np.ndarray) else value)))
 
 
 def _vtu(results: RunResults, source: str, folder: str, comm: Any, watch: Watch) -> list[str]:

@@ -15,17 +15,16 @@ from ..output_folder import make_folder
 from ..progress import Watch
 from ..ranks.capacity import PlannedFile, require_disk
 from ..ranks.parallel import agreed, collective, ranks_of
-from ..record.layout import text, text_of
+from ..record.found import Found
+from ..record.layout import text, text_of, within
 from ..writing import check_output_folder
 from . import pictures
 from .case.case import Case, read_case
 from .case.objects import located
 from .case.problems import CaseError
-from .csv_tables import write_tables
 from .folder import Folder
 from .kinds.kind import Kind
-from .quantities import Quantity, Tree, plain
-from .storage import case_in, new_results, read_tree, results_in, write_case, write_json, write_tree
+from .storage import case_in, new_results, results_in, write_case, write_json
 from .structure import Structure
 
 RESULTS, SUMMARY, PICTURES, TABLES = "results.h5", "summary.json", "pictures", "tables"
@@ -153,7 +152,7 @@ class _Run:
                 running = os.path.join(self.path, "analyses", f"{name}.{kind.running}")
                 file = running if kind.running else None
                 result = self.structure.solve(case, name, file=file, progress=self.watch.fraction)
-                tree = self.structure.tree(case, name, result)
+                found = self.structure.found(case, name, result)
         except (CaseError, SolveError) as error:
             if isinstance(error, OutOfMemory) and self.comm.size > 1:
                 raise  # other ranks, which may wait for this one, must end too
@@ -164,7 +163,7 @@ class _Run:
                 self.folder.record(name, "failed", reason=str(error))
             return
         seconds = time.monotonic() - began
-        self._keep(name, kind, result, tree)
+        self._keep(name, kind, result, found)
         output = case.tables.output
         if output.pictures or output.vtu or output.animation:
             self.watch.stage(f"{title}: pictures and files")
@@ -189,14 +188,14 @@ class _Run:
             remedy=lambda share: "keep fewer instants (decimation) or points, or name another folder",
         )
 
-    def _keep(self, name: str, kind: Kind, result: Any, tree: Tree) -> None:
+    def _keep(self, name: str, kind: Kind, result: Any, found: Found) -> None:
         with collective(self.comm):
             if self.folder is not None:
                 with new_results(self.folder.part(name), "analysis") as file:
-                    write_tree(file, tree)
+                    found.write(file)
                 if self.case.tables.output.csv:
                     make_folder(os.path.join(self.path, TABLES))
-                    write_tables(tree, os.path.join(self.path, TABLES), name)
+                    found.to_csv(os.path.join(self.path, TABLES, f"{name}.csv"))
 
         # what several ranks share they write together
         place = self.comm.bcast(None if self.folder is None else self.folder.part(name, ""))
@@ -242,11 +241,11 @@ class _Run:
                     if not self.folder.finished(name):
                         continue
                     with results_in(self.folder.part(name), "analysis") as part:
-                        tree = read_tree(part, axes=True)
-                    own = group.create_group(name, track_order=True)
+                        found = Found.read(part)
+                    own = within(group, name)
                     own.attrs["kind"] = text_of(names[name].kind)
-                    write_tree(own, tree)
-                    summary[name] = {"kind": names[name].kind, **plain(tree, f"/analyses/{name}")}
+                    found.write(own)
+                    summary[name] = {"kind": names[name].kind, **found.summary()}
             write_json(os.path.join(self.path, SUMMARY), summary)
         return summary
 
@@ -263,7 +262,7 @@ class RunResults:
     case_file : str
     run : dict
         Versions, model, seconds, failures.
-    analyses : dict of str to Tree
+    analyses : dict of str to Found
         Quantities by the names of the analyses.
     kinds : dict of str to str
     """
@@ -272,7 +271,7 @@ class RunResults:
     text: str
     case_file: str
     run: dict[str, Any]
-    analyses: dict[str, Tree]
+    analyses: dict[str, Found]
     kinds: dict[str, str]
 
     def __repr__(self) -> str:
@@ -281,10 +280,7 @@ class RunResults:
 
     def facts(self) -> dict[str, Any]:
         """What summary.json holds."""
-        found = {
-            name: {"kind": self.kinds[name], **plain(tree, f"/analyses/{name}")}
-            for name, tree in self.analyses.items()
-        }
+        found = {name: {"kind": self.kinds[name], **own.summary()} for name, own in self.analyses.items()}
         return {"run": self.run, **found}
 
     def value(self, name: str, *keys: str) -> Any:
@@ -292,7 +288,7 @@ class RunResults:
         here: Any = self.analyses[name]
         for key in keys:
             here = here[key]
-        return here.value if isinstance(here, Quantity) else here
+        return getattr(here, "value", here)
 
 
 def read_run(path: str | os.PathLike[str]) -> RunResults:
@@ -315,6 +311,6 @@ def read_run(path: str | os.PathLike[str]) -> RunResults:
             name,
             *case_in(file),
             json.loads(text(file.attrs["run"])),
-            {analysis: read_tree(group) for analysis, group in file["analyses"].items()},
+            {analysis: Found.read(group) for analysis, group in file["analyses"].items()},
             {analysis: text(group.attrs["kind"]) for analysis, group in file["analyses"].items()},
         )

@@ -5,11 +5,11 @@ from __future__ import annotations
 import functools
 from typing import Any
 
+from ..record.found import Found
 from .case import objects
 from .case.case import Case
 from .costs import Size
 from .kinds.kind import Run
-from .quantities import Tree, of_body
 
 
 class Structure:
@@ -76,13 +76,9 @@ class Structure:
         """
         return case.tables.analyses[name].solve(case, self.model, Run(**run))
 
-    def tree(self, case: Case, name: str, result: Any) -> Tree:
+    def found(self, case: Case, name: str, result: Any) -> Found:
         """Quantities of a result of `solve`. Collective."""
-        points = self.points(case)
-        tree = case.tables.analyses[name].tree(result, points)
-        if self.body is None:
-            return tree
-        return of_body(tree, {point: self.body.points[point].direction for point in points})
+        return case.tables.analyses[name].found(result, self.points(case))
 
     def release(self, result: Any) -> None:
         """Free the finer model that a result of an accuracy asked for was computed on."""

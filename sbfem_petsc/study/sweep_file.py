@@ -11,14 +11,14 @@ from typing import Any
 import h5py
 import numpy as np
 
-from ..record.layout import bare, put, text, text_of
-from ..record.record import About
+from ..record.about import About
+from ..record.layout import bare, put, text, text_of, value_of
 from ..writing import write_table
 from .case.case import Case, CaseTables
 from .case.locations import parse
 from .case.parameters import unit_of, words_of
 from .rows import Row
-from .storage import case_in, new_results, results_in, value_of, write_case
+from .storage import case_in, new_results, results_in, write_case
 
 FILE, TABLE = "sweep.h5", "sweep.csv"
 # Entries up to which an array stands in the CSV file, a column each.

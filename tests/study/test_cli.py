@@ -224,7 +224,7 @@ def test_export(folder, tmp_path):
     done = sbfem("export", folder / "out", "--csv", "--json", "--vtu", "--output", tmp_path, "--quiet")
     assert done.code == 0, done.err
     summary = json.loads((folder / "out" / "summary.json").read_text())
-    rows = np.genfromtxt(tmp_path / "frequencies_5.csv", delimiter=",", names=True)
+    rows = np.genfromtxt(tmp_path / "frequencies.csv", delimiter=",", names=True)
     assert rows["frequencies_Hz"].tolist() == summary["frequencies"]["frequencies"]
     tables = {path.name: path.read_text() for path in (folder / "out" / "tables").iterdir()}  # of the run
     assert tables == {path.name: path.read_text() for path in tmp_path.glob("*.csv")} and len(tables) > 5

@@ -12,9 +12,10 @@ import pytest
 from meshing import Beam
 from meshing.folder_index import INDEX, listed
 from sbfem_petsc.output_folder import HeldFolder
+from sbfem_petsc.record.found import Found
 from sbfem_petsc.record.journal import Journal
 from sbfem_petsc.study import rows
-from sbfem_petsc.study.storage import new_results, read_tree, results_in, write_tree
+from sbfem_petsc.study.storage import new_results, results_in
 from tests.study.small_case import CASE, sbfem, written
 
 # One analysis, with a picture and a table.
@@ -116,7 +117,12 @@ def test_replacing_removes_what_the_index_lists(folder):
     assert sbfem("run", path, "--output", out).code == 2
     assert sbfem("run", path, "--output", out, "--replace").code == 0
     made = {str(place.relative_to(out)) for place in out.rglob("*") if place.is_file()}
-    assert not made & {"report.html", "pictures/push_crack1.png", "tables/push.csv", "analyses/push.h5"}
+    assert not made & {
+        "report.html",
+        "pictures/push_crack1.png",
+        "tables/push.csv",
+        "analyses/push.h5",
+    }
     assert made - {INDEX} <= listed(str(out))
 
 
@@ -146,7 +152,14 @@ def test_an_empty_folder_and_one_process(tmp_path):
     HeldFolder(str(tmp_path / "out")).close()
 
 
-LINKED = ["results.h5", "analyses/push.h5", "pictures/push_crack1.png", "tables/push.csv", INDEX, "run.json"]
+LINKED = [
+    "results.h5",
+    "analyses/push.h5",
+    "pictures/push_crack1.png",
+    "tables/push.csv",
+    INDEX,
+    "run.json",
+]
 
 
 @pytest.mark.parametrize("kind", ["link", "dangling", "pipe"])
@@ -306,7 +319,7 @@ def test_nothing_of_a_strangers_file_becomes_part_of_a_page(folder):
             new.attrs["run"] = (facts % escaped).replace('"failed": {}', f'"failed": {{"a": "why{escaped}"}}')
             group = new.create_group("analyses", track_order=True)
             name = f"name{EVIL}".replace("/", "")
-            write_tree(group.create_group(name), read_tree(file["analyses/push"]))
+            Found.read(file["analyses/push"]).write(group.create_group(name))
             group[name].attrs["kind"] = f"kind{EVIL}\x1b"
             for data in group[name].values():
                 if "units" in data.attrs:

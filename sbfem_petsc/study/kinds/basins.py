@@ -12,11 +12,11 @@ import sbfem_petsc as sb
 
 from ...analysis.options import BasinsOptions
 from ...options import item
+from ...record.found import Found, of_points, told
 from ..case.parameters import grid
 from ..case.sweep import Times
 from ..case.tables import Name, Path, Problem, Table
 from ..costs import STEPS, Cost, Size
-from ..quantities import Quantity, Tree, of_points
 from .kind import PERIODIC, Drawn, Loaded, Run, Values, Wanted
 from .periodic import common_period
 
@@ -87,30 +87,31 @@ class Basins(BasinsOptions, Loaded):
     def tones(self, case: Any, path: Path) -> None:
         common_period(self, case, path)
 
-    def tree(self, result: Any, points: Sequence[str]) -> Tree:
-        return {
-            "reached": Quantity(result.reached, "1", "number of the orbit that is reached, -1 for none"),
-            "periods": Quantity(result.periods, "1", "forcing periods until that was known"),
-            "share": Quantity(result.share, "1", "share of the initial states that reach each orbit"),
-            **{
-                f"axis{number}": Quantity(np.array(axis.values), "1", axis.label)
-                for number, axis in enumerate(result.axes, 1)
-            },
-            "orbits": [
-                {
-                    "periods": Quantity(int(orbit.periods), "1", "forcing periods in its period"),
-                    "largest_multiplier": Quantity(complex(orbit.multipliers[0]), "1", "of largest modulus"),
-                    "contact_peak": Quantity(
-                        float(orbit.contact_resultant.max(initial=0.0)), "N", "largest resultant"
+    def found(self, result: Any, points: Sequence[str]) -> Found:
+        found = super().found(result, points)
+        found.inner["orbits"] = tuple(
+            Found(
+                [
+                    told("periods", int(orbit.periods), text="forcing periods in its period"),
+                    told("largest_multiplier", complex(orbit.multipliers[0]), text="of largest modulus"),
+                    told(
+                        "contact_peak",
+                        float(orbit.contact_resultant.max(initial=0.0)),
+                        "N",
+                        "largest resultant",
                     ),
-                    "amplitude": of_points(points, orbit.amplitude, "m", "half the peak-to-peak of u_y"),
-                    "integrity": Quantity(
-                        result.integrity(k), "J", "energy of the least disturbance that leads away"
+                    told(
+                        "integrity",
+                        result.integrity(k),
+                        "J",
+                        "least energy that leads away",
                     ),
-                }
-                for k, orbit in enumerate(result.orbits)
-            ],
-        }
+                    of_points("amplitude", points, orbit.amplitude, "m", "half the peak-to-peak of u_y"),
+                ]
+            )
+            for k, orbit in enumerate(result.orbits)
+        )
+        return found
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         return {

@@ -11,9 +11,19 @@ import sbfem_petsc as sb
 
 from ...analysis.options import FrequencyResponseOptions
 from ...options import item
+from ...record.about import Quantity
+from ...record.found import Found, of_points
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
-from ..quantities import Tree, quantities
 from .kind import Drawn, Kind, Loaded, Run, Values, Wanted
+
+_PEAK = {
+    "frequency": ("Hz", "of the largest amplitude"),
+    "amplitude": ("m", "largest amplitude"),
+    "lower": ("Hz", "lower half-power frequency"),
+    "upper": ("Hz", "upper half-power frequency"),
+    "bandwidth": ("Hz", "half-power bandwidth"),
+    "skewness": ("1", "0 symmetric, +1 leaning to higher frequencies"),
+}
 
 
 class Curve(Kind):
@@ -47,22 +57,16 @@ class Curve(Kind):
         """Argument of the function."""
         return "modes" if self.reduced else None
 
-    def tree(self, result: Any, points: Sequence[str]) -> Tree:
-        tree = super().tree(result, points)
+    def found(self, result: Any, points: Sequence[str]) -> Found:
+        found = super().found(result, points)
         if result.parameter == "frequency":
-            tree["peak"] = {
-                point: quantities(
-                    result.peak(point),
-                    frequency=("Hz", "of the largest amplitude"),
-                    amplitude=("m", "largest amplitude"),
-                    lower=("Hz", "lower half-power frequency"),
-                    upper=("Hz", "upper half-power frequency"),
-                    bandwidth=("Hz", "half-power bandwidth"),
-                    skewness=("1", "0 symmetric, +1 leaning to higher frequencies"),
-                )
-                for point in points
-            }
-        return tree
+            peaks = {point: result.peak(point) for point in points}
+
+            def read(name: str, unit: str, text: str) -> Quantity | None:
+                return of_points(name, points, lambda point: getattr(peaks[point], name), unit, text)
+
+            found.inner["peak"] = Found([read(name, *about) for name, about in _PEAK.items()])
+        return found
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values: Values = {
@@ -93,11 +97,11 @@ class Curve(Kind):
             sb.save(part("curve.h5"), result)
 
     @classmethod
-    def tables(cls, tree: Tree) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
-        if tree["bifurcations"]:
+    def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
+        if found["bifurcations"]:
             yield (
                 ("bifurcation", "at"),
-                [(entry["kind"].value, entry["value"].value) for entry in tree["bifurcations"]],
+                [(entry["kind"].value, entry["value"].value) for entry in found["bifurcations"]],
             )
 
 

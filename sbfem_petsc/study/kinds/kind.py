@@ -4,7 +4,7 @@ estimates do with it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -13,12 +13,13 @@ import numpy as np
 import sbfem_petsc as sb
 
 from ...options import item
+from ...record.about import Quantity
+from ...record.found import Found
 from ..case import objects
 from ..case.given import Given, Tables
 from ..case.problems import one_of
 from ..case.tables import Names, Path, Problem, Table
 from ..costs import Cost, Size
-from ..quantities import Tree, tree_of
 
 Values = dict[str, tuple[Any, str]]  # value and unit by name
 LOAD = "name of a load, or several that act together"
@@ -234,9 +235,13 @@ class Kind(Table):
         CaseError
         """
 
-    def tree(self, result: Any, points: Sequence[str]) -> Tree:
-        """Quantities of a result: those that its class says. Collective."""
-        return tree_of(result, points, self.details)
+    def found(self, result: Any, points: Sequence[str]) -> Found:
+        """Quantities of a result: those that its class says, and more. Collective."""
+        return Found.of(result, points, *self.more(result, points), details=self.details)
+
+    def more(self, result: Any, points: Sequence[str]) -> Iterable[Quantity | None]:
+        """What a case keeps beside that. Collective."""
+        return ()
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         """What a row of a sweep keeps of a result: what its class says. Collective."""
@@ -266,7 +271,7 @@ class Kind(Table):
         raise NotImplementedError
 
     @classmethod
-    def tables(cls, tree: Tree) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
+    def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
         """Heading and rows of tables in a report, beside that of all small quantities."""
         return iter(())
 

@@ -10,9 +10,9 @@ import sbfem_petsc as sb
 
 from ...analysis.options import FrequencyRange, LineOptions
 from ...options import item
+from ...record.found import Found, told
 from ..case.tables import Problem
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
-from ..quantities import Quantity, Tree, tree_of
 from .kind import Drawn, Loaded, Run, Values, Wanted
 
 
@@ -69,10 +69,10 @@ class Locus(LineOptions, FrequencyRange, Loaded):
         if result:
             super().save(result, part)
 
-    def tree(self, result: Any, points: Sequence[str]) -> Tree:
-        lines = [tree_of(line, points) for line in result]
-        tree: Tree = {"count": Quantity(len(lines), "1", "number of lines"), "loci": lines}
-        return tree if lines else {**tree, "reason": Quantity(self._none(), "1", "why there is none")}
+    def found(self, result: Any, points: Sequence[str]) -> Found:
+        count = told("count", len(result), text="number of lines")
+        reason = None if result else told("reason", self._none(), text="why there is none")
+        return Found([count, reason], {"loci": tuple(Found.of(line, points) for line in result)})
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values: Values = {}

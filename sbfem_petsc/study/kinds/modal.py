@@ -12,8 +12,8 @@ import sbfem_petsc as sb
 from ...analysis.options import ModalOptions
 from ...indicators.detection import frequency_shift
 from ...options import item
+from ...record.found import Found
 from ..costs import Cost, Size
-from ..quantities import Tree
 from .kind import Drawn, Kind, Run, Values, Wanted
 
 # Rows of a report's table.
@@ -55,8 +55,8 @@ class Modal(ModalOptions, Kind):
         )
 
     @classmethod
-    def tables(cls, tree: Tree) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
-        frequencies = tree["frequencies"].value[:_ROWS]
+    def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
+        frequencies = found["frequencies"].value[:_ROWS]
         yield ("mode", "frequency, Hz"), list(enumerate(map(float, frequencies), 1))
 
 

@@ -14,10 +14,10 @@ import sbfem_petsc as sb
 
 from ...indicators.lines import Sidebands, sidebands
 from ...options import item
+from ...record.found import Found, told
 from ..case.objects import load, located, signals_of
 from ..case.tables import Name, Names, Path
 from ..costs import Cost, Size
-from ..quantities import Quantity, Tree
 from .kind import Drawn, Run, Values, Wanted, along
 from .periodic import Steady, steady_cost
 
@@ -104,21 +104,21 @@ class Modulation(Steady):
         with located(case, *path, "probe_frequency"):
             common_periods(found, self.pump_frequency, None, self.longest)
 
-    def tree(self, result: Any, points: Sequence[str]) -> Tree:
-        found = self._sidebands(result)
-        return {
-            **super().tree(result, points),
-            "common_period": Quantity(self._period(), "s", "common period of both tones"),
-            "sidebands": {
-                "carrier": Quantity(found.carrier, "Hz", "high tone"),
-                "modulation": Quantity(found.modulation, "Hz", "low tone"),
-                "centre": Quantity(np.asarray(found.centre), "m", "complex amplitude at the high tone"),
-                "lower": Quantity(found.lower, "m", "complex amplitudes at high - n low"),
-                "upper": Quantity(found.upper, "m", "complex amplitudes at high + n low"),
-                "indices": Quantity(found.indices, "1", "(|lower| + |upper|) / |centre| of each pair"),
-                "modulation_index": Quantity(found.modulation_index, "1", "that of the first pair"),
-            },
-        }
+    def found(self, result: Any, points: Sequence[str]) -> Found:
+        found, bands = super().found(result, points), self._sidebands(result)
+        found.inner["sidebands"] = Found(
+            [
+                told("common_period", self._period(), "s", "common period of both tones"),
+                told("carrier", bands.carrier, "Hz", "high tone"),
+                told("modulation", bands.modulation, "Hz", "low tone"),
+                told("centre", complex(bands.centre), "m", "complex amplitude at the high tone"),
+                told("lower", bands.lower, "m", "complex amplitudes at high - n low", "pair"),
+                told("upper", bands.upper, "m", "complex amplitudes at high + n low", "pair"),
+                told("indices", bands.indices, "1", "(|lower| + |upper|) / |centre| of each pair", "pair"),
+                told("modulation_index", bands.modulation_index, "1", "that of the first pair"),
+            ]
+        )
+        return found
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values = super().row(result, replace(wanted, noisy=None))

@@ -14,11 +14,12 @@ from ...analysis.options import PeriodicOptions
 from ...indicators.detection import contact_duty
 from ...indicators.lines import harmonic_ratios
 from ...options import item
+from ...record.about import Quantity
+from ...record.found import Found, of_points, told
 from ..case import objects
 from ..case.objects import located
 from ..case.tables import Path
 from ..costs import MULTIPLIERS, STEPS, Cost, Size
-from ..quantities import Quantity, Tree, of_points, symbol
 from .kind import PERIODIC, RUBBING, Drawn, Kind, Loaded, Run, Values, Wanted, along, peak_reactions
 
 # Harmonics of a motion kept beside its whole waveform, of each point in a row of a sweep, and in a report.
@@ -32,39 +33,28 @@ class Steady(Kind):
 
     signals = PERIODIC
     moving = True
-    details = ("contact_force", "slip", "friction_force")
+    details = ("contact_force", "slip", "friction_force", "displacement", "reactions")
     captions = RUBBING | {
         "orbit": "phase plane; gaps and contact resultant over a period",
         "multipliers": "Floquet multipliers",
     }
 
-    def tree(self, result: Any, points: Sequence[str]) -> Tree:
-        def harmonics(direction: str) -> Tree:
-            return of_points(
-                points,
-                lambda point: result.harmonics(point, direction)[:HARMONICS],
-                "m",
-                f"complex harmonics of u_{direction}, the mean first",
-            )
+    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+        def harmonics(name: str, direction: str) -> Quantity | None:
+            text = f"complex harmonics of u_{direction}, the mean first"
+            own = lambda point: result.harmonics(point, direction)[:HARMONICS]
+            return of_points(name, points, own, "m", text, "harmonic")
 
-        tree: Tree = {
-            **super().tree(result, points),
-            "harmonics": harmonics("y"),
-            **({} if result.point_directions else {"harmonics_x": harmonics("x")}),
-            "stable": Quantity(result.stable, "1", "stability, None if it was not asked for or is not known"),
-            "displacement": of_points(points, result.displacement, "m", "displacement (x, y)", detail=True),
-            "reactions": {
-                name: Quantity(result.reaction(name), "N", "force of the support (x, y)", detail=True)
-                for name in result.supports
-            },
-            "iterations": Quantity(int(result.iterations), "1", "Newton iterations"),
-            "friction_loss": Quantity(result.friction_loss, "J", "lost to friction over the period"),
-        }
+        yield harmonics("harmonics", "y")
+        if not result.point_directions:
+            yield harmonics("harmonics_x", "x")
+        text = "stability, None if it was not asked for or is not known"
+        yield told("stable", result.stable, text=text)
+        yield told("iterations", int(result.iterations), text="Newton iterations")
+        yield told("friction_loss", result.friction_loss, "J", "lost to friction over the period")
         if result.periods > 1:
-            tree["subharmonics"] = of_points(
-                points, result.subharmonics, "m", "complex amplitudes of u_y at j f / periods"
-            )
-        return tree
+            text = "complex amplitudes of u_y at j f / periods"
+            yield of_points("subharmonics", points, result.subharmonics, "m", text, "subharmonic")
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values = super().row(result, wanted)
@@ -131,10 +121,10 @@ class Steady(Kind):
             sb.save(part("orbit.h5"), result)
 
     @classmethod
-    def tables(cls, tree: Tree) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
-        harmonics = {point: entry.value for point, entry in tree["harmonics"].items()}
+    def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
+        harmonics = dict(found["harmonics"].by_name()) if "harmonics" in found else {}
         orders = range(min([SHOWN, *map(len, harmonics.values())])) if harmonics else range(0)
-        heading = ("harmonic", *(f"|{symbol(tree, point)}|, µm" for point in harmonics))
+        heading = ("harmonic", *(f"|{symbol(found, point)}|, µm" for point in harmonics))
         yield heading, [(k, *(1e6 * abs(values[k]) for values in harmonics.values())) for k in orders]
 
 
@@ -202,6 +192,12 @@ def common_period(table: Any, case: Any, path: Path) -> int:
         return common_periods(
             objects.signals_of(found), table.frequency, getattr(table, "periods", None), LONGEST
         )
+
+
+def symbol(found: Found, point: str) -> str:
+    """A point's displacement in the heading of a table: u_y, or along its own direction."""
+    along = found["direction"][point].value if "direction" in found else "y"
+    return f"u_{along}({point})" if along else f"u({point})"
 
 
 def steady_cost(size: Size, table: Any, steps: int) -> Cost:

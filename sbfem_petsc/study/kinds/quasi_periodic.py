@@ -11,12 +11,13 @@ import sbfem_petsc as sb
 
 from ...analysis.options import QuasiPeriodicOptions
 from ...options import item
+from ...record.about import Quantity
+from ...record.found import Found, of_points, told
 from ..case.objects import load, located, signals_of
 from ..case.tables import Names, Path
 from ..costs import STEPS, Cost, Size
-from ..quantities import Quantity, Tree, of_points, quantities, symbol
 from .kind import PERIODIC, Drawn, Kind, Run, Values, Wanted
-from .periodic import truth
+from .periodic import symbol, truth
 
 # Lines of a spectrum in a report.
 _LINES = 15
@@ -65,44 +66,25 @@ class QuasiPeriodic(QuasiPeriodicOptions, Kind):
         with located(case, *path):
             drives(signals_of(self._acting(case)), (max(pair), min(pair)))
 
-    def tree(self, result: Any, points: Sequence[str]) -> Tree:
+    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
         named = lines_of(result.frequencies, self.order)
+        yield told("probe_frequency", float(result.frequencies[0]), "Hz", "first tone")
+        yield told("pump_frequency", float(result.frequencies[1]), "Hz", "second tone")
+        yield told("line_tones", named, "1", "m, n of each line", "kept_line number")
+        frequencies = np.abs(named @ np.array(result.frequencies))
+        yield told("line_frequency", frequencies, "Hz", "of each line, |m probe + n pump|", "kept_line")
 
-        def lines(direction: str) -> Tree:
-            return of_points(
-                points,
-                lambda point: line_values(result, named, point, direction),
-                "m",
-                f"complex amplitudes of u_{direction} by line",
-            )
+        def lines(name: str, direction: str) -> Quantity | None:
+            text = f"complex amplitudes of u_{direction} by line"
+            own = lambda point: line_values(result, named, point, direction)
+            return of_points(name, points, own, "m", text, "kept_line")
 
-        return {
-            "probe_frequency": Quantity(float(result.frequencies[0]), "Hz", "first tone"),
-            "pump_frequency": Quantity(float(result.frequencies[1]), "Hz", "second tone"),
-            "line": Quantity(named, "1", "m, n of each line"),
-            "frequency": Quantity(
-                np.abs(named @ np.array(result.frequencies)),
-                "Hz",
-                "frequency of each line, |m probe + n pump|",
-            ),
-            "lines": lines("y"),
-            **({} if result.point_directions else {"lines_x": lines("x")}),
-            "modulation_index": of_points(
-                points, result.modulation_index, "1", "(|c_1,1| + |c_1,-1|) / |c_1,0| of u_y"
-            ),
-            "contact_peak": Quantity(float(result.contact_peak), "N", "largest contact resultant"),
-            "residuals": Quantity(np.array(result.residuals), "1", "of Newton's method, relative"),
-            **quantities(
-                result,
-                stable=("1", "stability, None if it was not asked for or is not known"),
-                exponents=("1/s", "largest Lyapunov exponents"),
-                tail=("1", "share of the highest quarter of the samples' harmonics"),
-                samples=("1", "phases of the slower tone"),
-                steps=("1", "time steps a period of the faster tone"),
-                largest_mode_error=("1", "largest error of the lines, each by its order"),
-                friction_power=("W", "mean power lost to friction"),
-            ),
-        }
+        yield lines("lines", "y")
+        if not result.point_directions:
+            yield lines("lines_x", "x")
+        text = "(|c_1,1| + |c_1,-1|) / |c_1,0| of u_y"
+        yield of_points("modulation_index", points, result.modulation_index, "1", text)
+        yield told("stable", result.stable, text="stability, None if it was not asked for or is not known")
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         named = lines_of(result.frequencies, self.order)
@@ -136,12 +118,13 @@ class QuasiPeriodic(QuasiPeriodicOptions, Kind):
         return Cost(size.extracting(modes), seconds, curve_memory(size, modes, self.samples, steps), disk)
 
     @classmethod
-    def tables(cls, tree: Tree) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
+    def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
         """Lines of the spectrum, the highest first."""
-        numbers, frequencies = tree["line"].value, tree["frequency"].value
-        heights = np.abs([entry.value for entry in tree["lines"].values()])
+        numbers, frequencies = found["line_tones"].value, found["line_frequency"].value
+        lines = dict(found["lines"].by_name()) if "lines" in found else {}
+        heights = np.abs([*lines.values()]).reshape(len(lines), len(numbers))
         order = np.argsort(-heights.max(axis=0, initial=0.0), kind="stable")[:_LINES]
-        heading = ("line", "frequency, Hz", *(f"|{symbol(tree, point)}|, µm" for point in tree["lines"]))
+        heading = ("line", "frequency, Hz", *(f"|{symbol(found, point)}|, µm" for point in lines))
         names = [f"{m} probe {n:+d} pump" for m, n in numbers[order]]
         yield heading, list(zip(names, frequencies[order].tolist(), *(1e6 * heights[:, order]).tolist()))
 

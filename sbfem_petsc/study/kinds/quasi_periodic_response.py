@@ -12,8 +12,9 @@ import sbfem_petsc as sb
 from ...analysis.options import FrequencyRange, SwitchOptions, TorusCurveOptions
 from ...errors import SolveError
 from ...options import item
+from ...record.about import Quantity
+from ...record.found import of_points, told
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
-from ..quantities import Quantity, Tree, of_points
 from .kind import Drawn, Loaded, Run, Values, Wanted
 from .quasi_periodic import curve_memory, line_values, lines_of, unresolved
 
@@ -55,26 +56,22 @@ class QuasiPeriodicResponse(TorusCurveOptions, SwitchOptions, FrequencyRange, Lo
             progress=run.progress,
         )
 
-    def tree(self, result: Any, points: Sequence[str]) -> Tree:
+    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
         named = lines_of(result.frequencies[0], self.order)
 
         def lines(point: str) -> np.ndarray:
             return np.array([line_values(motion, named, point) for motion in result.motions])
 
-        return {
-            **super().tree(result, points),
-            "own_frequency": Quantity(result.frequencies[:, 1], "Hz", "of the motion's own tone"),
-            "line": Quantity(named, "1", "m, n of each line, in order of frequency at the first motion"),
-            "lines": of_points(
-                points, lines, "m", "complex amplitudes of u_y at m f1 + n f2, by motion and line"
-            ),
-            "own_amplitude": of_points(
-                points,
-                lambda point: np.abs(result.line(0, 1, point)),
-                "m",
-                "amplitude of u_y at the own tone",
-            ),
-        }
+        yield told("own_frequency", result.frequencies[:, 1], "Hz", "of the motion's own tone", "point")
+        text = "m, n of each line, in order of frequency at the first motion"
+        yield told("line_tones", named, "1", text, "kept_line number")
+        text = "complex amplitudes of u_y at m f1 + n f2, by motion and line"
+        yield of_points("lines", points, lines, "m", text, "point kept_line")
+
+        def own(point: str) -> np.ndarray:
+            return np.abs(result.line(0, 1, point))
+
+        yield of_points("own_amplitude", points, own, "m", "amplitude of u_y at the own tone", "point")
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         own = result.frequencies[:, 1]

@@ -11,10 +11,11 @@ import sbfem_petsc as sb
 
 from ...analysis.options import StaticOptions
 from ...options import Pair, item
+from ...record.about import Quantity
+from ...record.found import told
 from ..case.problems import filed
 from ..case.tables import Name, Path, Problem
 from ..costs import Cost, Size
-from ..quantities import Tree, of_points
 from .kind import Drawn, Loaded, Run, Values, Wanted
 from .modal import estimated_error
 
@@ -55,12 +56,11 @@ class Static(StaticOptions, Loaded):
             for place, at in self.stress_at.items()
         }
 
-    def tree(self, result: Any, points: Sequence[str]) -> Tree:
-        tree = super().tree(result, points)
-        stresses = self._stresses(result)
-        if stresses:
-            tree["stress"] = of_points(list(stresses), stresses.get, "Pa", "stress xx, yy, xy")
-        return tree
+    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+        found = self._stresses(result)
+        if found:
+            stresses = np.array([*found.values()])
+            yield told("stress", stresses, "Pa", "stress xx, yy, xy", "at tensor", at=found)
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values = super().row(result, wanted)

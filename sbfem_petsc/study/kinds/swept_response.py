@@ -12,8 +12,8 @@ import sbfem_petsc as sb
 
 from ...analysis.options import SweptOptions
 from ...options import item
+from ...record.found import Found, told
 from ..costs import Cost, Size
-from ..quantities import Tree, of_points
 from .kind import Drawn, Loaded, Run, Values, Wanted
 
 
@@ -40,13 +40,15 @@ class SweptResponse(SweptOptions, Loaded):
             return np.array([np.nan])
         return np.array([jump.frequency for jump in swept.jumps(point, self.least)])
 
-    def tree(self, result: Any, points: Sequence[str]) -> Tree:
-        return {"up" if swept.upwards else "down": self._way(swept, points) for swept in result}
-
-    def _way(self, swept: Any, points: Sequence[str]) -> Tree:
+    def found(self, result: Any, points: Sequence[str]) -> Found:
         text = "frequencies at which the amplitude jumps; nan for a sweep too short or fast to tell"
-        jumps = of_points(points, lambda point: self._jumps(swept, point), "Hz", text)
-        return {**super().tree(swept, points), "jump": jumps}
+        ways = {}
+        for swept in result:
+            way = ways["up" if swept.upwards else "down"] = super().found(swept, points)
+            way.inner["jump"] = Found(
+                [told(point, self._jumps(swept, point), "Hz", text, f"jump_of_{point}") for point in points]
+            )
+        return Found([], ways)
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values: Values = {}

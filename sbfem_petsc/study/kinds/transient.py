@@ -13,18 +13,10 @@ import sbfem_petsc as sb
 from ...analysis.options import TransientOptions
 from ...indicators.detection import contact_duty
 from ...options import item
+from ...record.about import Quantity
+from ...record.found import of_points, told
 from ..costs import Cost, Size
-from ..quantities import Quantity, Tree, of_points
 from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted, along, peak_reactions
-
-_ENERGIES = {
-    "kinetic": "kinetic energy",
-    "strain": "strain energy",
-    "external": "work of the loads",
-    "damping": "energy dissipated by damping",
-    "contact": "work of the contact forces, beside what is lost to friction",
-    "friction": "energy lost to friction",
-}
 
 
 class Transient(TransientOptions, Loaded):
@@ -60,17 +52,16 @@ class Transient(TransientOptions, Loaded):
             **run.kept,
         )
 
-    def tree(self, result: Any, points: Sequence[str]) -> Tree:
-        return {
-            **super().tree(result, points),
-            "velocity": of_points(points, result.velocity, "m/s", "velocity", detail=True),
-            "acceleration": of_points(points, result.acceleration, "m/s^2", "acceleration", detail=True),
-            "energy": {
-                name: Quantity(getattr(result.energy, name), "J", text, detail=True)
-                for name, text in _ENERGIES.items()
-                if getattr(result.energy, name) is not None
-            },
-        }
+    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+        dims = "time" if result.point_directions else "time xy"
+        yield of_points("velocity", points, result.velocity, "m/s", "velocity", dims, detail=True)
+        yield of_points(
+            "acceleration", points, result.acceleration, "m/s^2", "acceleration", dims, detail=True
+        )
+        energies = {q.name: q.value for q in result.energy.quantities()}
+        text = "energies, work of loads and contact, and what damping and friction take"
+        table = np.stack([*energies.values()], axis=1)
+        yield told("energy", table, "J", text, "time kind", detail=True, kind=energies)
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values: Values = {

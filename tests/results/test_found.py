@@ -1,0 +1,57 @@
+"""What a case keeps of results: tables, summaries and files of complex numbers, of nothing, of parts."""
+
+import csv
+
+import h5py
+import numpy as np
+import pytest
+
+from sbfem_petsc.record.found import Found, of_points, told
+
+# of u(t) = Re sum c_k exp(i k t)
+HARMONICS = np.array([0.5, 2.0 * np.exp(0.7j), 0.3 * np.exp(-2.1j)])
+
+
+@pytest.fixture
+def found():
+    """Notes of a steady state that has none, harmonics of two points, a verdict that is not known."""
+    harmonics = {"tip": HARMONICS, "mouth": 2.0 * HARMONICS}
+    peak = Found([told("frequency", 3.0, "Hz", "of the largest amplitude")])
+    quantities = [
+        told("notes", np.zeros(0, str), dims="note"),
+        of_points("harmonics", list(harmonics), harmonics.get, "m", "of u_y", "harmonic"),
+        told("stable", None, text="whether it is"),
+        told("gap", np.arange(3.0), "m", "over time", "time", detail=True),
+        told("time", np.arange(3.0), "s", "instants", "time"),
+    ]
+    return Found(quantities, {"peak": peak, "ways": (peak, peak)})
+
+
+def test_parts_and_phases_give_the_motion(found, tmp_path):
+    """Of tables the real and the imaginary part, of summaries magnitude and phase."""
+    paths = found.to_csv(tmp_path / "drive.csv")
+    names = ["drive.csv", "drive_harmonic.csv", "drive_values.csv", "drive_peak_values.csv"]
+    assert [path.rsplit("/", 1)[1] for path in paths] == names
+    with open(tmp_path / "drive.csv", newline="") as file:
+        assert next(csv.reader(file)) == ["time [s]", "gap [m]"]
+    with open(tmp_path / "drive_harmonic.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    parts = np.array([[float(row[f"{part}_harmonics_tip [m]"]) for row in rows] for part in ("re", "im")])
+    np.testing.assert_array_equal(parts, [HARMONICS.real, HARMONICS.imag])
+    told_of = found.summary()
+    assert (
+        "gap" not in told_of and told_of["stable"] is None and found.summary(True)["gap"] == [0.0, 1.0, 2.0]
+    )
+    magnitude, phase = (np.array(told_of["harmonics"]["mouth"][name]) for name in ("magnitude", "phase"))
+    np.testing.assert_allclose(magnitude * np.exp(1j * phase), 2.0 * HARMONICS, rtol=1e-15)
+
+
+def test_it_is_read_as_it_was_written(found, tmp_path):
+    with h5py.File(tmp_path / "found.h5", "w", libver="v110", track_order=True) as file:
+        found.write(file)
+        again = Found.read(file)
+        assert file["harmonics"].dims[1][0].name == "/place" and list(file["place"]) == [b"tip", b"mouth"]
+    assert repr(again) == repr(found) and again.summary(True) == found.summary(True)
+    assert again["harmonics"]["tip"].value.tolist() == HARMONICS.tolist()
+    assert again["stable"].value is None and again["gap"].about.detail and again["gap"].unit == "m"
+    assert again["ways"][1]["frequency"].about.text == "of the largest amplitude"
