@@ -21,12 +21,10 @@ def told(
     unit: str = "1",
     text: str = "",
     dims: str = "",
-    *,
-    detail: bool = False,
-    **names: Iterable[str],
+    names: Mapping[str, Iterable[str]] = {},
 ) -> Quantity:
     """A quantity: a number, a text, None, or an array over its axes, with the names along some of them."""
-    about = About(unit, text, tuple(dims.split()), detail=detail)
+    about = About(unit, text, tuple(dims.split()))
     found = np.asarray(value) if about.dims else value
     along = {dim: tuple(entries) for dim, entries in names.items()}
     return Quantity(Entry(name, about, "", False, False), found, unit, about.dims, along)
@@ -39,14 +37,13 @@ def of_points(
     unit: str,
     text: str,
     dims: str = "",
-    **more: Any,
 ) -> Quantity | None:
     """A quantity of each point, whose own axes are `dims`; None without points."""
     if not points:
         return None
     first, *others = dims.split() or [""]
     found = np.stack([np.asarray(value(point)) for point in points], axis=1 if first else 0)
-    return told(name, found, unit, text, " ".join([first, "place", *others]), place=points, **more)
+    return told(name, found, unit, text, " ".join([first, "place", *others]), {"place": points})
 
 
 class Found(Views):
@@ -73,7 +70,7 @@ class Found(Views):
         own = [
             q.among("place", points).told(detail=q.name in details)
             for q in record._presented(lambda about: not about.distributed)
-            if not q.about.detail or q.name in details
+            if q.name in details or (q.about.stored and not q.about.detail)
         ]
         own.sort(key=lambda q: q.name not in record.coordinates)
         parts = {}
@@ -81,7 +78,8 @@ class Found(Views):
             if not about.detail:
                 several = tuple(cls.of(one, points) for one in (part if isinstance(part, tuple) else (part,)))
                 parts[name] = several if isinstance(part, tuple) else several[0]
-        return cls([*own, *(q and q.of_points(record.of_rows) for q in more)], parts)
+        added = (q and q.of_points(record.of_rows).told(detail=q.name in details) for q in more)
+        return cls([*own, *added], parts)
 
     def quantities(
         self, wanted: Callable[[About], bool] = lambda about: True, **_: Any
@@ -149,11 +147,10 @@ def _quantity(name: str, data: h5py.Dataset) -> Quantity:
     unit, words = (text(data.attrs[key]) for key in ("units", "long_name"))
     axes = axes_of(data)
     value = None if "none" in data.attrs else value_of(data)
-    found = told(name, value, unit, words, " ".join(axes), detail="detail" in data.attrs)
     names = {dim: along for dim, along in axes.items() if along}
+    found = told(name, value, unit, words, " ".join(axes), names).told(detail="detail" in data.attrs)
     if any(len(along) != data.shape[k] for k, along in enumerate(axes.values()) if along):
         raise ValueError(f"{name!r} has other entries than names")
-    found = dataclasses.replace(found, names=names)
     each = [text(one) for one in data.attrs.get("units_of_each", ())]
     units = dict(zip([entry for entry, _ in found.by_name()], each))
     return dataclasses.replace(found, units=units)

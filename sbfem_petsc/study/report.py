@@ -184,7 +184,7 @@ def _label(path: str, entry: Quantity) -> str:
 
 def _with_unit(value: Any, unit: str) -> str:
     """A value in a unit that suits its magnitude."""
-    if isinstance(value, (float, np.ndarray)):
+    if isinstance(value, float) or (isinstance(value, np.ndarray) and value.dtype.kind in "fc"):
         scale, unit = _fitting(unit, np.asarray(value))
         value = value * scale
     return f"{_shown(value)}{'' if unit == '1' else ' ' + unit.replace('m^(1/2)', '√m')}"

@@ -21,7 +21,7 @@ def found():
         told("notes", np.zeros(0, str), dims="note"),
         of_points("harmonics", list(harmonics), harmonics.get, "m", "of u_y", "harmonic"),
         told("stable", None, text="whether it is"),
-        told("gap", np.arange(3.0), "m", "over time", "time", detail=True),
+        told("gap", np.arange(3.0), "m", "over time", "time").told(detail=True),
         told("time", np.arange(3.0), "s", "instants", "time"),
     ]
     return Found(quantities, {"peak": peak, "ways": (peak, peak)})

@@ -11,8 +11,7 @@ import sbfem_petsc as sb
 
 from ...analysis.options import FrequencyResponseOptions
 from ...options import item
-from ...record.about import Quantity
-from ...record.found import Found, of_points
+from ...record.found import Found, told
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
 from .kind import Drawn, Kind, Loaded, Run, Values, Wanted
 
@@ -61,11 +60,11 @@ class Curve(Kind):
         found = super().found(result, points)
         if result.parameter == "frequency":
             peaks = {point: result.peak(point) for point in points}
-
-            def read(name: str, unit: str, text: str) -> Quantity | None:
-                return of_points(name, points, lambda point: getattr(peaks[point], name), unit, text)
-
-            found.inner["peak"] = Found([read(name, *about) for name, about in _PEAK.items()])
+            own = {
+                point: Found([told(name, getattr(peak, name), *about) for name, about in _PEAK.items()])
+                for point, peak in peaks.items()
+            }
+            found.inner["peak"] = Found([], own)
         return found
 
     def row(self, result: Any, wanted: Wanted) -> Values:

@@ -14,6 +14,7 @@ import sbfem_petsc as sb
 
 from ...indicators.lines import Sidebands, sidebands
 from ...options import item
+from ...record.about import Quantity
 from ...record.found import Found, told
 from ..case.objects import load, located, signals_of
 from ..case.tables import Name, Names, Path
@@ -104,11 +105,14 @@ class Modulation(Steady):
         with located(case, *path, "probe_frequency"):
             common_periods(found, self.pump_frequency, None, self.longest)
 
+    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+        yield from super().more(result, points)
+        yield told("common_period", self._period(), "s", "common period of both tones")
+
     def found(self, result: Any, points: Sequence[str]) -> Found:
         found, bands = super().found(result, points), self._sidebands(result)
         found.inner["sidebands"] = Found(
             [
-                told("common_period", self._period(), "s", "common period of both tones"),
                 told("carrier", bands.carrier, "Hz", "high tone"),
                 told("modulation", bands.modulation, "Hz", "low tone"),
                 told("centre", complex(bands.centre), "m", "complex amplitude at the high tone"),

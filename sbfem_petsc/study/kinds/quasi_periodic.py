@@ -70,9 +70,9 @@ class QuasiPeriodic(QuasiPeriodicOptions, Kind):
         named = lines_of(result.frequencies, self.order)
         yield told("probe_frequency", float(result.frequencies[0]), "Hz", "first tone")
         yield told("pump_frequency", float(result.frequencies[1]), "Hz", "second tone")
-        yield told("line_tones", named, "1", "m, n of each line", "kept_line number")
+        yield told("line", named, "1", "m, n of each line", "kept_line number")
         frequencies = np.abs(named @ np.array(result.frequencies))
-        yield told("line_frequency", frequencies, "Hz", "of each line, |m probe + n pump|", "kept_line")
+        yield told("frequency", frequencies, "Hz", "of each line, |m probe + n pump|", "kept_line")
 
         def lines(name: str, direction: str) -> Quantity | None:
             text = f"complex amplitudes of u_{direction} by line"
@@ -120,7 +120,7 @@ class QuasiPeriodic(QuasiPeriodicOptions, Kind):
     @classmethod
     def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
         """Lines of the spectrum, the highest first."""
-        numbers, frequencies = found["line_tones"].value, found["line_frequency"].value
+        numbers, frequencies = found["line"].value, found["frequency"].value
         lines = dict(found["lines"].by_name()) if "lines" in found else {}
         heights = np.abs([*lines.values()]).reshape(len(lines), len(numbers))
         order = np.argsort(-heights.max(axis=0, initial=0.0), kind="stable")[:_LINES]

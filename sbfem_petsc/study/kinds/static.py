@@ -60,7 +60,7 @@ class Static(StaticOptions, Loaded):
         found = self._stresses(result)
         if found:
             stresses = np.array([*found.values()])
-            yield told("stress", stresses, "Pa", "stress xx, yy, xy", "at tensor", at=found)
+            yield told("stress", stresses, "Pa", "stress xx, yy, xy", "at tensor", {"at": found})
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values = super().row(result, wanted)

@@ -28,7 +28,7 @@ class Transient(TransientOptions, Loaded):
     )
     reduced: bool = item(True, text="false: the unreduced model")
     moving = rubs = True
-    details = ("contact_force", "slip", "friction_force")
+    details = ("contact_force", "slip", "friction_force", "velocity", "acceleration", "energy")
     running = "history.journal"
     captions = RUBBING
 
@@ -54,14 +54,12 @@ class Transient(TransientOptions, Loaded):
 
     def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
         dims = "time" if result.point_directions else "time xy"
-        yield of_points("velocity", points, result.velocity, "m/s", "velocity", dims, detail=True)
-        yield of_points(
-            "acceleration", points, result.acceleration, "m/s^2", "acceleration", dims, detail=True
-        )
+        yield of_points("velocity", points, result.velocity, "m/s", "velocity", dims)
+        yield of_points("acceleration", points, result.acceleration, "m/s^2", "acceleration", dims)
         energies = {q.name: q.value for q in result.energy.quantities()}
         text = "energies, work of loads and contact, and what damping and friction take"
         table = np.stack([*energies.values()], axis=1)
-        yield told("energy", table, "J", text, "time kind", detail=True, kind=energies)
+        yield told("energy", table, "J", text, "time kind", {"kind": energies})
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values: Values = {
