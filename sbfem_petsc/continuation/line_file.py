@@ -48,6 +48,7 @@ class LineFile(RunFile):
         self._head, self._lines = dict[str, Any](), list[Frame]()
         self._told: list[tuple[list[Point], tuple]] = []
         self._begun, self._written = False, -np.inf
+        self._model: ReducedModel | None = None  # that of the head, on rank 0
         self._layouts: dict[str, np.ndarray] = {}  # those that are to stand in the next frame; on rank 0
 
     @classmethod
@@ -102,6 +103,7 @@ class LineFile(RunFile):
             self._head = {"kept": self.kept, **conditions, "begins": begin, **layouts}
             if known is not None:
                 self._head["model"] = image(known)
+                self._model = known
         return known, begin
 
     def begin_period(
@@ -200,7 +202,7 @@ class LineFile(RunFile):
                     self._journal.append({**frame, **self._layouts})
                     self._layouts = {}
                 if found is not None:
-                    self._journal.checkpoint({"result": image(found)})
+                    self._journal.checkpoint({"result": image(found, self._model)})
                     self._written = time.monotonic()
 
     def _new(self, number: int, line: Line) -> Frame | None:

@@ -35,6 +35,8 @@ SCHEMA = 5
 WHAT = "result file"
 # What reads a journal, by what it says it keeps; where nothing does, the result stands in its state.
 KEPT = {"history": "motion.files.history_file", "branch": "", "result": ""}
+# Where the model of a journal's head is for what is beside it.
+MODEL = "/model"
 # What compression gains at most.
 DEFLATE = 1032
 # What reading of what is not there, or is something else, ends in.
@@ -187,26 +189,27 @@ def _kept(path: str, in_memory: bool) -> Any:
         if reader:
             found = importlib.import_module(f"{_root()}.{reader}").result_of(kept, in_memory)
         else:
-            found = from_image(kept.state["result"])
+            beside = {MODEL: from_image(kept.head["model"])} if "model" in kept.head else {}
+            found = from_image(kept.state["result"], beside)
     found._told(path)
     return found
 
 
-def image(record: Record) -> np.ndarray:
-    """A record as the bytes of a file, for a journal."""
+def image(record: Record, model: Record | None = None) -> np.ndarray:
+    """A record as the bytes of a file, for a journal; without the model, which stands in the head."""
     with h5py.File(
         "image", "w", driver="core", backing_store=False, libver=("v110", "v110"), track_order=True
     ) as file:
-        write(file, record)
+        write(file, record, seen={} if model is None else {id(model): MODEL})
         file.flush()
         return np.frombuffer(file.id.get_file_image(), dtype=np.uint8)
 
 
-def from_image(data: np.ndarray) -> Any:
-    """What `image` made."""
+def from_image(data: np.ndarray, beside: Mapping[str, Record] = {}) -> Any:
+    """What `image` made, with what stands beside it."""
     with h5py.File(io.BytesIO(data.tobytes()), "r") as file:
         require_own(file, data.size)
-        return records_in(file)
+        return records_in(file, beside)
 
 
 @contextlib.contextmanager

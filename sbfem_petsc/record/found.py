@@ -10,9 +10,12 @@ import h5py
 import numpy as np
 
 from .about import About, Entry, Quantity
-from .layout import axes_of, bare, put, text, texts_of, value_of, within
+from .layout import bare, put, text, texts_of, value_of, within
 from .record import Record
 from .views import Views
+
+# Its name, and the names along it.
+Axis = tuple[str, tuple[str, ...]]
 
 
 def told(
@@ -129,28 +132,39 @@ class Found(Views):
                 part.write(own)
 
     @classmethod
-    def read(cls, group: h5py.Group) -> Found:
-        """What `write` has written."""
-        quantities, parts = [], dict[str, Any]()
-        for name, item in group.items():
-            if isinstance(item, h5py.Dataset):
-                if not bare(item) and not (item.is_scale and item.dtype.kind == "S"):
-                    quantities.append(_quantity(name, item))
-            elif "several" in item.attrs:
-                parts[name] = tuple(map(cls.read, item.values()))
-            else:
-                parts[name] = cls.read(item)
+    def read(cls, group: h5py.Group, above: Mapping[int, Axis] = {}) -> Found:
+        """What `write` has written, with axes of groups above by their addresses."""
+        quantities, parts, axes = [], dict[str, Any](), dict(above)
+        items = dict(group.items())
+        for name, item in items.items():
+            if isinstance(item, h5py.Dataset) and item.is_scale:
+                texts = item.dtype.kind == "S" and item.ndim == 1
+                axes[_address(item)] = name, tuple(value_of(item).tolist()) if texts else ()
+        for name, item in items.items():
+            if isinstance(item, h5py.Group):
+                several = [cls.read(one, axes) for one in item.values()] if "several" in item.attrs else None
+                parts[name] = cls.read(item, axes) if several is None else tuple(several)
+            elif _address(item) not in axes:
+                quantities.append(_quantity(name, item, [axes[_address(dim[0])] for dim in item.dims]))
+            elif not axes[_address(item)][1] and not bare(item):
+                quantities.append(_quantity(name, item, [(name, ())]))
         return cls(quantities, parts)
 
 
-def _quantity(name: str, data: h5py.Dataset) -> Quantity:
-    unit, words = (text(data.attrs[key]) for key in ("units", "long_name"))
-    axes = axes_of(data)
-    value = None if "none" in data.attrs else value_of(data)
-    names = {dim: along for dim, along in axes.items() if along}
-    found = told(name, value, unit, words, " ".join(axes), names).told(detail="detail" in data.attrs)
-    if any(len(along) != data.shape[k] for k, along in enumerate(axes.values()) if along):
+def _address(item: h5py.Dataset) -> int:
+    return int(h5py.h5o.get_info(item.id).addr)
+
+
+def _quantity(name: str, data: h5py.Dataset, axes: list[Axis]) -> Quantity:
+    if any(names and len(names) != n for (_, names), n in zip(axes, data.shape)):
         raise ValueError(f"{name!r} has other entries than names")
-    each = [text(one) for one in data.attrs.get("units_of_each", ())]
-    units = dict(zip([entry for entry, _ in found.by_name()], each))
-    return dataclasses.replace(found, units=units)
+    marks = set(data.attrs)
+    unit, words = text(data.attrs["units"]), text(data.attrs["long_name"])
+    value = None if "none" in marks else value_of(data)
+    dims = " ".join(dim for dim, _ in axes)
+    found = told(name, value, unit, words, dims, {dim: names for dim, names in axes if names})
+    found = found.told(detail=True) if "detail" in marks else found
+    if "units_of_each" not in marks:
+        return found
+    each = map(text, data.attrs["units_of_each"])
+    return dataclasses.replace(found, units=dict(zip([entry for entry, _ in found.by_name()], each)))

@@ -165,17 +165,6 @@ def value_of(data: h5py.Dataset) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def axes_of(data: h5py.Dataset) -> dict[str, tuple[str, ...]]:
-    """The axes of what `put` has written, and the names along those that have some."""
-    if data.is_scale:
-        return {data.name.split("/")[-1]: ()}
-    scales = [dim[0] for dim in data.dims]
-    return {
-        scale.name.split("/")[-1]: tuple(value_of(scale).tolist()) if scale.dtype.kind == "S" else ()
-        for scale in scales
-    }
-
-
 def names_along(group: h5py.Group, dim: str) -> tuple[str, ...]:
     """Names of the entries of an axis, in this group or one above."""
     here = group

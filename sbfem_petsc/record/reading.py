@@ -15,15 +15,16 @@ from .layout import names_along, text
 from .record import Record, entries, expanded, record_class
 
 
-def records_in(group: h5py.Group) -> Any:
-    """What `layout.write` wrote into a group, or into groups of it: a record, a tuple, or a dict by name.
+def records_in(group: h5py.Group, beside: Mapping[str, Record] = {}) -> Any:
+    """What `layout.write` wrote into a group, or into groups of it: a record, a tuple, or a dict by name;
+    `beside` holds parts that it names and another file has.
 
     Raises
     ------
     ValueError
         If a part is missing, of another type or length, out of its range, or does not fit the others.
     """
-    reader = _Reader()
+    reader = _Reader(dict(beside))
     if "record" in group.attrs:
         return reader.record(group, (), {})
     found = {name: reader.record(group[name], (), {}) for name in group}
@@ -37,8 +38,8 @@ def records_in(group: h5py.Group) -> Any:
 class _Reader:
     """What has been read of a file, by its place: parts that are named a second time are not read again."""
 
-    def __init__(self) -> None:
-        self.known: dict[str, Record] = {}
+    def __init__(self, known: dict[str, Record]) -> None:
+        self.known = known
 
     def record(self, group: h5py.Group, given: tuple[str, ...], above: Mapping[str, int]) -> Record:
         """The record of a group, with axes that are given and the lengths of those above."""
