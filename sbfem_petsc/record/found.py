@@ -120,8 +120,8 @@ class Found(Views):
             for mark, there in {"detail": q.about.detail, "none": q.value is None}.items():
                 if there:
                     data.attrs[mark] = True
-            if q.units.keys() > {""}:
-                data.attrs["units_of_each"] = texts_of(q.units[name] for name, _ in q.by_name())
+            if q.units.keys() - {""}:
+                data.attrs["units_of_each"] = texts_of(q.units.get(name, q.unit) for name, _ in q.by_name())
         for name, part in self.inner.items():
             own = within(group, name)
             for k, one in enumerate(part) if isinstance(part, tuple) else ():

@@ -1,6 +1,7 @@
 """What a case keeps of results: tables, summaries and files of complex numbers, of nothing, of parts."""
 
 import csv
+import dataclasses
 
 import h5py
 import numpy as np
@@ -20,6 +21,10 @@ def found():
     quantities = [
         told("notes", np.zeros(0, str), dims="note"),
         of_points("harmonics", list(harmonics), harmonics.get, "m", "of u_y", "harmonic"),
+        dataclasses.replace(
+            told("factor", np.ones((2, 2)), "SI", "K", "tip component", {"tip": ("one", "two")}),
+            units={"": "SI", "two": "Pa m^(1/2)"},
+        ),
         told("stable", None, text="whether it is"),
         told("gap", np.arange(3.0), "m", "over time", "time").told(detail=True),
         told("time", np.arange(3.0), "s", "instants", "time"),
@@ -30,7 +35,7 @@ def found():
 def test_parts_and_phases_give_the_motion(found, tmp_path):
     """Of tables the real and the imaginary part, of summaries magnitude and phase."""
     paths = found.to_csv(tmp_path / "drive.csv")
-    names = ["drive.csv", "drive_harmonic.csv", "drive_values.csv", "drive_peak_values.csv"]
+    names = ["drive.csv", "drive_harmonic.csv", "drive_tip.csv", "drive_values.csv", "drive_peak_values.csv"]
     assert [path.rsplit("/", 1)[1] for path in paths] == names
     with open(tmp_path / "drive.csv", newline="") as file:
         assert next(csv.reader(file)) == ["time [s]", "gap [m]"]
@@ -49,9 +54,12 @@ def test_parts_and_phases_give_the_motion(found, tmp_path):
 def test_it_is_read_as_it_was_written(found, tmp_path):
     with h5py.File(tmp_path / "found.h5", "w", libver="v110", track_order=True) as file:
         found.write(file)
-        again = Found.read(file)
+        with h5py.File(tmp_path / "again.h5", "w", libver="v110", track_order=True) as other:
+            Found.read(file).write(other)
+            again = Found.read(other)
         assert file["harmonics"].dims[1][0].name == "/place" and list(file["place"]) == [b"tip", b"mouth"]
     assert repr(again) == repr(found) and again.summary(True) == found.summary(True)
     assert again["harmonics"]["tip"].value.tolist() == HARMONICS.tolist()
+    assert (again["factor"]["one"].unit, again["factor"]["two"].unit) == ("SI", "Pa m^(1/2)")
     assert again["stable"].value is None and again["gap"].about.detail and again["gap"].unit == "m"
     assert again["ways"][1]["frequency"].about.text == "of the largest amplitude"
