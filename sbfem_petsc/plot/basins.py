@@ -11,15 +11,13 @@ from matplotlib.colors import ListedColormap, to_rgb
 
 from ..continuation.basins import Basins, StartAxis
 from ..petsc import MPI
-from ..record.units import impulse_unit, length_unit, velocity_unit
+from ..record.units import suited
 from .drawing import BLACK, CYCLE, Sheet
 from .picture import picture
 
 UNSETTLED = "#BBBBBB"
 # Share of white in the colour of a basin, in which the orbits' marks are to be seen.
 LIGHT = 0.55
-# Modal coordinates have no smaller units.
-_UNITS = {"m": length_unit, "m/s": velocity_unit, "N s": impulse_unit}
 
 
 @picture(Basins)
@@ -98,10 +96,9 @@ def plot_basins(
 
 def _scale(axis: StartAxis) -> tuple[float, str]:
     """Factor on the values of an axis, and its label, in a unit that suits them."""
-    top, unit = max(map(abs, axis.values)), axis.unit
-    if unit in _UNITS:
-        factor, unit = _UNITS[unit](top)
-    else:
+    factor, unit = suited(axis.unit, axis.values)
+    if "kg" in unit:  # which has no smaller ones
+        top = max(map(abs, axis.values))
         exponent = 3 * math.floor(math.log10(top) / 3.0) if top > 0.0 else 0
         factor, unit = 10.0**-exponent, f"$10^{{{exponent}}}$ {unit}" if exponent else unit
     return factor, f"{axis.quantity} ({unit})"

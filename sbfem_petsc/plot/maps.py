@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.colors import LogNorm, Normalize
 
-from ..record.units import force_unit, frequency_unit, length_unit, stress_unit, time_unit
+from ..record.units import suited
 from .drawing import CYCLE, MARKERS, STYLE, Sheet, bar, save_picture
 
 # Quantities that are drawn without being asked for: indicators of damage.
@@ -25,7 +25,6 @@ _CURVES = 8
 NARROW = 4.4
 # Ratios below this are the rounding of responses without contact.
 ROUND_OFF = 1e-12
-_UNITS = {"m": length_unit, "s": time_unit, "N": force_unit, "Pa": stress_unit, "Hz": frequency_unit}
 
 
 def draw_sweep(sweep: Any, folder: str, quantities: Sequence[str] | None = None) -> list[str]:
@@ -93,7 +92,8 @@ def indicator_figure(sweep: Any, columns: Mapping[str, np.ndarray], unit: str) -
     if not axes:
         raise ValueError("no parameter of the sweep has two numeric values to draw over")
     table = np.stack(list(columns.values()))
-    scale, unit = _suited(unit, table)
+    scale, unit = suited(unit, table)
+    unit = "" if unit == "1" else unit
     table = table * scale
     if not unit:  # smaller ratios are rounding
         table = np.where(table > 0.0, np.maximum(table, ROUND_OFF), table)
@@ -127,18 +127,9 @@ def _matters(sweep: Any, name: str, table: np.ndarray) -> bool:
     )
 
 
-def _suited(unit: str, values: np.ndarray) -> tuple[float, str]:
-    """Factor and name of a unit that suits values; without one, and for one that stays as it is, 1."""
-    finite = np.abs(values[np.isfinite(values)])
-    choose = _UNITS.get(unit)
-    if choose is None or not len(finite) or finite.max() == 0.0:
-        return 1.0, "" if unit == "1" else unit
-    return choose(float(finite.max()))
-
-
 def _parameter(sweep: Any, name: str) -> tuple[float, str, str]:
     """Factor, label and unit of a parameter: "depth of notch 1" in mm."""
-    scale, unit = _suited(sweep.input_units.get(name, ""), sweep.inputs[name])
+    scale, unit = suited(sweep.input_units.get(name, ""), sweep.inputs[name])
     return scale, sweep.input_words[name], unit
 
 

@@ -2,50 +2,43 @@
 
 from __future__ import annotations
 
+import functools
+from typing import Any
+
+import numpy as np
+
 Unit = tuple[float, str]
+# Factors on values by their unit, and how large the largest value is to be drawn or told at least.
+_OF: dict[str, tuple[float, tuple[Unit, ...]]] = {
+    "m": (0.5, ((1.0, "m"), (1e3, "mm"), (1e6, "µm"), (1e9, "nm"))),
+    "m/s": (0.5, ((1.0, "m/s"), (1e3, "mm/s"), (1e6, "µm/s"), (1e9, "nm/s"))),
+    # drawings are read in mm up to 2 m
+    "place": (2.0, ((1.0, "m"), (1e3, "mm"), (1e6, "µm"))),
+    "N s": (0.5, ((1e-3, "kN s"), (1.0, "N s"), (1e3, "mN s"), (1e6, "µN s"))),
+    "s": (1.0, ((1.0, "s"), (1e3, "ms"), (1e6, "µs"))),
+    "Hz": (1.0, ((1e-6, "MHz"), (1e-3, "kHz"), (1.0, "Hz"))),
+    "N": (1.0, ((1e-6, "MN"), (1e-3, "kN"), (1.0, "N"))),
+    "Pa": (1.0, ((1e-9, "GPa"), (1e-6, "MPa"), (1e-3, "kPa"), (1.0, "Pa"))),
+    "Pa m^(1/2)": (0.0, ((1e-6, "MPa m^(1/2)"),)),
+}
 
 
-def length_unit(top: float) -> Unit:
-    """Factor and name for lengths up to `top`, m."""
-    return _largest(top, ((1.0, "m"), (1e3, "mm"), (1e6, "µm"), (1e9, "nm")), 0.5)
+def _largest(unit: str, top: float) -> Unit:
+    """The largest unit, by factor and name, in which values up to `top` are large enough."""
+    least, units = _OF[unit]
+    return next((found for found in units if top * found[0] >= least), units[-1])
 
 
-def place_unit(extent: float) -> Unit:
-    """Factor and name for coordinates of a structure, m: drawings are read in mm up to 2 m."""
-    return _largest(extent, ((1.0, "m"), (1e3, "mm"), (1e6, "µm")), 2.0)
+length_unit, place_unit, velocity_unit, impulse_unit = (
+    functools.partial(_largest, unit) for unit in ("m", "place", "m/s", "N s")
+)
+time_unit, frequency_unit, force_unit, stress_unit = (
+    functools.partial(_largest, unit) for unit in ("s", "Hz", "N", "Pa")
+)
 
 
-def velocity_unit(top: float) -> Unit:
-    """Factor and name for velocities up to `top`, m/s."""
-    factor, name = length_unit(top)
-    return factor, f"{name}/s"
-
-
-def impulse_unit(top: float) -> Unit:
-    """Factor and name for impulses up to `top`, N s."""
-    return _largest(top, ((1e-3, "kN s"), (1.0, "N s"), (1e3, "mN s"), (1e6, "µN s")), 0.5)
-
-
-def time_unit(top: float) -> Unit:
-    """Factor and name for times up to `top`, s."""
-    return _largest(top, ((1.0, "s"), (1e3, "ms"), (1e6, "µs")), 1.0)
-
-
-def frequency_unit(top: float) -> Unit:
-    """Factor and name for frequencies up to `top`, Hz."""
-    return _largest(top, ((1e-6, "MHz"), (1e-3, "kHz"), (1.0, "Hz")), 1.0)
-
-
-def force_unit(top: float) -> Unit:
-    """Factor and name for forces up to `top`, N."""
-    return _largest(top, ((1e-6, "MN"), (1e-3, "kN"), (1.0, "N")), 1.0)
-
-
-def stress_unit(top: float) -> Unit:
-    """Factor and name for stresses up to `top`, Pa."""
-    return _largest(top, ((1e-9, "GPa"), (1e-6, "MPa"), (1e-3, "kPa"), (1.0, "Pa")), 1.0)
-
-
-def _largest(top: float, units: tuple[Unit, ...], least: float) -> Unit:
-    """The largest unit in which `top` is at least so much."""
-    return next((unit for unit in units if top * unit[0] >= least), units[-1])
+def suited(unit: str, values: Any) -> Unit:
+    """Factor and name for values of any unit; 1 and the unit itself where there is no other."""
+    finite = np.asarray(values)
+    top = float(np.abs(finite).max(initial=0.0, where=np.isfinite(finite)))
+    return _largest(unit, top) if unit in _OF and top > 0.0 else (1.0, unit)

@@ -19,7 +19,7 @@ from meshing.folder_index import home_of, open_regular
 from ..output_folder import regular_file
 from ..record.about import Quantity
 from ..record.found import Found
-from ..record.units import force_unit, length_unit, stress_unit, time_unit
+from ..record.units import suited
 from ..writing import replaced, spare_folder
 from .case.analyses import kind_called
 from .estimates import duration
@@ -35,13 +35,6 @@ _ROWS = 60
 # What no page may hold.
 _CONTROL = re.compile("[^\t\n\r -\ud7ff\ue000-\U0010ffff]")
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_UNITS = {
-    "m": length_unit,
-    "s": time_unit,
-    "N": force_unit,
-    "Pa": stress_unit,
-    "Pa m^(1/2)": lambda top: (1e-6, "MPa m^(1/2)"),
-}
 _WORDS = {
     "displacement": "displacement x, y of",
     "stress_intensity": "stress intensity factors I, II of",
@@ -185,7 +178,7 @@ def _label(path: str, entry: Quantity) -> str:
 def _with_unit(value: Any, unit: str) -> str:
     """A value in a unit that suits its magnitude."""
     if isinstance(value, float) or (isinstance(value, np.ndarray) and value.dtype.kind in "fc"):
-        scale, unit = _fitting(unit, np.asarray(value))
+        scale, unit = _suited(unit, value)
         value = value * scale
     return f"{_shown(value)}{'' if unit == '1' else ' ' + unit.replace('m^(1/2)', '√m')}"
 
@@ -256,7 +249,7 @@ def _parameters(results: Sweep) -> Iterator[tuple[str, str, str]]:
         values = np.unique(column)
         words = results.input_words[name] or name
         if column.dtype.kind in "fi":
-            scale, unit = _fitting(results.input_units[name], column)
+            scale, unit = _suited(results.input_units[name], column)
             span = f"{number(column.min() * scale)} to {number(column.max() * scale)} {unit}".rstrip()
         else:
             span = ", ".join(map(str, values))
@@ -269,7 +262,7 @@ def _ranges(results: Sweep) -> Iterator[tuple[str, str, str, str]]:
         table = array.reshape(len(array), -1)
         if np.iscomplexobj(table) or table.shape[1] > WIDEST or not np.isfinite(table).any():
             continue
-        scale, unit = _fitting(results.units.get(name, "1"), table)
+        scale, unit = _suited(results.units.get(name, "1"), table)
         words = results.value_words[name]
         for k, column in enumerate(table.T * scale, 1):
             if np.isfinite(column).any():
@@ -278,10 +271,9 @@ def _ranges(results: Sweep) -> Iterator[tuple[str, str, str, str]]:
                 yield own, low, high, "" if unit == "1" else unit
 
 
-def _fitting(unit: str, values: np.ndarray) -> tuple[float, str]:
-    """Factor and name of a unit that suits the magnitude of values."""
-    top = float(np.abs(values).max(initial=0.0, where=np.isfinite(values)))
-    return _UNITS[unit](top) if unit in _UNITS and top > 0.0 else (1.0, unit)
+def _suited(unit: str, values: Any) -> tuple[float, str]:
+    """Frequencies are read as they are."""
+    return (1.0, unit) if unit == "Hz" else suited(unit, values)
 
 
 def _table(body: xml.Element, rows: Sequence[tuple[str, ...]], heading: tuple[str, ...] = ()) -> None:

@@ -22,10 +22,10 @@ from .case.analyses import kind_called
 from .case.case import Case, case_from_text
 from .estimates import duration
 from .folder import PARTS
-from .run import RESULTS, RunResults, read_run
+from .run import RESULTS, RunResults
 from .storage import holds, results_in, write_json
 from .structure import Structure, lines_of
-from .sweep_file import FILE, Sweep, read_sweep, write_csv
+from .sweep_file import FILE, Sweep, write_csv
 
 
 def read_any(path: str | os.PathLike[str]) -> RunResults | Sweep:
@@ -58,8 +58,7 @@ def read_any(path: str | os.PathLike[str]) -> RunResults | Sweep:
             f"{name!r} is a case file; name the results that  sbfem run  or  sbfem sweep  made of it"
         )
     with results_in(name, "run", "sweep") as file:
-        swept = holds(file) == "sweep"
-    return read_sweep(name) if swept else read_run(name)
+        return (Sweep if holds(file) == "sweep" else RunResults).of(name, file)
 
 
 def described(results: RunResults | Sweep) -> str:

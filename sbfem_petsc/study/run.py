@@ -8,6 +8,8 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
+import h5py
+
 import sbfem_petsc as sb
 
 from ..errors import OutOfMemory, SolveError
@@ -274,6 +276,18 @@ class RunResults:
     analyses: dict[str, Found]
     kinds: dict[str, str]
 
+    @classmethod
+    def of(cls, path: str, file: h5py.File) -> RunResults:
+        """What stands in an open file of results."""
+        analyses = file["analyses"].items()
+        return cls(
+            path,
+            *case_in(file),
+            json.loads(text(file.attrs["run"])),
+            {name: Found.read(group) for name, group in analyses},
+            {name: text(group.attrs["kind"]) for name, group in analyses},
+        )
+
     def __repr__(self) -> str:
         listed = ", ".join(f"{name} ({kind})" for name, kind in self.kinds.items()) or "none"
         return f"RunResults({self.path!r}: {listed})"
@@ -289,28 +303,3 @@ class RunResults:
         for key in keys:
             here = here[key]
         return getattr(here, "value", here)
-
-
-def read_run(path: str | os.PathLike[str]) -> RunResults:
-    """Read the results of a run.
-
-    Parameters
-    ----------
-    path : path-like
-        results.h5, or its folder.
-
-    Raises
-    ------
-    ValueError
-        If it is missing, truncated or of another kind.
-    """
-    name = os.fspath(path)
-    name = os.path.join(name, RESULTS) if os.path.isdir(name) else name
-    with results_in(name, "run") as file:
-        return RunResults(
-            name,
-            *case_in(file),
-            json.loads(text(file.attrs["run"])),
-            {analysis: Found.read(group) for analysis, group in file["analyses"].items()},
-            {analysis: text(group.attrs["kind"]) for analysis, group in file["analyses"].items()},
-        )

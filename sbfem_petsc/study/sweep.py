@@ -27,9 +27,9 @@ from .kinds.kind import Wanted
 from .rows import Row
 from .shares import Costs, Shares
 from .structure import Structure
-from .sweep_file import FILE, Sweep, read_sweep, together, write
+from .sweep_file import FILE, Sweep, together, write
 
-__all__ = ["Sweep", "read_sweep", "sweep"]
+__all__ = ["Sweep", "sweep"]
 
 METHODS = ("grid", "list", "latin_hypercube")
 DEFAULTS = {"method": "grid", "seed": 0, "ranks_per_row": 1, "histories": False}

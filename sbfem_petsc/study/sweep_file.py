@@ -18,7 +18,7 @@ from .case.case import Case, CaseTables
 from .case.locations import parse
 from .case.parameters import unit_of, words_of
 from .rows import Row
-from .storage import case_in, new_results, results_in, write_case
+from .storage import case_in, new_results, write_case
 
 FILE, TABLE = "sweep.h5", "sweep.csv"
 # Entries up to which an array stands in the CSV file, a column each.
@@ -54,6 +54,22 @@ class Sweep:
     seconds: np.ndarray
     text: str
     case_file: str
+
+    @classmethod
+    def of(cls, path: str, file: h5py.File) -> Sweep:
+        """What stands in an open file of results."""
+        values: dict[str, np.ndarray] = {}
+        units: dict[str, str] = {}
+
+        def visit(key: str, entry: Any) -> None:
+            if isinstance(entry, h5py.Dataset) and not bare(entry):
+                values[key], units[key] = value_of(entry), text(entry.attrs["units"])
+
+        if "values" in file:
+            file["values"].visititems(visit)
+        inputs = {text(entry.attrs["name"]): value_of(entry) for entry in file["inputs"].values()}
+        reasons = value_of(file["reasons"]).tolist()
+        return cls(inputs, values, units, reasons, value_of(file["seconds"]), *case_in(file))
 
     def __len__(self) -> int:
         return len(self.reasons)
@@ -174,33 +190,3 @@ def write_csv(sweep: Sweep, path: str) -> None:
         else:
             columns |= {f"{name}/{k + 1}{ending}": column for k, column in enumerate(array.T)}
     write_table(path, columns | {"seconds": sweep.seconds, "reason": np.array(sweep.reasons, dtype=str)})
-
-
-def read_sweep(path: str | os.PathLike[str]) -> Sweep:
-    """Read a sweep.
-
-    Parameters
-    ----------
-    path : path-like
-        sweep.h5, or its folder.
-
-    Raises
-    ------
-    ValueError
-        If it is missing, truncated or of another kind.
-    """
-    name = os.fspath(path)
-    name = os.path.join(name, FILE) if os.path.isdir(name) else name
-    with results_in(name, "sweep") as file:
-        values: dict[str, np.ndarray] = {}
-        units: dict[str, str] = {}
-
-        def visit(key: str, entry: Any) -> None:
-            if isinstance(entry, h5py.Dataset) and not bare(entry):
-                values[key], units[key] = value_of(entry), text(entry.attrs["units"])
-
-        if "values" in file:
-            file["values"].visititems(visit)
-        inputs = {text(entry.attrs["name"]): value_of(entry) for entry in file["inputs"].values()}
-        reasons = value_of(file["reasons"]).tolist()
-        return Sweep(inputs, values, units, reasons, value_of(file["seconds"]), *case_in(file))

@@ -15,7 +15,8 @@ from sbfem_petsc.study.case import body as tables
 from sbfem_petsc.study.case import objects
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.problems import CaseError
-from sbfem_petsc.study.run import read_run, run_case
+from sbfem_petsc.study.revive import read_any
+from sbfem_petsc.study.run import run_case
 from tests.study.small_case import sbfem
 
 FILES = Path(__file__).parents[1] / "bodies/calculix"
@@ -95,7 +96,7 @@ def test_the_numbers_of_python(file):
     """To the last digit."""
     outcome = run_case(file, file.parent / "out")
     assert not outcome.failed
-    found = read_run(file.parent / "out")
+    found = read_any(file.parent / "out")
     body = sb.read_calculix(FILES / "blocks")
     tip = body.at((0.08, 0.01, 0.01), "z")
     rom = sb.reduce(
@@ -164,7 +165,7 @@ def test_matrices(file):
     )
     file.write_text(text + "[output]\npictures = false\n")
     run_case(file, file.parent / "out")
-    found = read_run(file.parent / "out").value("frequencies", "frequencies")
+    found = read_any(file.parent / "out").value("frequencies", "frequencies")
     tip = body.at((0.08, 0.01, 0.01), "z")
     own = sb.reduce(body, loads={"F": tip}, points={"tip": tip}, modes=10).frequencies[:5]
     assert found == pytest.approx(own, rel=1e-9)

@@ -22,8 +22,8 @@ from sbfem_petsc import plot
 from sbfem_petsc.progress import LogLines
 from sbfem_petsc.study import report
 from sbfem_petsc.study.case.analyses import KINDS
+from sbfem_petsc.study.revive import read_any
 from sbfem_petsc.study.starter import KINDS as KINDS_OF_CASES
-from sbfem_petsc.study.sweep_file import read_sweep
 from tests.parallel import ROOT, interruptible, on_ranks
 from tests.results.test_strangers_files import changed
 from tests.study.small_case import CASE, SWEEP, sbfem, started, written
@@ -195,7 +195,7 @@ def test_report(folder, tmp_path, results):
             assert words in page.text
         assert "10^" not in page.text and "contact_resultant" not in page.text
         return
-    swept = read_sweep(folder / results)
+    swept = read_any(folder / results)
     for name in ("frequencies/frequencies", "frequencies/frequency_shift"):
         for smallest in swept.values[name].min(axis=0)[:3]:
             assert report.number(float(smallest), 5) in page.text

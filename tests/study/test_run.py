@@ -21,7 +21,8 @@ from sbfem_petsc.study import revive
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.problems import CaseError
 from sbfem_petsc.study.kinds.kind import Run
-from sbfem_petsc.study.run import read_run, run_case
+from sbfem_petsc.study.revive import read_any
+from sbfem_petsc.study.run import run_case
 from sbfem_petsc.study.storage import results_in
 from sbfem_petsc.study.structure import Structure
 from tests.parallel import on_ranks
@@ -94,7 +95,7 @@ def test_transient(summary, model, folder):
     assert found.shape == history.displacement("A").shape
     scale = np.abs(history.displacement("A")).max()
     np.testing.assert_allclose(found, history.displacement("A"), atol=1e-6 * scale)
-    results = read_run(folder / "out")
+    results = read_any(folder / "out")
     np.testing.assert_allclose(
         results.value("burst", "velocity", "A"),
         history.velocity("A"),
@@ -104,7 +105,7 @@ def test_transient(summary, model, folder):
 
 def test_results_file(folder):
     """Units stand beside the numbers, and the case can be run again from the file."""
-    results = read_run(folder / "out")
+    results = read_any(folder / "out")
     assert case_from_text(results.text).key == read_case(folder / "case.toml").key
     with h5py.File(folder / "out" / "results.h5") as file:
         data = file["analyses/frequencies/frequencies"]
@@ -120,7 +121,7 @@ def test_results_file(folder):
 def test_xarray_opens_the_results(folder):
     xarray = pytest.importorskip("xarray")
     pytest.importorskip("netCDF4")
-    results = read_run(folder / "out")
+    results = read_any(folder / "out")
     with xarray.open_datatree(folder / "out" / "results.h5") as tree:
         frequencies = tree["analyses/frequencies/frequencies"]
         np.testing.assert_array_equal(frequencies, results.value("frequencies", "frequencies"))
@@ -138,7 +139,7 @@ def test_changed_bytes_of_results_are_told(folder, tmp_path, name, every):
 
     def read(path):
         if name == "results.h5":
-            found = read_run(path)
+            found = read_any(path)
             return [pickle.dumps(item) for item in (found.text, found.run, found.kinds, found.analyses)]
         with results_in(path, "analysis") as file:
             return [pickle.dumps(Found.read(file))]

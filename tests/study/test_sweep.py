@@ -20,10 +20,10 @@ from sbfem_petsc.study.case import parameters
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.parameters import words_of
 from sbfem_petsc.study.kinds.kind import Wanted
+from sbfem_petsc.study.revive import read_any
 from sbfem_petsc.study.rows import Row
 from sbfem_petsc.study.shares import Costs
 from sbfem_petsc.study.structure import Structure
-from sbfem_petsc.study.sweep_file import read_sweep
 from tests.parallel import on_ranks
 from tests.study.small_case import CASE, SWEEP, WAITING, sbfem, started, stopped_sweep, written
 
@@ -41,7 +41,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found(folder):
-    return read_sweep(folder / "out")
+    return read_any(folder / "out")
 
 
 def model(depth):
@@ -276,7 +276,7 @@ def test_killed_and_resumed(found, tmp_path):
     assert len(before) == 2
     assert sbfem("sweep", path, "--output", out, "--quiet").code == 0
     assert len(list(rows.every(str(out / "rows")))) == 6
-    again = read_sweep(out)
+    again = read_any(out)
     for number, row in before.items():
         assert again.seconds[number] == row.seconds
     for name in ("steady/harmonics/A", "frequencies/frequencies"):
@@ -320,7 +320,7 @@ def test_two_ranks(found, tmp_path):
     assert json.loads(done.stdout)["failed"] == 0
     assert len(list((out / "rows").iterdir())) == 2  # both had rows
     assert len(list(rows.every(str(out / "rows")))) == 6
-    again = read_sweep(out)
+    again = read_any(out)
     for name, values in found.values.items():
         if name.split("/")[1] in ("harmonics", "harmonics_noisy", "frequencies", "amplitude"):
             np.testing.assert_allclose(again.values[name], values, atol=1e-6 * np.abs(values).max())
@@ -334,7 +334,7 @@ def test_failed_rows(tmp_path):
     )
     done = sbfem("sweep", written(tmp_path, text), "--output", tmp_path / "out", "--quiet")
     assert done.code == 3 and "1 of 2 rows failed" in done.err
-    found = read_sweep(tmp_path / "out")
+    found = read_any(tmp_path / "out")
     assert found.reasons[0] == "" and "geometry.notches[0]" in found.reasons[1] and "0.2" in found.reasons[1]
     values = found.values["frequencies/frequencies"]
     assert np.isfinite(values[0]).all() and np.isnan(values[1]).all()

@@ -19,8 +19,9 @@ import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from meshing.warnings import IncompleteHistory
 from sbfem_petsc.study import rows
-from sbfem_petsc.study.run import RunResults, read_run
-from sbfem_petsc.study.sweep_file import Sweep, read_sweep
+from sbfem_petsc.study.revive import read_any
+from sbfem_petsc.study.run import RunResults
+from sbfem_petsc.study.sweep_file import Sweep
 from tests.parallel import ROOT, answer, in_session, interruptible, kill_all, on_ranks
 from tests.study.small_case import CASE, SWEEP, sbfem, stopped_sweep, written
 
@@ -174,7 +175,7 @@ def test_sweep_ended_and_resumed(number, tmp_path):
     before = rows.read(str(out / "rows"))
     assert len(before) == 2
     assert sbfem("sweep", path, "--output", out, "--quiet").code == 0
-    again = read_sweep(out)
+    again = read_any(out)
     assert len(again.seconds) == 6
     for name, row in before.items():
         assert again.seconds[name] == row.seconds
@@ -196,7 +197,7 @@ def test_sweep_on_a_full_disk(size, tmp_path):
         and (str(out) in done.stderr or "TMPDIR" in done.stderr)
     )
     assert sbfem("sweep", path, "--output", out, "--quiet").code == 0
-    assert np.isfinite(read_sweep(out).values["frequencies/frequencies"]).all()
+    assert np.isfinite(read_any(out).values["frequencies/frequencies"]).all()
 
 
 @pytest.fixture(scope="module")
@@ -219,8 +220,8 @@ def files(tmp_path_factory):
     return {
         "history": (folder / "h.h5", sb.read),
         "branch": (folder / "b.h5", sb.read),
-        "sweep": (folder / "sweep" / "sweep.h5", read_sweep),
-        "run": (folder / "run" / "results.h5", read_run),
+        "sweep": (folder / "sweep" / "sweep.h5", read_any),
+        "run": (folder / "run" / "results.h5", read_any),
     }
 
 
