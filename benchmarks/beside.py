@@ -86,6 +86,17 @@ for name, pressure, shear in (("pressed", 1e6, 2e5), ("sheared", 0.0, 1e6), ("pu
     load = sb.EdgeLoad("edge3", pressure=pressure, tx=shear)
     told(f"static contact, {name}", lambda: sb.static(models.pop(), load), len(models))
 """,
+    "plate": """
+from benchmarks.plate import plate, plate_mesh
+mesh = plate_mesh(plate(10, 0, 0), 124_552, 5)
+for name, pressure in (("pressed", 1e6), ("pulled open", -1e6)):
+    model = sb.Model(mesh, aluminium, clamped="edge1")
+    told(f"{model.boundary_unknowns} unknowns, assembly", lambda: model.stiffness)
+    model.contact, model.tips.intensities
+    load = sb.EdgeLoad("edge3", pressure=pressure, tx=2e5)
+    told(f"static contact of it, {name}", lambda: sb.static(model, load))
+told("20 modes of it", lambda: sb.modal(model, 20))
+""",
 }
 
 

@@ -73,7 +73,7 @@ class Group:
         """(n, m) matrix whose rows are vectors of the reference frame -> (k, n, m) in each element's frame:
         R^T matrix.
         """
-        return _turned(self.rotations, matrix[None])
+        return turned(self.rotations, matrix[None])
 
     def turned_both(self, matrix: np.ndarray) -> np.ndarray:
         """(n, n) symmetric matrix of the reference frame -> (k, n, n): R^T matrix R."""
@@ -82,11 +82,11 @@ class Group:
 
 def turned_both(rotations: np.ndarray, matrices: np.ndarray) -> np.ndarray:
     """R^T matrix R of (k, 2, 2) rotations and (k, n, n) symmetric matrices, or one of these for all."""
-    half = _turned(rotations, matrices)
-    return _turned(rotations, half.transpose(0, 2, 1))
+    half = turned(rotations, matrices)
+    return turned(rotations, half.transpose(0, 2, 1))
 
 
-def _turned(rotations: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+def turned(rotations: np.ndarray, matrices: np.ndarray) -> np.ndarray:
     """R^T matrix of (k, 2, 2) rotations and (k, n, m) matrices, or one of these for all."""
     count, n, m = matrices.shape
     pairs = matrices.reshape(count, n // 2, 2, m)

@@ -5,8 +5,10 @@ what a band needs.
 from __future__ import annotations
 
 import copy
+import itertools
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,7 +19,7 @@ from ...selement.dense import cholesky, lower_solve, symmetric_eigen
 from ...selement.inertia import Moments
 from ...selement.solution import SElement
 from ..elements.elements import Elements
-from ..elements.shapes import Group
+from ..elements.shapes import Group, turned, turned_both
 from ..layout.rows import Rows
 from .assembly import ElementBlocks, assemble, assemble_like, from_rows
 from .linear_solver import LinearSolver
@@ -68,31 +70,26 @@ class Pencil:
         self._coupling: PETSc.Mat | None = None
         # a matter of caches, not of memory
         self.small = comm.size == 1 and layout.count <= _SMALL
-        self._pieces = [
-            piece
-            for group in self.elements.moving
-            for piece in _pieces(self.elements, group, highest, tolerance)
-        ]
-        local = sum(piece.auxiliary for piece in self._pieces)
+        self._pieces = _pieces(self.elements, highest, tolerance)
+        local = sum(piece.inertia.size for piece in self._pieces)
         self.auxiliary_ranges = np.concatenate([[0], np.cumsum(comm.allgather(local))]).astype(np.int64)
         self.ranges = layout.ranges + self.auxiliary_ranges
         self.unknowns = int(self.ranges[-1])
         self.owned = layout.owned.stop - layout.owned.start
         mass = []
         first = int(self.ranges[comm.rank]) + self.owned
-        self._auxiliary_stiffness = np.empty(local)
+        moduli = [np.full(piece.inertia.size, piece.modulus) for piece in self._pieces]
+        self._auxiliary_stiffness = np.concatenate([np.empty(0), *moduli])
         for piece in self._pieces:
-            numbers = first + np.arange(piece.auxiliary).reshape(len(piece.group_rows), -1)
+            numbers = piece.numbers(first)
             unknowns = self.numbers(piece.unknowns)
             mass.append(ElementBlocks(unknowns, unknowns, piece.mass))
             if numbers.size:
                 mass.append(ElementBlocks(unknowns, numbers, piece.coupling))
                 mass.append(ElementBlocks(numbers, unknowns, piece.transposed_coupling))
                 pairs = numbers.reshape(-1, 2)
-                inertia = np.tile(piece.inertia, len(numbers)).reshape(-1, 2, 1) * np.eye(2)
+                inertia = piece.inertia.reshape(-1, 2, 1) * np.eye(2)
                 mass.append(ElementBlocks(pairs, pairs, inertia.__getitem__))
-                own = numbers.ravel() - (self.ranges[comm.rank] + self.owned)
-                self._auxiliary_stiffness[own] = piece.modulus
             first += numbers.size
         self.stiffness = self._bordered()
         # products with it take most of an eigensolver's time
@@ -152,7 +149,7 @@ class Pencil:
     def _assembled_coupling(self) -> PETSc.Mat:
         first, blocks = int(self.auxiliary_ranges[self.layout.comm.rank]), []
         for piece in self._pieces:
-            numbers = first + np.arange(piece.auxiliary).reshape(len(piece.group_rows), -1)
+            numbers = piece.numbers(first)
             blocks.append(ElementBlocks(piece.unknowns, numbers, piece.coupling))
             first += numbers.size
         return assemble(
@@ -167,15 +164,18 @@ class Pencil:
         """(local auxiliary unknowns, 2): C' times a unit translation along x and y, what a rigid motion of
         the structure couples to.
         """
-        parts = [np.zeros((0, 2)), *(piece.coupled_translation().reshape(-1, 2) for piece in self._pieces)]
+        parts = [np.zeros((0, 2))]
+        for kind in self._kinds():
+            units = np.tile(np.eye(2), (len(kind.group.shape), 1))
+            parts.append((kind.scale * (kind.coupling.T @ units) @ kind.group.rotations).reshape(-1, 2))
         return np.concatenate(parts)
 
     def auxiliary_momentum(self, field: np.ndarray) -> np.ndarray:
         """(local auxiliary unknowns,): C' times displacements (m, 2) of this rank's nodes."""
         parts = [np.empty(0)]
-        for piece in self._pieces:
-            moved = field[piece.group.nodes].reshape(len(piece.group_rows), -1, 1)
-            parts.append((piece.transposed_coupling(slice(None)) @ moved).ravel())
+        for kind in self._kinds():
+            moved = field[kind.group.nodes].reshape(len(kind.group.sizes), -1, 1)
+            parts.append((kind.turned_coupling() @ moved).ravel())
         return np.concatenate(parts)
 
     def placed(self) -> Iterator[tuple[Group, float, np.ndarray]]:
@@ -183,14 +183,18 @@ class Pencil:
         those of this rank, (k, a); of a pencil that keeps every one.
         """
         first = 0
-        for piece in self._pieces:
-            numbers = first + np.arange(piece.auxiliary).reshape(len(piece.group_rows), -1)
-            yield piece.group, piece.inertia_scale, numbers
-            first += piece.auxiliary
+        for kind in self._kinds():
+            count = len(kind.group.sizes) * len(kind.inertia)
+            yield kind.group, kind.scale, first + np.arange(count).reshape(len(kind.group.sizes), -1)
+            first += count
+
+    def _kinds(self) -> Iterator[_Kind]:
+        """In the order of their auxiliary unknowns."""
+        return itertools.chain.from_iterable(piece.kinds for piece in self._pieces)
 
     def auxiliary_inertia(self) -> np.ndarray:
         """J of this rank's auxiliary unknowns."""
-        return np.concatenate([np.tile(p.inertia, len(p.group_rows)) for p in self._pieces] or [np.empty(0)])
+        return np.concatenate([np.empty(0), *(piece.inertia.ravel() for piece in self._pieces)])
 
     def eigenvalues_below(self, shift: float) -> int | None:
         """Number of eigenvalues omega^2 < `shift` by Sylvester's law of inertia; None where the direct solver
@@ -212,59 +216,110 @@ class Pencil:
         free(self.layout.comm, *(matrix for matrix in made if matrix is not None))
 
 
-class _Piece:
-    """S-elements of one group with one size: equal matrices up to rotation."""
+@dataclass(frozen=True, eq=False)
+class _Kind:
+    """S-elements of one shape and one size, equal up to rotation, with the auxiliary unknowns that are kept.
 
-    def __init__(self, elements: Elements, group: Group, rows: np.ndarray, highest: float, tolerance: float):
-        self.group, self.group_rows = group.select(rows), rows
-        self.modulus, inertia = elements.scales(self.group)
-        self.inertia_scale = float(inertia[0])
-        self.unknowns = elements.unknowns_of(self.group)
-        solution, w2 = group.solution, highest**2 * self.inertia_scale / self.modulus
-        if tolerance >= _BY_MOMENTS and isinstance(solution.dynamics, Moments):
-            coupling, inertia = _leading(solution.stiffness, solution.dynamics, w2, tolerance)
-        elif tolerance > 0.0 and solution.coupling.shape[1]:
-            coupling, inertia = _project(solution, w2, tolerance, elements.terms)
-        else:
-            coupling, inertia = solution.coupling, solution.inertia
-        self._coupling, self._inertia = coupling, inertia
-        self.auxiliary = inertia.size * len(rows)
-        self.inertia = self.inertia_scale * inertia
+    Attributes
+    ----------
+    group : Group
+    scale : float
+        rho h^2 t, kg.
+    coupling : (n, r) array
+    inertia : (r,) array
+    """
+
+    group: Group
+    scale: float
+    coupling: np.ndarray
+    inertia: np.ndarray
+
+    def turned_coupling(self) -> np.ndarray:
+        """(k, r, n), of each S-element in its own frame."""
+        return self.scale * self.group.turned(self.coupling).transpose(0, 2, 1)
+
+
+class _Piece:
+    """S-elements of one material with as many boundary and as many auxiliary unknowns, of however many kinds:
+    what is done for each kind at a time takes longer than its numbers.
+    """
+
+    def __init__(self, elements: Elements, kinds: list[_Kind]):
+        self.kinds = kinds
+        self._of = np.repeat(np.arange(len(kinds)), [len(kind.group.sizes) for kind in kinds])
+        self._rotations = np.concatenate([kind.group.rotations for kind in kinds])
+        self.unknowns = np.concatenate([elements.unknowns_of(kind.group) for kind in kinds])
+        self.modulus = elements.scales(kinds[0].group)[0]
+        self._scales = np.array([kind.scale for kind in kinds])[self._of, None, None]
+        self._coupling = np.stack([kind.coupling for kind in kinds])
+        self._inertia = np.stack([kind.inertia for kind in kinds])
+
+    @property
+    def inertia(self) -> np.ndarray:
+        """(k, r)"""
+        return self._scales[:, 0] * self._inertia[self._of]
+
+    def numbers(self, first: int) -> np.ndarray:
+        """(k, r) numbers of the auxiliary unknowns, the first of which is given."""
+        count = len(self._of)
+        return first + np.arange(count * self._inertia.shape[1]).reshape(count, -1)
 
     def mass(self, part: slice) -> np.ndarray:
         """(k, n, n) blocks of some of the S-elements."""
-        return self.inertia_scale * self.group.select(part).turned_both(self.group.solution.mass)
+        masses = np.stack([self.kinds[k].group.solution.mass for k in self._of[part]])
+        return self._scales[part] * turned_both(self._rotations[part], masses)
 
     def coupling(self, part: slice) -> np.ndarray:
         """(k, n, r) blocks of some of the S-elements."""
-        return self.inertia_scale * self.group.select(part).turned(self._coupling)
+        return self._scales[part] * turned(self._rotations[part], self._coupling[self._of[part]])
 
     def transposed_coupling(self, part: slice) -> np.ndarray:
         """(k, r, n)"""
         return self.coupling(part).transpose(0, 2, 1)
 
-    def coupled_translation(self) -> np.ndarray:
-        """(k, r, 2): transposed coupling times unit translations."""
-        units = np.tile(np.eye(2), (len(self.group.shape), 1))
-        return self.inertia_scale * (self._coupling.T @ units) @ self.group.rotations
-
     def condensed(self, shift: float) -> Callable[[slice], np.ndarray]:
         """(k, n, n) blocks of the shifted stiffness without auxiliary unknowns, of some of the S-elements."""
-        solution, s = self.group.solution, shift * self.inertia_scale / self.modulus
-        matrix = self.modulus * (
-            solution.stiffness
-            - s * solution.mass
-            - s * s * (self._coupling / (1.0 - s * self._inertia)) @ self._coupling.T
-        )
-        return lambda part: self.group.select(part).turned_both(matrix)
+
+        def values(part: slice) -> np.ndarray:
+            of, s = self._of[part], shift / self.modulus * self._scales[part]
+            solutions = [self.kinds[k].group.solution for k in of]
+            matrices = s * np.stack([solution.mass for solution in solutions])
+            coupling = s * self._coupling[of]
+            matrices += (coupling / (1.0 - s * self._inertia[of][:, None])) @ coupling.transpose(0, 2, 1)
+            matrices = np.stack([solution.stiffness for solution in solutions]) - matrices
+            return self.modulus * turned_both(self._rotations[part], matrices)
+
+        return values
 
 
-def _pieces(elements: Elements, group: Group, highest: float, tolerance: float) -> list[_Piece]:
-    """Split a group by the sizes of its S-elements."""
+def _pieces(elements: Elements, highest: float, tolerance: float) -> list[_Piece]:
+    """All S-elements of this rank; see `Pencil`."""
+    alike: dict[tuple[int, int, int], list[_Kind]] = {}
+    for group in elements.moving:
+        for some in _of_one_size(group):
+            modulus, scales = elements.scales(some)
+            w2 = highest**2 * scales[0] / modulus
+            coupling, inertia = _reduced(some.solution, w2, tolerance, elements.terms)
+            key = (group.material, len(coupling), len(inertia))
+            alike.setdefault(key, []).append(_Kind(some, float(scales[0]), coupling, inertia))
+    return [_Piece(elements, kinds) for kinds in alike.values()]
+
+
+def _of_one_size(group: Group) -> list[Group]:
+    """A group split by the sizes of its S-elements."""
     sizes = group.sizes
     order = np.argsort(sizes, kind="stable")
     breaks = np.flatnonzero(np.diff(sizes[order]) > 1e-9 * sizes[order][1:]) + 1
-    return [_Piece(elements, group, rows, highest, tolerance) for rows in np.split(order, breaks)]
+    return [group.select(rows) for rows in np.split(order, breaks)] if len(sizes) > 1 else [group]
+
+
+def _reduced(solution: SElement, w2: float, tolerance: float, terms: int) -> tuple[np.ndarray, np.ndarray]:
+    """C (n, r) and J (r,) of the auxiliary unknowns that matter up to omega^2 rho h^2 / E = `w2`."""
+    if tolerance >= _BY_MOMENTS and isinstance(solution.dynamics, Moments):
+        return _leading(solution.stiffness, solution.dynamics, w2, tolerance)
+    if tolerance > 0.0 and solution.coupling.shape[1]:
+        return _project(solution, w2, tolerance, terms)
+    return solution.coupling, solution.inertia
 
 
 def _leading(
