@@ -13,7 +13,7 @@ from ..motion.excitation import Excitation
 from ..motion.files import run_file
 from ..motion.files.run_file import RunFile
 from ..motion.period_map import Period
-from ..motion.unreduced.ranks import Labels, kept_layouts, layout_of, layouts_in, moved_whole
+from ..motion.unreduced.ranks import Labels, alike, kept_layouts, layout_of, layouts_in, moved_whole
 from ..petsc import MPI
 from ..ranks.parallel import collective, on_root
 from ..record.files import image
@@ -97,7 +97,7 @@ class LineFile(RunFile):
             layouts = kept_layouts(self.comm, layout_of(pencil))
         if found is not None:
             begin, self._lines, runs = found
-            if pencil is not None and self._moved(pencil, runs):
+            if pencil is not None and self._moved(pencil, runs, layouts):
                 self._layouts = layouts
         if self.comm.rank == 0:
             self._head = {"kept": self.kept, **conditions, "begins": begin, **layouts}
@@ -151,11 +151,12 @@ class LineFile(RunFile):
             lines[number : number + 1] = [{**frame, "points": former["points"][:first] + points}]
         return self._former.head["begins"], lines, runs
 
-    def _moved(self, pencil: Pencil, runs: list[list[Labels]]) -> bool:
-        """Put the points of runs on another number of ranks in the order of these; whether the last one is
-        such a run. Collective.
+    def _moved(self, pencil: Pencil, runs: list[list[Labels]], layouts: Mapping[str, np.ndarray]) -> bool:
+        """Put the points of runs on other ranks in the order of these, whose layouts rank 0 has; whether the
+        last one is such a run. Collective.
         """
-        others = [len(layouts) != self.comm.size for layouts in runs]
+        own = layouts_in(layouts)
+        others = self.comm.bcast([not alike(run, own) for run in runs])
         for line in self._lines:
             points = line["points"]
             for run in np.flatnonzero(others):

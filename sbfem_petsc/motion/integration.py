@@ -86,7 +86,7 @@ class UnreducedFacts(NamedTuple):
 
 
 class OfOtherRanks(NamedTuple):
-    """Checkpoints of all ranks of a former run, of which there were more or fewer, and their layouts."""
+    """Checkpoints of all ranks of a former run whose states stood otherwise, and their layouts."""
 
     parts: list[np.ndarray]
     layouts: Sequence[Mapping[str, np.ndarray]]

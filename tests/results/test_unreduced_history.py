@@ -3,6 +3,7 @@ runs' files.
 """
 
 import contextlib
+import dataclasses
 import pathlib
 import shutil
 import signal
@@ -141,6 +142,20 @@ def near(found, whole):
         (found.stress_intensity(), whole.stress_intensity()),
     ):
         np.testing.assert_allclose(values, exact, rtol=0, atol=1e-6 * np.abs(exact).max())
+
+
+def test_goes_on_in_another_basis(whole, tmp_path):
+    """Other BLAS kernels, as of another processor, find vectors of the auxiliary unknowns of other signs."""
+    path, other = tmp_path / "h.h5", make()
+    with pytest.raises(KeyboardInterrupt):
+        sb.transient(make(), LOAD, file=path, progress=stopped(0.5), **RUN)
+    for group in other.cells.moving:
+        fraction = group.solution._fraction
+        signs = np.where(np.arange(len(fraction.inertia)) % 3, 1.0, -1.0)
+        group.solution.__dict__["_fraction"] = dataclasses.replace(
+            fraction, coupling=fraction.coupling * signs
+        )
+    near(sb.transient(other, LOAD, file=path, resume=True, **RUN), whole)
 
 
 @pytest.mark.long

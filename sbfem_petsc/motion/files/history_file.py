@@ -24,7 +24,7 @@ from ..history import History
 from ..integration import Column, FormerRun, OfOtherRanks, Rows, UnreducedFacts
 from ..reduced_history import recorded_exchanges, reduced_columns, reduced_history
 from ..unreduced.history import SampledRun, sampled_columns, unreduced_history
-from ..unreduced.ranks import kept_layouts, layouts_in
+from ..unreduced.ranks import Labels, alike, kept_layouts, layouts_in
 from .run_file import OF_MODEL, OF_START, RunFile
 
 WHAT = "history file"
@@ -60,6 +60,7 @@ class HistoryFile(RunFile):
         self.kind, self.in_memory = kind, in_memory
         self._reduced: ReducedModel | None = None
         self._layouts: dict[str, np.ndarray] = {}  # those that are to stand beside the state; on rank 0
+        self._own: list[Labels] = []
         former = None
         try:
             with collective(comm):
@@ -130,12 +131,12 @@ class HistoryFile(RunFile):
                 names |= {"supports": unreduced.supports}
                 head |= {name: list(found) for name, found in names.items()}
                 head["fingerprint"] = unreduced.fingerprint
-            self._layouts = layouts
+            self._layouts, self._own = layouts, layouts_in(layouts)
             former = self._journal.former
             if former is not None:
                 self._require_same(former, head, signals)
-                if self.comm.size == len(layouts_in(former.head)):
-                    self._layouts = {}  # partitions are the same of as many ranks
+                if alike(layouts_in(former.head), self._own):
+                    self._layouts = {}
                 self._journal.begin({}, former.vouched)
                 return
             head["signals"] = signal_checks(signals, settings["count"] * settings["step"])
@@ -168,8 +169,8 @@ class HistoryFile(RunFile):
 
     # ------------------------------------------------------------------ an integration.Recorder
     def resume(self) -> tuple[int, Rows, np.ndarray | OfOtherRanks] | None:
-        """Steps done, rows (none but in memory) and this rank's checkpoint of the former run, of another
-        number of ranks all of them; None for a new one. Collective.
+        """Steps done, rows (none but in memory) and this rank's checkpoint of the former run, of one on other
+        ranks all of them; None for a new one. Collective.
         """
         if self.former is None:
             return None
@@ -181,7 +182,7 @@ class HistoryFile(RunFile):
                 state = former.state
                 parts = np.split(state["state"], np.cumsum(state["sizes"])[:-1])
                 layouts = layouts_in(state) or layouts_in(former.head)
-                found = state["done"], parts, layouts if len(parts) != comm.size else []
+                found = state["done"], parts, [] if alike(layouts, self._own) else layouts
         done, parts, layouts = comm.bcast(found)
         rows = {name: comm.bcast(rows.get(name)) for name in comm.bcast(list(rows))}
         if self.kind == "reduced":

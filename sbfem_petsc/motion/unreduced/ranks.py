@@ -1,4 +1,4 @@
-"""States of an unreduced model that goes on with another number of ranks.
+"""States of an unreduced model that goes on with another number of ranks, or with other BLAS kernels.
 
 Displacement unknowns are told apart by nodes. Auxiliary unknowns q stand in a basis that each rank finds for
 its own S-elements; what is the same in every basis is what they give the nodes, C J^k q with k below the
@@ -16,6 +16,8 @@ from ...petsc import MPI
 from ...system.solve.pencil import Pencil
 
 Labels = Mapping[str, np.ndarray]
+# Relative difference of two bases that are the same but for rounding.
+_SAME = 1e-12
 
 
 def kept_layouts(comm: MPI.Comm, layout: Labels) -> dict[str, np.ndarray]:
@@ -32,6 +34,20 @@ def layouts_in(frame: Mapping[str, Any]) -> list[Labels]:
             _, rank, own = name.split("/", 2)
             found.setdefault(rank, {})[own] = values
     return list(found.values())
+
+
+def alike(former: Sequence[Labels], own: Sequence[Labels]) -> bool:
+    """Whether the states of a former run stand as those of this one do: of as many ranks, with the same
+    S-elements in the same basis. Other BLAS kernels, as of another processor, find it with other signs.
+    """
+
+    def equal(one: np.ndarray, other: np.ndarray) -> bool:
+        size = float(np.abs(one).max(initial=0.0))
+        return one.shape == other.shape and bool(np.allclose(one, other, rtol=0.0, atol=_SAME * size))
+
+    return len(former) == len(own) and all(
+        a.keys() == b.keys() and all(equal(a[name], b[name]) for name in a) for a, b in zip(former, own)
+    )
 
 
 def layout_of(pencil: Pencil) -> dict[str, np.ndarray]:
