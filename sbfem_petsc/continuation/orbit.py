@@ -40,8 +40,8 @@ LOWEST, FAINT = 5, 1e-3
 SECOND = 4.0 / 3.0
 # Parts of what left-out modes add to the gaps, of which the first that leads to a motion counts.
 PARTS = 1.0, 0.01
-# Newton iterations to the motions that these have.
-NEWTON = 16
+# Newton iterations to the motions that these have, and residual relative to the first one.
+NEWTON, BESIDE = 16, 1e-6
 # Harmonics that are kept in files and tables beside the motion itself.
 HARMONICS = 41
 
@@ -346,8 +346,10 @@ def _beside(fixed: FixedPoint, driven: DrivenPeriod) -> np.ndarray | None:
         if driven.period.unknowns <= WHOLE:
             found = shoot_nearby(driven, fixed.state, fixed.monodromy)
         if found is None:
-            kind = "dense" if driven.period.unknowns <= WHOLE else "matrix-free"
-            found = Shooting(driven, kind, NEWTON).solve(fixed.state)
+            kind = "updated" if driven.period.unknowns <= WHOLE else "matrix-free"
+            shooting = Shooting(driven, kind, NEWTON)
+            shooting.hurries, shooting.relative = True, BESIDE
+            found = shooting.solve(fixed.state)
     except SolveError:
         return None
     return _lowest(driven, found.motion)

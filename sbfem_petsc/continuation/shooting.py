@@ -20,6 +20,8 @@ from .problem import GAIN, Lost
 RELATIVE, RELATIVE_UPDATED, ROUND_OFF = 1e-10, 1e-11, 1e-12
 # Residual relative to the linear oscillation at which a fixed point nearby is taken.
 NEARBY = 1e-8
+# Iterations that do not halve the residual, after which a search that hurries is given up.
+SLOW = 3
 # Unknowns up to which matrices of the period map are made whole.
 WHOLE = 1200
 # Motions of so many modes and more are first looked for with so many times fewer steps, but so many at least
@@ -100,12 +102,12 @@ def _from_fewer_steps(driven: DrivenPeriod, state: np.ndarray) -> FixedPoint | N
 
 def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray) -> FixedPoint | None:
     """Fixed point very near a state, by Newton's method with a derivative of the period that is known about:
-    that of a motion nearby, dx(T) / dx(0). None unless each iterate is at least ten times better.
+    that of a motion nearby, dx(T) / dx(0), and Broyden's updates of it. None unless each of these gains.
 
     To 1e-8 of the linear oscillation, for which a few periods are integrated and no derivative is made.
     """
     try:
-        inverse = Factors(derivative - np.eye(len(state)))
+        inverse = Updated(Factors(derivative - np.eye(len(state))))
     except Lost:
         return None
     aim = max(NEARBY * driven.oscillation, ROUND_OFF * float(np.linalg.norm(driven.linear_state)))
@@ -115,9 +117,12 @@ def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray
         residuals.append(float(np.linalg.norm(motion.residual)))
         if residuals[-1] <= aim:
             return FixedPoint(state, driven, motion, tuple(residuals))
-        if len(residuals) > 1 and residuals[-1] > 0.1 * residuals[-2]:
-            break
-        state = state - inverse.solve(motion.residual)
+        if len(residuals) > 1:
+            if residuals[-1] > GAIN * residuals[-2]:
+                break
+            inverse.add(motion.residual, step / float(step @ step))
+        step = -inverse.solve(motion.residual)
+        state = state + step
     return None
 
 
@@ -135,6 +140,8 @@ class Shooting:
         self.driven, self.jacobian = driven, jacobian
         self.iterations = ITERATIONS if iterations is None else iterations
         self.relative = RELATIVE_UPDATED if jacobian == "updated" else RELATIVE
+        # whether a search that hardly gains is given up
+        self.hurries = False
         # derivative of x(T) - x(0) to begin with, and the last iteration's
         self.near: np.ndarray | None = None
         self.derivative: np.ndarray | None = None
@@ -225,6 +232,8 @@ class Shooting:
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, matrix: PETSc.Mat, preconditioner: PETSc.Mat) -> None:
         motion, state = self._motion(x.array_r), x.array_r.copy()
+        if self.hurries and self.residuals[-1] > 0.5 * min(self.residuals[:-SLOW], default=math.inf):
+            raise SolveError(f"{called()}: Newton's method hardly gains")
         if self.jacobian == "matrix-free":
             matrix.getPythonContext().motion = motion
         elif self.jacobian == "differences":

@@ -204,6 +204,9 @@ def test_fixed_point_nearby():
     # residual and error differ by |(Phi - 1)^-1|, about 10
     np.testing.assert_allclose(nearby.state, found.state, atol=1e-6 * size)
     assert shoot_nearby(driven, start, -3.0 * derivative) is None
+    rough = shoot_nearby(driven, start, 0.8 * derivative)  # Broyden's updates make up for that
+    assert rough is not None and len(rough.residuals) <= 12
+    np.testing.assert_allclose(rough.state, found.state, atol=1e-6 * size)
 
 
 def test_linear_resolvent(chain_motion):
