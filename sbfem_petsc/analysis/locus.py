@@ -34,6 +34,8 @@ SMOOTH = 0.1
 SMOOTH_KINDS = ("fold", "period doubling", "Neimark-Sacker")
 # A bifurcation this near to a line that is known, relative to its state and to the branch's range, is on it.
 ONE = 0.03
+# What a bifurcation's state may miss of itself over a period, relative.
+PERIODIC = 1e-4
 # A factor this near to 1 is 1.
 AT = 1e-6
 
@@ -108,18 +110,24 @@ def locus(
                 f"locus: bifurcation = {bifurcation!r} cannot be followed; give a fold, a period doubling, "
                 "a Neimark-Sacker or a grazing point"
             )
-        if bifurcation.kind == "fold" and not _smooth(branch, bifurcation):
-            raise ValueError(
-                f"locus: bifurcation = {bifurcation!r} is a corner of the branch, where a pair begins to "
-                "touch, and no multiplier is 1 there; give a smooth fold"
-            )
         if bifurcation.state.shape != branch.states.shape[1:]:
             raise ValueError(
                 f"locus: bifurcation = {bifurcation!r} has {bifurcation.state.size} unknowns, the branch "
                 f"{branch.states.shape[1]}; give one of branch.bifurcations"
             )
-        _require_effect(what, branch, parameter)
         driven = branch.over.at(branch.period, bifurcation.own_value)
+        missed = np.linalg.norm(driven.run(bifurcation.state).residual)
+        if not missed <= PERIODIC * branch.period.size(bifurcation.state):
+            raise ValueError(
+                f"locus: bifurcation = {bifurcation!r} is no motion of the branch, under whose loads it is "
+                "not periodic; give one of branch.bifurcations"
+            )
+        if bifurcation.kind == "fold" and not _smooth(branch, bifurcation):
+            raise ValueError(
+                f"locus: bifurcation = {bifurcation!r} is a corner of the branch, where a pair begins to "
+                "touch, and no multiplier is 1 there; give a smooth fold"
+            )
+        _require_effect(what, branch, parameter)
         value = bifurcation.own_value if branch.parameter == parameter else 1.0
         if not min(start, stop) <= value <= max(start, stop):
             raise ValueError(
@@ -138,7 +146,7 @@ def locus(
     ):
         if record is not None:
             told = {"kind": bifurcation.kind, "row": -1 if row is None else row, "parameter": parameter}
-            told |= {"lower": limits[0], "upper": limits[1], "factor": factor}
+            told |= {"start": limits[0], "stop": limits[1], "factor": factor}
             told["largest_step"] = largest_step or "none"
             told["frequency"] = begin.frequency
             period, known = record.begin_period(period, told, begin.packed())

@@ -112,6 +112,7 @@ def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray
         return None
     aim = max(NEARBY * driven.oscillation, ROUND_OFF * float(np.linalg.norm(driven.linear_state)))
     residuals: list[float] = []
+    step = np.zeros(len(state))
     while len(residuals) < ITERATIONS:
         motion = driven.run(state)
         residuals.append(float(np.linalg.norm(motion.residual)))

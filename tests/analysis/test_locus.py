@@ -348,6 +348,7 @@ def test_bad_input(curve):
     for arguments, sentence in (
         ((crossing, 0.5, 2.0), "cannot be followed"),
         ((corner, 0.5, 2.0), "corner of the branch"),
+        ((replace(corner, state=1.01 * fold.state), 0.5, 2.0), "no motion of the branch"),
         ((fold, 1.5, 2.0), "must lie between start = 1.5 and stop = 2"),
         ((fold, -1.0, 2.0), "start"),
     ):

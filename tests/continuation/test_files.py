@@ -140,7 +140,7 @@ def test_another_run_is_refused(tmp_path):
     path = str(tmp_path / "line.h5")
     locus(file=path)
     point = next(item for item in curve().bifurcations if item.kind == "Neimark-Sacker")
-    with pytest.raises(ValueError, match="was written with upper = 1.1, not 1.2; resume with the same value"):
+    with pytest.raises(ValueError, match="was written with stop = 1.1, not 1.2; resume with the same value"):
         sb.locus(curve(), point, 0.9, 1.2, file=path, resume=True)
     with pytest.raises(ValueError, match="was written with largest_step = none, not 0.01"):
         sb.locus(curve(), point, 0.9, 1.1, largest_step=0.01, file=path, resume=True)
