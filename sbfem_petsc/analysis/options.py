@@ -79,9 +79,6 @@ class StaticOptions(Options):
     """Options of `static`."""
 
     contact: bool = item(True, text=_CONTACT)
-    method: Literal["active_set", "one_pass_tie"] = item(
-        "active_set", text="unilateral contact, or a single correction that admits tension"
-    )
     accuracy: float | None = _accuracy()
 
 
@@ -104,7 +101,7 @@ class TransientOptions(Options):
     )
     modes: int | None = _counted(_MODES)
     contact: bool = item(True, text=_CONTACT)
-    scheme: Literal["exact", "newmark", "paper"] = item("exact", text="time integration")
+    scheme: Literal["exact", "newmark"] = item("exact", text="time integration")
     decimation: int | None = _counted("every so many steps are kept; default: all that 1 GB holds")
 
     def contradictions(self) -> Iterator[tuple[str, str]]:

@@ -12,7 +12,6 @@ import numpy as np
 from meshing.warnings import MeshWarning, RoundOffWarning, StepWarning
 
 from ..checks import shown
-from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..errors import SolveError, caller_level, on_all_ranks
 from ..loads import as_loads, separate
 from ..motion.loading import loading
@@ -41,13 +40,9 @@ NEGLIGIBLE = 1e-6
 # do: 0.034, 2.6e-4, 4.8e-5, 2.3e-6 were met at 1.5e11, 1.5e9, 1.5e8, 1.5e7; and the error that is warned of.
 DIGITS, LOST = 2e-13, 1e-4
 
-_METHODS = {"active_set": solve_complementarity, "one_pass_tie": one_pass_tie}
-
 
 @overload
-def static(
-    model: Model, load, *, contact: bool = True, method: str = "active_set", accuracy: float | None = None
-) -> Static: ...
+def static(model: Model, load, *, contact: bool = True, accuracy: float | None = None) -> Static: ...
 @overload
 def static(model: ReducedModel, load, *, contact: bool = True) -> ReducedStatic: ...
 @analysis(StaticOptions, rubs=True)
@@ -56,7 +51,6 @@ def static(
     load,
     *,
     contact: bool = True,
-    method: str = "active_set",
     accuracy: float | None = None,
 ) -> Static | ReducedStatic:
     """Static displacement under constant loads.
@@ -70,9 +64,7 @@ def static(
         Of a reduced model a number for each of its unit loads.
     contact : bool
         Whether crack faces may press on each other; False: the linear solution, which lets them overlap.
-    method : {"active_set", "one_pass_tie"}
-        Unilateral contact, or the paper's single correction that ties every penetrating pair and admits
-        tension. Faces that rub (`Coulomb`) take the first alone, loaded in one step from rest.
+        Faces that rub (`Coulomb`) are loaded in one step from rest.
     accuracy : float, optional
         Relative error asked for: finer meshes are made, as by `estimate`, until two of them agree in the
         displacements of the named points, the contact resultant, and the stress intensity factors, relative
@@ -101,19 +93,16 @@ def static(
         If the linear solver chosen by PETSc's options is a poor one for the structure.
     """
     if isinstance(model, ReducedModel):
-        return _of_rows(model, load, contact, method, accuracy)
+        return _of_rows(model, load, contact, accuracy)
     if not isinstance(model, Model):
         raise TypeError(f"static: model = {shown(model)} is not a Model or ReducedModel")
-    if method == "one_pass_tie":
-        model.require_frictionless("the method one_pass_tie")
-    solve = _METHODS[method]
     if accuracy is None:
-        return state(model, load, contact, solve)
+        return state(model, load, contact)
     _prepare(model, load)
     _, found, estimate = refined(
         "static",
         Sought(
-            lambda level: _solved(level, load, contact, solve),
+            lambda level: _solved(level, load, contact),
             _judged,
             _unresolved if contact else lambda result: 0.0,
         ),
@@ -123,11 +112,9 @@ def static(
     return replace(found, estimate=estimate)
 
 
-def _of_rows(
-    reduced: ReducedModel, load, contact: bool, method: str, accuracy: float | None
-) -> ReducedStatic:
-    if method != "active_set" or accuracy is not None:
-        raise ValueError("static: method and accuracy are of a Model; leave them out of a reduced one")
+def _of_rows(reduced: ReducedModel, load, contact: bool, accuracy: float | None) -> ReducedStatic:
+    if accuracy is not None:
+        raise ValueError("static: accuracy is of a Model; leave it out of a reduced one")
     signals = loading("static", reduced, load).signals
     for signal in signals:
         if not isinstance(signal, Constant):
@@ -135,12 +122,10 @@ def _of_rows(
     return at_rest("static", reduced, np.array([float(signal(0.0)) for signal in signals]), contact)
 
 
-def state(
-    model: Model, load, contact: bool, solve=solve_complementarity, former: Static | None = None
-) -> Static:
+def state(model: Model, load, contact: bool, former: Static | None = None) -> Static:
     """The solution on the model's own mesh, of faces that rub after a former one. Collective."""
     _prepare(model, load)
-    found = _solved(model, load, contact, solve, former)
+    found = _solved(model, load, contact, former)
     warn_of_tips("static", model.tips)
     _warn_of_springs(found)
     if contact:
@@ -221,10 +206,10 @@ def _warn_of_closing(found: Static) -> None:
         )
 
 
-def _solved(model: Model, load, contact: bool, solve, former: Static | None = None) -> Static:
+def _solved(model: Model, load, contact: bool, former: Static | None = None) -> Static:
     """Of the model as it is."""
     columns = model.load_columns([load])
-    found = equilibrium(model, columns, contact, solve, None if former is None else former.equilibrium.memory)
+    found = equilibrium(model, columns, contact, None if former is None else former.equilibrium.memory)
     _judge(found.residual)
     model.statics.refinement.judge("static")
     model.solver.judge("static")

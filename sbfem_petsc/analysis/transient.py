@@ -64,7 +64,7 @@ def transient(
     model : Model or ReducedModel
         Its `damping` is the modal damping ratio of all modes, to which `rayleigh` adds a / (2 omega) + b
         omega / 2. A model is reduced once for the places of its loads, and kept so for further analyses.
-        Faces that rub (`Coulomb`) have never been loaded before t = 0; scheme "paper" has none.
+        Faces that rub (`Coulomb`) have never been loaded before t = 0.
     load : PointForce, EdgeLoad, SupportMotion, EdgeMotion, a sum or a sequence of them
         For a system of matrices a number or signal for each of its unit loads.
         Components are numbers (constant from t = 0) or signals.
@@ -80,10 +80,9 @@ def transient(
         those that are damped.
     contact : bool
         False: the faces may overlap.
-    scheme : {"exact", "newmark", "paper"}
+    scheme : {"exact", "newmark"}
         "exact": every mode advanced exactly for loads linear over a step and contact forces held at the mean
-        of its ends; "newmark": average acceleration, with a period error of (omega h)^2 / 12; "paper": eqs.
-        (28)-(34) on the unreduced model, which stops when its energy runs away. In the first two contact
+        of its ends; "newmark": average acceleration, with a period error of (omega h)^2 / 12. Contact
         works precisely by mean force times change of gap: nothing in steps in which no pair changes sides,
         in the others what they are in error, of either sign, beside what friction takes. Where the error is
         more than 1e-6 of the modes' energy the step is taken as two halves, and these as halves again, ten
@@ -133,11 +132,11 @@ def transient(
     LargeDisplacementWarning
         If displacements of named points are more than 5 % of the body, in a history kept in memory.
     """
-    comm, unreduced = communicator(model), reduction is None or scheme == "paper"
+    comm, unreduced = communicator(model), reduction is None
     with collective(comm):
         check_reduction("transient", reduction)
         if unreduced:
-            _check_unreduced(model, scheme)
+            _check_unreduced(model)
         if not flag("transient", "in_memory", in_memory) and file is None:
             raise ValueError(
                 "transient: in_memory = False needs a file to hold the history, file = 'history.journal'"
@@ -161,7 +160,7 @@ def transient(
             problem = _Reduced.of(reduced, loads, initial, contact, scheme)
         former = None if record is None else record.former
         count, step, every = _planned(problem, duration, step, decimation, former)
-        integration = "implicit" if unreduced and scheme != "paper" else scheme
+        integration = "implicit" if unreduced else scheme
         steps = Steps(count, step, contact, integration, every)
         require_room(comm, steps, problem.row, file, in_memory=in_memory, former=former)
         report = stack.enter_context(progress_bar(comm, "transient", progress))
@@ -297,14 +296,10 @@ def _warn_if_long(step: float, highest: float, history: History) -> None:
         )
 
 
-def _check_unreduced(model: Model | ReducedModel, scheme: str) -> None:
+def _check_unreduced(model: Model | ReducedModel) -> None:
     """Raise unless the model itself can be integrated."""
     if isinstance(model, ReducedModel):
-        raise ValueError(
-            "transient: reduction = None and scheme = 'paper' need the model itself, not a reduced one"
-        )
-    if isinstance(model, Model) and scheme == "paper":
-        model.require_frictionless('the scheme "paper"')
+        raise ValueError("transient: reduction = None needs the model itself, not a reduced one")
 
 
 def check_initial(initial: Any, unreduced: bool) -> None:

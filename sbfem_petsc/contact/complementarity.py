@@ -212,16 +212,3 @@ def solve_complementarity(
             f"iterations for {len(free_gap)} rows"
         )
     )
-
-
-def one_pass_tie(
-    flexibility: np.ndarray, free_gap: np.ndarray, laws: RowLaws | None = None
-) -> Complementarity:
-    """The paper's single correction (30)-(34): every penetrating pair is tied, and tension is not
-    released.
-    """
-    laws = RowLaws.unilateral(len(free_gap)) if laws is None else laws
-    state = laws.touched(free_gap)
-    overlap = free_gap - laws.places(state)
-    force, moved = Condensed(flexibility, 1).closed(state != FREE, overlap, overlap)
-    return Complementarity(force, moved + free_gap, state, 1)

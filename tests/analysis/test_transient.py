@@ -515,7 +515,7 @@ def test_errors_of_another_motion_are_not_told(tmp_path):
         ((model, load, history), {"contact": False}, "differs by"),
         ((model, load, history), {"initial": (lambda x, y: (0.0 * x, 1e-3 * x), None)}, "differs by"),
         ((model, load, history), {"decimation": 2}, "is not that of the history, which keeps every 1 steps"),
-        ((model, load, history), {"scheme": "paper"}, "scheme = 'paper'"),
+        ((model, load, history), {"scheme": "euler"}, "scheme = 'euler'"),
         ((nameless, push, sb.transient(nameless, push, 1e-3, 1e-4, modes=3)), {}, "has no named points"),
     ):
         with pytest.raises(ValueError, match=text):

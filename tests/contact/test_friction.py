@@ -373,10 +373,8 @@ def test_what_takes_no_friction_says_so():
     load = sb.PointForce("A", fy=sb.Harmonic(1.0, 100.0))
     with sb.Model(beam, ALUMINIUM, damping=0.01, contact_laws=sb.Coulomb(0.3)) as model:
         calls = [
-            lambda: sb.transient(model, load, duration=1e-3, scheme="paper"),
             lambda: sb.periodic(model, load, 100.0, reduction=None),
             lambda: sb.frequency_response(model, sb.PointForce("A", fy=1.0), 90.0, 110.0, reduction=None),
-            lambda: sb.static(model, sb.PointForce("A", fy=1.0), method="one_pass_tie"),
         ]
         for call in calls:
             with pytest.raises(ValueError, match="knows no friction yet"):

@@ -78,8 +78,6 @@ def test_files_energies_and_the_law(plate, tmp_path, monkeypatch):
     with square(CRACK, sb.Coulomb(0.1), order=2) as other:
         with pytest.raises(ValueError, match="other friction"):
             sb.transient(other, load, 2e-6, reduction=None, file=file, resume=True)
-    with pytest.raises(ValueError, match='the scheme "paper" knows no friction yet'):
-        sb.transient(plate, load, duration, scheme="paper")
 
 
 @pytest.mark.long

@@ -47,13 +47,6 @@ def slit_beam_closing():
 
 
 @GROUP.case
-def one_pass_tie():
-    found = sb.static(bodies.beam(), PUSH, method="one_pass_tie")
-    yield "u", found.displacement("A")
-    yield "resultant", found.contact_resultant
-
-
-@GROUP.case
 def notch_tilted_forwards():
     """Tractions on one face of a notch that leans."""
     yield from of(sb.static(bodies.tilted_beam(10.0), sb.EdgeLoad("crack1_left", pressure=1e6)), "A")

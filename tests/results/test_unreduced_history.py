@@ -224,7 +224,6 @@ def test_another_runs_file_is_refused(model, tmp_path):
         ({"model": make(0.02)}, "damping"),
         ({"step": 1e-6}, "step"),
         ({"decimation": 2}, "decimation"),
-        ({"scheme": "paper"}, "another model|scheme"),
         ({"load": sb.PointForce("A", fy=sb.ToneBurst(2000.0, 3000, 3))}, "other load signals"),
         ({"initial": (None, lambda x, y: (0.0, x))}, "initial"),
         ({"load": sb.PointForce("A", fx=sb.ToneBurst(3000.0, 3000, 3))}, "another model"),

@@ -336,8 +336,6 @@ def test_analyses_that_know_no_friction_say_so():
     with pytest.raises(ValueError, match=f"'periodic' {of}"):
         case_from_text(f"{rubs}reduced = false\n")
     history = with_law("coulomb", "friction = 0.2", "transient") + "duration = 1e-3\n"
-    with pytest.raises(ValueError, match="'transient' of scheme \"paper\" knows no friction yet"):
-        case_from_text(f'{history}scheme = "paper"\n')
     assert case_from_text(f"{history}reduced = false\n")
     with pytest.raises(ValueError, match="'periodic' in segments knows no friction yet"):
         case_from_text(f"{rubs}segments = 2\n")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...contact.complementarity import one_pass_tie, solve_complementarity
+from ...contact.complementarity import solve_complementarity
 from ...contact.friction import STICKS, Friction, Memory, solve_friction
 from ...contact.held_rows import empty_sets, rubbing_of
 from ...contact.law import FREE, RowLaws
@@ -20,7 +20,6 @@ class StepContact:
     flexibility : (c, c) array
         What forces over a step do to the gaps at its end, m/N.
     laws : RowLaws
-    scheme : {"implicit", "paper"}
     friction : Friction or None
         Of the rows behind those with laws.
 
@@ -32,8 +31,8 @@ class StepContact:
         Slips at the step's beginning, m: what faces that rub remember.
     """
 
-    def __init__(self, flexibility: np.ndarray, laws: RowLaws, scheme: str, friction: Friction | None = None):
-        self.flexibility, self.laws, self.scheme, self.friction = flexibility, laws, scheme, friction
+    def __init__(self, flexibility: np.ndarray, laws: RowLaws, friction: Friction | None = None):
+        self.flexibility, self.laws, self.friction = flexibility, laws, friction
         count = len(flexibility)
         self.state, self.slip = np.zeros(count, dtype=np.int8), np.zeros(count - len(laws))
         self._factor, self._sets = empty_factor(count), empty_sets(len(self.slip) and count)
@@ -50,9 +49,6 @@ class StepContact:
 
     def solve(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Forces and gaps (c,) from the gaps without forces."""
-        if self.scheme == "paper":
-            found = one_pass_tie(self.flexibility, free, self.laws)
-            return found.force, found.gap
         if self.friction is not None:
             return self._rubbed(free, self.friction)
         force = np.zeros(len(free))

@@ -11,10 +11,6 @@ as those of reduced models are, would not take this away.
 
 The model's damping ratios are those of the computed modes, C = sum of 2 zeta omega (M phi)(M phi)^T;
 everything above them is undamped but for Rayleigh's a M + b K.
-
-Scheme "paper" is that of eqs. (28)-(34) of Sepehry et al.: pairs that penetrate are tied in one pass, tension
-allowed, and the multiplier is carried in the acceleration. It is there to be compared with: contact feeds
-energy in without bound, the sooner the smaller the step.
 """
 
 from __future__ import annotations
@@ -26,7 +22,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ...damping import DampingTable
-from ...errors import SolveError, on_all_ranks
 from ...loads import EdgeMotion, Load
 from ...petsc import stage
 from ...signals.rate import rate_of
@@ -50,8 +45,6 @@ from .steps import KEPT_RESPONSES, UnreducedSteps
 
 # Steps between two settlements of the state, records on disk and reports of progress.
 CHUNK = 256
-# The paper's scheme is stopped when its energy exceeds what was supplied by this factor.
-RUNAWAY = 1.1
 
 
 class UnreducedIntegrator:
@@ -64,7 +57,6 @@ class UnreducedIntegrator:
     signals : sequence of Signal
         One for each unit load.
     steps : Steps
-        Their scheme is "implicit" or "paper".
     initial : {"rest", "equilibrium"} or (displacement, velocity)
         Functions of x and y (m, arrays) that give (u_x, u_y), or None for zero.
     modes : int
@@ -103,9 +95,7 @@ class UnreducedIntegrator:
             self.force = self._set_initial(units, initial)
             self._freed = freed.pop_all()
         self.march.stored = self.march.stored_in(self.force)
-        # energy at t = 0 and largest work of the loads so far, J
         self.begun = initial if isinstance(initial, str) else "functions"
-        self.initial, self.supplied = float(self.march.energies().sum()), 0.0
 
     def __enter__(self) -> UnreducedIntegrator:
         return self
@@ -166,28 +156,11 @@ class UnreducedIntegrator:
         for k in range(steps):
             slope = march.slope
             force, gap = march.advance(sums[k, : self.loads], amplitudes[k + 1], rates[k + 1])
-            keep = (done + k + 1) % decimation == 0
-            if keep or march.scheme == "paper":
-                energies = march.energies()
-                if march.scheme == "paper" and done + k > 20:
-                    self._check_energy(energies, time[k + 1])
-                if keep:
-                    kept.append(self._row(time[k + 1], 1.5 * march.slope - 0.5 * slope, force, gap, energies))
+            if (done + k + 1) % decimation == 0:
+                ahead = 1.5 * march.slope - 0.5 * slope
+                kept.append(self._row(time[k + 1], ahead, force, gap, march.energies()))
         march.settle()
         return self._stacked(kept)
-
-    def _check_energy(self, energies: np.ndarray, time: float) -> None:
-        """Stop the paper's scheme where it has produced energy of its own."""
-        work = self.march.work[0]
-        self.supplied = max(self.supplied, abs(work))
-        if sum(energies) > RUNAWAY * (self.initial + self.supplied + 1e-300):
-            raise on_all_ranks(
-                SolveError(
-                    f'transient: the energy of scheme "paper" has run away at t = {time:.6g} s '
-                    f"({sum(energies):.3g} J for {work:.3g} J of work done): the multiplier carried "
-                    "in the acceleration of contact nodes with mass feeds energy in; use the default scheme"
-                )
-            )
 
     def _row(
         self, time: float, slope: np.ndarray, force: np.ndarray, gap: np.ndarray, energies: np.ndarray
@@ -212,11 +185,8 @@ class UnreducedIntegrator:
         """This rank's state, and what every rank knows of the account of work."""
         march = self.march
         numbers = [
-            self.initial,
-            self.supplied,
             march.stored,
             *march.work,
-            *march.carried,
             *march.slope,
         ]
         contact = march.contact
@@ -226,7 +196,7 @@ class UnreducedIntegrator:
         """Go on from a checkpoint, bit by bit; from one of another number of ranks to round-off."""
         march = self.march
         slips = len(march.contact.slip)
-        shared = (3, len(march.work), march.pairs, march.slope.size, march.pairs, slips)
+        shared = (1, len(march.work), march.slope.size, march.pairs, slips)
         if isinstance(checkpoint, OfOtherRanks):
             known = sum(shared)
             states = [part[known:].reshape(2, -1).T for part in checkpoint.parts]
@@ -235,9 +205,8 @@ class UnreducedIntegrator:
         else:
             numbers = checkpoint
         sizes = (*shared, march.u.size, march.u.size)
-        head, work, carried, slope, rows, slip, u, v = np.split(numbers, np.cumsum(sizes)[:-1])
-        self.initial, self.supplied, march.stored = map(float, head)
-        march.work[:], march.carried, march.slope = work, carried.copy(), slope
+        stored, work, slope, rows, slip, u, v = np.split(numbers, np.cumsum(sizes)[:-1])
+        march.stored, march.work[:], march.slope = float(stored[0]), work, slope
         self.fields.wanted = False  # those of the former run are gone
         march.contact.state[:], march.u[:], march.v[:] = rows, u, v
         march.contact.slip = slip.copy()

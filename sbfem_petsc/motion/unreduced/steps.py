@@ -64,7 +64,6 @@ class UnreducedSteps:
         With all auxiliary unknowns.
     units : sequence of Load
     steps : Steps
-        Their scheme is "implicit" or "paper".
     found : Modal or None
         The modes in which the model's damping ratios are met.
 
@@ -76,8 +75,6 @@ class UnreducedSteps:
         Work of the loads, of damping, of contact since the start, and where faces rub what friction has
         taken, J.
     contact : StepContact
-    carried : (c,) array
-        Contact force that the paper's scheme takes from a step to the next one, N.
     slope : (2 points + 2 supports,) array
         Means over the last step: accelerations of the named points, m/s^2, then what supports bear, N.
     ground : Ground
@@ -90,7 +87,7 @@ class UnreducedSteps:
     def __init__(
         self, model: Model, pencil: Pencil, units: Sequence[Load], steps: Steps, found: Modal | None
     ):
-        self.model, self.pencil, self.scheme = model, pencil, steps.scheme
+        self.model, self.pencil = model, pencil
         step = self.step = steps.step
         a, b = self.rayleigh = model.rayleigh
         self.stretch, self.inertia = 1.0 + 2.0 * b / step, 4.0 / step**2 + 2.0 * a / step
@@ -115,18 +112,14 @@ class UnreducedSteps:
             self.probe_responses[: self.pairs]
             - (self.gap_modes * (1.0 / self.left - 1.0 / self.left_damped)) @ self.gap_modes.T
         )
-        # the implicit force acts at its full value over the step, the paper's with half of it, the other half
-        # in the step after
-        self.share = 1.0 if self.scheme == "paper" else 2.0
+        # contact forces act at their full value over the step, as twice their mean among the loads
         self.contact = StepContact(
-            0.5 * self.share * (flexibility + flexibility.T) + self.own_flexibility,
+            flexibility + flexibility.T + self.own_flexibility,
             self.laws,
-            self.scheme,
             self.model.contact.friction if contact else None,
         )
         self.q = self.p = self.q0 = self.p0 = np.zeros(len(self.omega))
         self.work = np.zeros(3 if self.model.contact.friction is None else 4)
-        self.carried = np.zeros(self.pairs)
         self.slope = np.zeros(self.probes.shape[0] - self.pairs - self.loads)
         self.stored = 0.0
         self.settle(fold=False)
@@ -300,11 +293,11 @@ class UnreducedSteps:
         """One step under load amplitudes whose mean is half of `drive`, and which are `after` at its end,
         prescribed displacements with their rates; contact forces and gaps there.
         """
-        slip, speed, before, carried = self.contact.slip, self.velocities(), self._moved, self.carried
+        slip, speed, before = self.contact.slip, self.velocities(), self._moved
         turned, mean = rates - self.rates, 0.5 * (rates + self.rates)
         self.free_gap, self.amplitudes = self.free_gaps(after), after
         solved = self._take(self._driven(drive, turned))
-        applied, gained = self.share * solved.force + carried, self.velocities() - speed
+        applied, gained = 2.0 * solved.force, self.velocities() - speed
         self.slope = self._slope(gained / self.step, drive, applied, turned, mean)
         self.rates = rates
         if len(rates):
@@ -391,13 +384,10 @@ class UnreducedSteps:
             place += change
             velocity *= -1.0
             velocity += self.rate * change
-        applied, change = (
-            self.share * solved.force + self.carried,
-            solved.probes + self.probe_modes @ (solved.damped - solved.undamped),
-        )
+        change = solved.probes + self.probe_modes @ (solved.damped - solved.undamped)
         self.work[0] += 0.5 * drive[self.pushing] @ change[self.pairs + self.pushing]
         self.work[1] += (self.friction * solved.damped) @ solved.damped / self.step
-        self.work[2] += 0.5 * applied @ change[: self.pairs]
+        self.work[2] += solved.force @ change[: self.pairs]
         if any(self.rayleigh):
             # the large vectors moved as the undamped modes do: these are exchanged for the damped ones
             a, b = self.rayleigh
@@ -405,8 +395,6 @@ class UnreducedSteps:
             self.work[1] += (
                 local + (a + b * self.omega**2) @ (solved.damped**2 - solved.undamped**2)
             ) / self.step
-        if self.scheme == "paper":
-            self.carried = solved.force
         return solved
 
     def solve_step(self, drive: np.ndarray, acting: np.ndarray | None = None) -> _Solved:
@@ -417,13 +405,9 @@ class UnreducedSteps:
         form(self.right.array, self.mass_v, self.stiffness_u, self.rate)
         if self.loads:
             self.load_columns.add(self.right.array, drive)
-        if self.carried.any():
-            self.gap_columns.add(self.right.array, self.carried)
         self._solve_for_increment()
         probes = self.summed(self.probes @ self.d.array_r)
-        modal_force = (
-            self.probe_modes[self.pairs : self.pairs + self.loads].T @ drive + self.gap_modes.T @ self.carried
-        )
+        modal_force = self.probe_modes[self.pairs : self.pairs + self.loads].T @ drive
         damped, undamped = self._modal(modal_force)
         force, gap = np.zeros(self.pairs), np.zeros(self.pairs)
         if self.pairs:
@@ -435,9 +419,9 @@ class UnreducedSteps:
                 touched = acting.any()
             if touched:
                 force, gap = self.contact.solve(gap) if acting is None else self.contact.kept(gap, acting)
-                self._push(self.share * force)
-                probes += self.probe_responses @ (self.share * force)
-                damped, undamped = self._modal(modal_force + self.gap_modes.T @ (self.share * force))
+                self._push(2.0 * force)
+                probes += self.probe_responses @ (2.0 * force)
+                damped, undamped = self._modal(modal_force + self.gap_modes.T @ (2.0 * force))
             else:
                 self.contact.open(gap)
         return _Solved(probes, damped, undamped, force, gap)
@@ -475,7 +459,7 @@ class UnreducedSteps:
         self.contact.forget()
         change = solved.probes + self.probe_modes @ (solved.damped - solved.undamped)
         gained = self.rate * (change / self.step - self.velocities())
-        return self._slope(gained, drive, self.share * solved.force, turned, mean)
+        return self._slope(gained, drive, 2.0 * solved.force, turned, mean)
 
     def fingerprint(self) -> np.ndarray:
         """(probes, pairs + loads): responses of the probes to unit contact forces and unit loads within a

@@ -32,16 +32,6 @@ class Transient(TransientOptions, Loaded):
     running = "history.journal"
     captions = RUBBING
 
-    def contradictions(self) -> Iterator[tuple[str, str]]:
-        """A scheme of the unreduced model alone, too."""
-        yield from super().contradictions()
-        if self.scheme == "paper" and self.reduced and "reduced" in self.model_fields_set:
-            yield "scheme", '= "paper" integrates the unreduced model; leave reduced = true out'
-
-    @property
-    def frictionless(self) -> str | None:
-        return ' of scheme "paper"' if self.scheme == "paper" else None
-
     def solve(self, case: Any, model: Any, run: Run) -> sb.History:
         return sb.transient(
             model,

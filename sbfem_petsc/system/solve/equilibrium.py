@@ -4,7 +4,6 @@ many rows may close, one factorisation with those that are expected to.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,7 +12,6 @@ import numpy as np
 
 from ...contact.complementarity import Complementarity, active_set, solve_complementarity
 from ...contact.friction import Memory, solve_friction
-from ...contact.law import RowLaws
 from ...petsc import free, stage
 from ..contact import bordered_contact, dual_contact
 from ..contact.expected_contact import expected_contact
@@ -62,7 +60,6 @@ def equilibrium(
     model: Structure,
     load: LoadColumns,
     contact: bool = True,
-    solve: Callable[[np.ndarray, np.ndarray, RowLaws], Complementarity] = solve_complementarity,
     memory: Memory | None = None,
 ) -> Equilibrium:
     """Displacements under one column of loads. Collective.
@@ -75,16 +72,14 @@ def equilibrium(
         Of one column.
     contact : bool
         False: faces may overlap.
-    solve : callable
-        Solver of the complementarity problem of flexibility, free gaps and laws, where no faces rub.
     memory : Memory, optional
         Of the state before; default: faces that have never been loaded.
     """
     found = None
-    if contact and solve is solve_complementarity and model.contact.friction is None:
+    if contact and model.contact.friction is None:
         found = _at_once(model.statics, model.contact, load)
     if found is None:
-        found = _from_free_gaps(model, load, contact, solve, memory)
+        found = _from_free_gaps(model, load, contact, memory)
     owned, result = found.owned, found.result
     factors = model.tips.intensities
     intensities = factors.evaluate(owned, load.tips[:, 0] + factors.contact @ result.force)
@@ -117,7 +112,6 @@ def _from_free_gaps(
     model: Structure,
     load: LoadColumns,
     contact: bool,
-    solve: Callable[[np.ndarray, np.ndarray, RowLaws], Complementarity],
     memory: Memory | None,
 ) -> _Found:
     """The linear solution, what contact does to its gaps, and the solution with the contact forces."""
@@ -139,10 +133,10 @@ def _from_free_gaps(
         elif touching:
             # bordered matrices have the round-off of the assembled stiffness
             refined = stiffness.refinement.needed(right.norm(), solution.norm())
-            if solve is solve_complementarity and not refined:
+            if not refined:
                 result = _without_flexibility(stiffness, operator, gap)
             if result is None:
-                result = solve(operator.compliance(stiffness, model.tips).gaps, gap, laws)
+                result = solve_complementarity(operator.compliance(stiffness, model.tips).gaps, gap, laws)
         if result is None:
             result = Complementarity(np.zeros(len(gap)), gap, np.zeros(len(gap), dtype=np.int8), 0)
         else:
