@@ -7,6 +7,7 @@ import xml.etree.ElementTree as xml
 import meshio
 import numpy as np
 import pytest
+import shapely
 
 from sbfem_petsc.material import Material, OrthotropicMaterial
 from sbfem_petsc.results.vtu import write_modes, write_vtu
@@ -197,3 +198,10 @@ def test_material_of_each_cell(tmp_path):
         height = found.points[block.data, 1].mean(axis=1)
         names = np.array(model.layout.material_names)[material]
         assert (names == np.where(height < 0.5, "low", "high")).all()
+    # cells that bear one element's number are one piece of the body
+    cells = [found.points[corners, :2] for block in found.cells for corners in block.data]
+    numbers = np.concatenate(found.cell_data["element"])
+    assert len(set(numbers)) == model.elements > 1
+    for number in set(numbers):
+        own = [shapely.Polygon(cell).buffer(1e-9) for cell, of in zip(cells, numbers) if of == number]
+        assert shapely.union_all(own).geom_type == "Polygon"
