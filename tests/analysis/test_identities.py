@@ -222,4 +222,7 @@ def test_work_of_a_pressure_in_a_crack():
     reduced = sb.reduce(model, pressure, modes=4)
     compliance = reduced.load_modes.T @ (reduced.load_modes / reduced.omega[:, None] ** 2)
     assert (compliance + reduced.load_flexibility).sum() == pytest.approx(2.0 * np.pi, rel=1e-3)
+    beside = sb.reduce(model, [*pressure, sb.EdgeMotion("edge1", ux=1.0)], modes=4)  # what is held moves too
+    compliance = beside.load_modes.T @ (beside.load_modes / beside.omega[:, None] ** 2)
+    assert (compliance + beside.load_flexibility)[:2, :2].sum() == pytest.approx(2.0 * np.pi, rel=1e-3)
     assert 2.0 * sb.static(model, pressure).strain_energy == pytest.approx(2.0 * np.pi, rel=1e-3)
