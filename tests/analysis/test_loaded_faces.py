@@ -46,8 +46,12 @@ def check_closed_forms(model, end, looking):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("end", "opening"),  # each sense with two openings
-    [(end, OPENINGS[(k + shift) % 3]) for k, end in enumerate(SENSES) for shift in (0, 1)],
+    ("end", "opening"),
+    [
+        pytest.param(end, OPENINGS[(k + shift) % 3], marks=[pytest.mark.long] * (shift == 2))
+        for k, end in enumerate(SENSES)
+        for shift in range(3)
+    ],
 )
 def test_plate(end, opening):
     model = sb.Model(wide_plate(end, opening), ALUMINIUM, clamped="edge1")

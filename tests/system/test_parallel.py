@@ -60,7 +60,7 @@ def compare(found, expected):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ranks", [2, pytest.param(4, marks=pytest.mark.long)])
+@pytest.mark.parametrize("ranks", [2, *(pytest.param(n, marks=pytest.mark.long) for n in (3, 4))])
 def test_paper_beam(ranks):
     compare(answer(on_ranks(ranks, PROGRAM, "paper", "each")), serial("paper"))
 
@@ -128,7 +128,7 @@ if MPI.COMM_WORLD.rank == 0:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("ranks", [2, 3])
+@pytest.mark.parametrize("ranks", [2, 3, pytest.param(4, marks=pytest.mark.long)])
 def test_histories(ranks):
     """Histories on several ranks agree within 1e-6 with one rank's, reduced and full, and so do the numbers
     of pairs in contact.
