@@ -113,10 +113,12 @@ def modal(
 
     def solve(level: Model) -> Modal:
         if band is not None:
-            return modes_in_band(level, *band, auxiliary_tolerance, verify)
+            return Modal(*modes_in_band(level.statics, *band, auxiliary_tolerance, verify), level)
         assert count is not None
         usual = auxiliary_tolerance == TOLERANCE and verify
-        return level.modes(count) if usual else lowest_modes(level, count, auxiliary_tolerance, verify)
+        if usual:
+            return level.modes(count)
+        return Modal(*lowest_modes(level.statics, count, auxiliary_tolerance, verify), level)
 
     if accuracy is None:
         found = solve(model)

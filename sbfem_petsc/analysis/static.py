@@ -23,7 +23,7 @@ from ..system.fields.fracture import contact_nodal_forces, energy_release_rates,
 from ..system.fields.resolution import warn_of_tips
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
-from ..system.solve.equilibrium import Equilibrium, equilibrium
+from ..system.solve.equilibrium import Equilibrium
 from .analysis import analysis
 from .estimate import Sought, refined
 from .options import StaticOptions
@@ -152,7 +152,7 @@ def _judged(found: Static) -> dict[str, np.ndarray]:
         factors = np.nan_to_num(list(found.stress_intensity.values()))
         if found.active.any() or found.contact_resultant > 0.0:
             factors[:, 0] = np.maximum(factors[:, 0], 0.0)
-        free = equilibrium(found.model, found.columns, False).intensities
+        free = found.model.equilibrium(found.columns, False).intensities
         quantities["stress intensity factors"] = np.array([factors, np.nan_to_num(list(free.values()))])
     if len(found.contact_force):
         quantities["contact resultant"] = np.array(found.contact_resultant)
@@ -209,7 +209,7 @@ def _warn_of_closing(found: Static) -> None:
 def _solved(model: Model, load, contact: bool, former: Static | None = None) -> Static:
     """Of the model as it is."""
     columns = model.load_columns([load])
-    found = equilibrium(model, columns, contact, None if former is None else former.equilibrium.memory)
+    found = model.equilibrium(columns, contact, None if former is None else former.equilibrium.memory)
     _judge(found.residual)
     model.statics.refinement.judge("static")
     model.solver.judge("static")

@@ -13,7 +13,8 @@ from scipy import linalg
 
 from ..contact.compiled import get_cython_function_address
 from ..errors import SolveError, on_all_ranks
-from ..motion.period_map import DrivenPeriod, FixedPoint, PeriodMotion
+from ..motion.period_map import DrivenPeriod, FixedPoint
+from ..motion.period_motion import PeriodMotion
 from ..petsc import PETSc, SLEPc, configure, scripted, stepping
 from .shooting import WHOLE
 

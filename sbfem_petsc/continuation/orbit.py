@@ -14,7 +14,8 @@ from ..checks import choice
 from ..errors import SolveError, at_point, called, on_all_ranks
 from ..motion.excitation import one_sided, over_steps
 from ..motion.history import Motion
-from ..motion.period_map import DrivenPeriod, FixedPoint, PeriodMotion, stays
+from ..motion.period_map import DrivenPeriod, FixedPoint
+from ..motion.period_motion import PeriodMotion
 from ..motion.states import ModalStates, Point
 from ..record.record import derived, described, quantity
 from ..reduction.left_out import LeftOut
@@ -451,7 +452,7 @@ def make_orbit(
         values,
         uncertainty,
         friction_loss=float(motion.lost.sum()) if rubs else None,
-        sticking=int(stays(motion, len(p.laws)).sum()) if rubs else None,
+        sticking=int(motion.stays(len(p.laws)).sum()) if rubs else None,
         mode_error=np.full(LOWEST, np.nan) if error is None else error,
     )
 

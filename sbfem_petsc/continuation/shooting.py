@@ -9,7 +9,8 @@ import math
 import numpy as np
 
 from ..errors import PetscFailure, SolveError, called, on_all_ranks
-from ..motion.period_map import DrivenPeriod, FixedPoint, PeriodMotion
+from ..motion.period_map import DrivenPeriod, FixedPoint
+from ..motion.period_motion import PeriodMotion
 from ..petsc import PETSc, configure, finite, require_thread, scripted
 from .linear import PREFIX, Factors
 from .newton import ITERATIONS, Updated

@@ -13,10 +13,13 @@ from __future__ import annotations
 
 import warnings
 
+import numpy as np
+
 from meshing.warnings import StepWarning
 
 from ..errors import caller_level
-from .period_map import DrivenPeriod, PeriodMotion
+from .period_map import DrivenPeriod
+from .period_motion import PeriodMotion
 
 # More than this, and default steps are halved; and the user is told of it where they are not.
 LARGEST, TOLD = 1e-3, 1e-2
@@ -41,8 +44,16 @@ class StepsTooLong(Exception):
 def contact_work(driven: DrivenPeriod, motion: PeriodMotion) -> float:
     """Works of contact in the steps, taken positive, relative to what the loads and the modes exchange."""
     total = float(abs(motion.work).sum())
-    exchanged = driven.exchanged(motion) if total else 0.0
+    exchanged = _exchanged(driven, motion) if total else 0.0
     return total / exchanged if exchanged else 0.0  # at rest
+
+
+def _exchanged(driven: DrivenPeriod, motion: PeriodMotion) -> float:
+    """Energy that goes to and fro between the oscillating loads and the modes over a period, J: the sum of
+    what passes, whichever way, in each mode and step.
+    """
+    forces, velocities = driven.oscillations()
+    return float(np.abs(forces * (velocities + motion.velocities))[:-1].sum()) * driven.step
 
 
 def times_more(work: float, steps: int, most: int) -> int:

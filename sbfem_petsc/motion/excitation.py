@@ -458,3 +458,8 @@ def _no_common_period(tones: Iterable[float], frequency: float, bound: int) -> s
         f"periods; choose {_neighbours(bad, frequency, range(1, min(bound, 16) + 1))}, "
         "raise longest, or use transient with a coherent record"
     )
+
+
+def modal_forces(reduced: ReducedModel, amplitudes: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+    """Those under which the modes have amplitudes (k, m) in linear steady states of speeds i omega (k, 1)."""
+    return (reduced.omega**2 + speeds * (speeds + 2.0 * reduced.damping * reduced.omega)) * amplitudes

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .period_map import DrivenPeriod, Period, PeriodMotion
+from .period_map import DrivenPeriod, Period
+from .period_motion import PeriodMotion
 
 
 class Family:

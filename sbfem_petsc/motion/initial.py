@@ -17,6 +17,7 @@ from ..system.elements.elements import Elements
 from ..system.elements.shapes import Group
 from ..system.layout.layout import Layout
 from ..system.solve.modal_result import Modal
+from ..system.solve.modes import Modes
 from ..system.solve.pencil import Pencil
 
 # Gauss points along the radius, for functions that cells resolve.
@@ -145,7 +146,7 @@ def _values(function: Callable, places: np.ndarray, what: str) -> np.ndarray:
     return field
 
 
-def full_shapes(pencil: Pencil, found: Modal) -> np.ndarray:
+def full_shapes(pencil: Pencil, found: Modes | Modal) -> np.ndarray:
     """(local unknowns of the pencil, n): modes with their auxiliary unknowns, by the lower half of (K -
     omega^2 M) phi = 0.
     """

@@ -10,66 +10,32 @@ from __future__ import annotations
 
 import copy
 import functools
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..contact.closed_sets import ClosedSets, exact_contacts, located_contacts, thin_factors
 from ..contact.friction import STICKS
-from ..contact.held_rows import empty_sets, rubbing_of
+from ..contact.held_rows import empty_sets
 from ..contact.located_rubbing import located_rubbing
-from ..contact.marching import (
-    StepHistory,
-    StepLoads,
-    StepState,
-    march,
-    step_constants,
-)
+from ..contact.marching import StepHistory, StepLoads, StepState, march
 from ..contact.pivoting import contact_forces, empty_factor
 from ..contact.rubbing import rubbing_forces
 from ..contact.rubbing_tangent import rubbing_contacts
-from ..contact.tangent import Derivative, Propagation
+from ..contact.tangent import Derivative
 from ..errors import SolveError, called, on_all_ranks
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
-from .excitation import LINES, Excitation
+from .excitation import LINES, Excitation, modal_forces
+from .period_motion import PeriodMotion
 from .rest import at_rest
-from .steps import step_coefficients
+from .steps import StepLength, Touching, free_resolvent
 
 # How often a period is integrated again, for the states that rows begin in.
 _AGAIN = 4
 # Rows up to which switches of those that rub are located wherever those of others are: of more it costs
 # several times what the steps do, and is done for loci alone.
 FEW = 16
-
-
-@dataclass(frozen=True, eq=False)
-class PeriodMotion:
-    """One period from a given state.
-
-    Attributes
-    ----------
-    residual : (2 m + k,) array
-        x(T) - x(0).
-    states, velocities : (n + 1, m) arrays
-        Difference z of modal displacement and velocity to the linear steady state.
-    forces : (n + 1, pairs) array
-        Of slips behind those of gaps.
-    work : (n,) array
-        Of the contact forces in each step beside what friction takes, J; none in the exact motion.
-    rows : (n + 1, pairs) int8 array
-        States of the rows, see `contact.friction`; empty where nothing rubs.
-    lost : (n,) array
-        To friction in each step, J; empty where nothing rubs.
-    """
-
-    residual: np.ndarray
-    states: np.ndarray
-    velocities: np.ndarray
-    forces: np.ndarray
-    work: np.ndarray
-    rows: np.ndarray = field(default_factory=lambda: np.empty((0, 0), dtype=np.int8))
-    lost: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
 class Period:
@@ -101,7 +67,7 @@ class Period:
         # a rigid-body motion has no frequency of its own to be weighed with
         self.weights = np.where(r.omega > 0.0, r.omega, 2.0 * np.pi * r.frequencies.max())
         self._load(excitation)
-        self._lengths: dict[float, _Length] = {}
+        self._lengths: dict[float, StepLength] = {}
 
     def _fingerprint(self) -> object:
         """What tells it from others, the same on all ranks."""
@@ -205,12 +171,14 @@ class Period:
         """How far a state is from rest: what changes of it are compared with."""
         return float(np.linalg.norm(state - self.rest))
 
-    def length(self, step: float) -> _Length:
+    def length(self, step: float) -> StepLength:
         """What the length of a step (s) alone determines."""
         if step not in self._lengths:
             if len(self._lengths) > 4:
                 self._lengths.clear()
-            self._lengths[step] = _Length(self, step)
+            r, factors = self.reduced, (self.left, self.right)
+            contact = Touching(factors, self.residual_flexibility, self.laws, self.friction)
+            self._lengths[step] = StepLength((r.omega, r.damping), step, self.steps, contact)
         return self._lengths[step]
 
     def with_damping(self, ratios: np.ndarray) -> Period:
@@ -244,28 +212,6 @@ class Period:
                 self._prepared.clear()
             self._prepared[key] = DrivenPeriod(self, frequency, factor)
         return self._prepared[key]
-
-
-class _Length:
-    """Coefficients of a step of some length, W, and the free motion over all steps, whatever the loads."""
-
-    def __init__(self, period: Period, step: float):
-        r = period.reduced
-        self._reduced, self._step, self._steps = r, step, period.steps
-        self.coefficients = step_coefficients(r.omega, r.damping, step, "exact")
-        residual = period.residual_flexibility
-        self.constants = step_constants(
-            [self.coefficients], (period.left, period.right), residual, period.laws, r.omega
-        )
-        if period.friction is not None:
-            rubbing = rubbing_of(period.friction, residual, len(period.laws))
-            self.constants = self.constants._replace(rubbing=rubbing)
-
-    @functools.cached_property
-    def propagation(self) -> Propagation:
-        """For derivatives."""
-        r = self._reduced
-        return Propagation(self.coefficients, r.omega, r.damping, self._step, self._steps)
 
 
 class DrivenPeriod:
@@ -388,13 +334,6 @@ class DrivenPeriod:
         forces = modal_forces(p.reduced, moving * self.amplitudes, self.speeds)
         return p.over_time(forces), p.over_time(self.speeds * self.amplitudes)
 
-    def exchanged(self, motion: PeriodMotion) -> float:
-        """Energy that goes to and fro between the oscillating loads and the modes over a period, J: the sum
-        of what passes, whichever way, in each mode and step.
-        """
-        forces, velocities = self.oscillations()
-        return float(np.abs(forces * (velocities + motion.velocities))[:-1].sum()) * self.step
-
     def carried(
         self,
         motion: PeriodMotion,
@@ -424,7 +363,8 @@ class DrivenPeriod:
         columns[:m] /= p.weights[:, None]
         # slips that do not stick at t = 0 are forgotten there
         kept = columns[: 2 * m].any(axis=0)
-        kept |= located | columns[2 * m :][motion.rows[:1, len(p.laws) :].ravel() == STICKS].any(axis=0)
+        sticks = motion.rows[:, len(p.laws) :] == STICKS
+        kept |= located | columns[2 * m :][sticks[:1].ravel()].any(axis=0)
         kept[columns.shape[1] - len(parameters) :] = True
         result = np.zeros_like(columns)
         result[:, kept] = derivative(
@@ -432,7 +372,7 @@ class DrivenPeriod:
             functools.partial(self._sources, motion, parameters) if "frequency" in parameters else None,
         )
         result[:m] *= p.weights[:, None]
-        result[2 * m :][stays(motion, len(p.laws))] = 0.0
+        result[2 * m :][sticks.all(axis=0)] = 0.0
         result[:, result.shape[1] - len(parameters) :] += shifts
         return result
 
@@ -520,29 +460,14 @@ class DrivenPeriod:
         )
 
     def linear_resolvent(self, vectors: np.ndarray) -> np.ndarray:
-        """(Phi - 1)^-1 of the motion without contact, mode by mode, and of slips that are forgotten, on
-        vectors like states: the preconditioner of matrix-free shooting.
+        """(Phi - 1)^-1 of motions without contact, and of slips that are forgotten, on vectors like states:
+        the preconditioner of matrix-free shooting.
         """
-        p, r, m = self.period, self.period.reduced, self.period.modes
-        a, b, _, _, _, c, d, _, _, _ = step_coefficients(r.omega, r.damping, self.duration, "exact")
-        w = p.weights
-        a, b, c, d = a - 1.0, w * b, c / w, d - 1.0
-        determinant = a * d - b * c
-        x, y, slip = np.split(vectors, [m, 2 * m])
-        return np.concatenate([(d * x - b * y) / determinant, (a * y - c * x) / determinant, -slip])
+        r = self.period.reduced
+        return free_resolvent((r.omega, r.damping), self.duration, self.period.weights, vectors)
 
 
-def stays(motion: PeriodMotion, count: int) -> np.ndarray:
-    """(k,): the slips, behind `count` normal rows, that stick throughout a period."""
-    found: np.ndarray = (motion.rows[:, count:] == STICKS).all(axis=0)
-    return found
-
-
-def modal_forces(reduced: ReducedModel, amplitudes: np.ndarray, speeds: np.ndarray) -> np.ndarray:
-    """Those under which the modes have amplitudes (k, m) in linear steady states of speeds i omega (k, 1)."""
-    return (reduced.omega**2 + speeds * (speeds + 2.0 * reduced.damping * reduced.omega)) * amplitudes
-
-
+@dataclass(eq=False)
 class FixedPoint:
     """A fixed point of a period.
 
@@ -552,23 +477,18 @@ class FixedPoint:
         x(0).
     driven : DrivenPeriod
     motion : PeriodMotion
-    residual : (2 m + k,) array
-        x(T) - x(0).
     residuals : tuple of float
         Norm of x(T) - x(0) at each Newton iterate.
-    touching : (pairs,) bool array
-        Pairs that touch at any time of the period.
     """
 
-    def __init__(
-        self,
-        state: np.ndarray,
-        driven: DrivenPeriod,
-        motion: PeriodMotion,
-        residuals: tuple[float, ...] = (),
-    ):
-        self.state, self.driven, self.motion, self.residuals = state, driven, motion, residuals
-        self.residual, self.touching = motion.residual, (motion.forces != 0.0).any(axis=0)
+    state: np.ndarray
+    driven: DrivenPeriod
+    motion: PeriodMotion
+    residuals: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        # x(T) - x(0), and the pairs that touch at any time: they are known when the motion is forgotten
+        self.residual, self.touching = self.motion.residual, (self.motion.forces != 0.0).any(axis=0)
 
     @functools.cached_property
     def monodromy(self) -> np.ndarray:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 import math
+from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
 
+from ..contact.friction import Friction
+from ..contact.held_rows import rubbing_of
 from ..contact.law import RowLaws
-from ..contact.marching import Halving
+from ..contact.marching import Halving, step_constants
+from ..contact.tangent import Propagation
 
 # Most terms of the power series of phi_2 for |z| < 1, and what |z|^(n - 2) is to stay below that n of them
 # leave out no more than rounding of its imaginary part.
@@ -133,3 +138,65 @@ def _newmark(omega: np.ndarray, damping: np.ndarray, step: float) -> np.ndarray:
     return np.array(
         [row for k in (0, 1) for row in (s[:, k, 0], s[:, k, 1], s[:, k, 2], s[:, k, 2], s[:, k, 2])]
     )
+
+
+def free_resolvent(
+    modes: tuple[np.ndarray, np.ndarray], step: float, weights: np.ndarray, vectors: np.ndarray
+) -> np.ndarray:
+    """(Phi - 1)^-1 of free motions over a step, mode by mode, and -1 for what stands behind them.
+
+    Parameters
+    ----------
+    modes : (omega, damping)
+        (m,) arrays, rad/s and damping ratios.
+    step : float
+        s.
+    weights : (m,) array
+        What displacements are multiplied with in a state, rad/s.
+    vectors : (2 m + k, ...) array
+        Like states.
+    """
+    a, b, _, _, _, c, d, _, _, _ = step_coefficients(*modes, step, "exact")
+    a, b, c, d = a - 1.0, weights * b, c / weights, d - 1.0
+    determinant = a * d - b * c
+    x, y, behind = np.split(vectors, [len(weights), 2 * len(weights)])
+    return np.concatenate([(d * x - b * y) / determinant, (a * y - c * x) / determinant, -behind])
+
+
+class Touching(NamedTuple):
+    """What contact does within a step: factors of the gaps' rows over the modes, the residual flexibility
+    (m/N), laws and friction.
+    """
+
+    factors: tuple[np.ndarray, np.ndarray]
+    residual: np.ndarray
+    laws: RowLaws
+    friction: Friction | None
+
+
+class StepLength:
+    """Coefficients of a step of some length, W, and the free motion over all steps, whatever the loads.
+
+    Parameters
+    ----------
+    modes : (omega, damping)
+        (m,) arrays, rad/s and damping ratios.
+    step : float
+        s.
+    steps : int
+    contact : Touching
+    """
+
+    def __init__(self, modes: tuple[np.ndarray, np.ndarray], step: float, steps: int, contact: Touching):
+        self._modes, self._step, self._steps = modes, step, steps
+        self.coefficients = step_coefficients(*modes, step, "exact")
+        factors, residual, laws, friction = contact
+        self.constants = step_constants([self.coefficients], factors, residual, laws, modes[0])
+        if friction is not None:
+            rubbing = rubbing_of(friction, residual, len(laws))
+            self.constants = self.constants._replace(rubbing=rubbing)
+
+    @functools.cached_property
+    def propagation(self) -> Propagation:
+        """For derivatives."""
+        return Propagation(self.coefficients, *self._modes, self._step, self._steps)

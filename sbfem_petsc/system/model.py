@@ -163,7 +163,7 @@ class Model(Structure):
         """
         count = integer("Model.modes", "count", count, least=0, most=self.boundary_unknowns // 2)
         if self._modes is None or len(self._modes.frequencies) < count:
-            self._modes = lowest_modes(self, max(count, 1))  # none are taken from one
+            self._modes = Modal(*lowest_modes(self.statics, max(count, 1)), self)  # none are taken from one
         return self._modes.selected(np.arange(count))
 
     def mesh_options(self, owner: str) -> dict[str, Any]:

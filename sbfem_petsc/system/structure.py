@@ -12,7 +12,7 @@ import numpy as np
 from meshing.boundary_mesh import BoundaryMesh
 from meshing.mesh_arrays import ContactPairs, Crack
 
-from ..contact.friction import refuse_friction
+from ..contact.friction import Memory, refuse_friction
 from ..contact.law import ContactLaw
 from ..errors import listed
 from ..loads import Loads, as_loads
@@ -28,6 +28,7 @@ from .fields.tips import Tips
 from .layout.distribution import distribute
 from .loads import LoadColumns, NodalForces, load_columns
 from .matrices import Matrices, matrices
+from .solve.equilibrium import Equilibrium, equilibrium
 from .solve.static_solver import StaticSolver
 from .solve.stiffness import Stiffness
 
@@ -231,6 +232,12 @@ class Structure:
     def support_forces(self) -> SupportForces:
         """Forces of the supports. Collective."""
         return SupportForces(self.statics)
+
+    def equilibrium(
+        self, load: LoadColumns, touching: bool = True, memory: Memory | None = None
+    ) -> Equilibrium:
+        """Displacements under one column of loads, see `solve.equilibrium`. Collective."""
+        return equilibrium(self.statics, self.contact, self.tips, load, touching=touching, memory=memory)
 
     def load_columns(self, loads: Iterable) -> LoadColumns:
         """What several constant loads do, one column each. Collective.

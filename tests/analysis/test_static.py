@@ -136,12 +136,10 @@ def test_against_snes_variational_inequality(case):
     """The whole problem by SNES VINEWTONRSLS: minimise energy over the gaps' coordinates with gap >= 0."""
     from petsc4py import PETSc
 
-    from sbfem_petsc.system.solve.equilibrium import equilibrium
-
     _, model = case
     load = sb.PointForce("A", fy=100.0)
     active_set = sb.static(model, load)
-    free_gap = equilibrium(model, model.load_columns([load]), contact=False).gap
+    free_gap = model.equilibrium(model.load_columns([load]), touching=False).gap
     flexibility = model.compliance.gaps
     count = len(free_gap)
     scale = np.abs(flexibility).max()

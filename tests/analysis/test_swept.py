@@ -9,7 +9,7 @@ from scipy.interpolate import PchipInterpolator
 
 import sbfem_petsc as sb
 from meshing import Beam
-from sbfem_petsc.motion.linear_passage import linear_changes
+from sbfem_petsc.motion.swept import linear_changes
 from sbfem_petsc.plot import plot_swept, save_picture
 from tests.analysis.test_basins import FORCE, RATIO, STEPS, TURN, mass
 from tests.systems import two_masses

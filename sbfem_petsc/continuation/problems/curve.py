@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import SolveError
-from ...motion.period_map import DrivenPeriod, Period, PeriodMotion, stays
+from ...motion.period_map import DrivenPeriod, Period
+from ...motion.period_motion import PeriodMotion
 from ...petsc import MPI
 from ..problem import Linear, Point, Problem
 from .curve_system import (
@@ -132,7 +133,7 @@ class InvariantCurves(Problem):
         if period.friction is None:
             return np.empty(0, dtype=int)
         count = len(period.laws)
-        sticks = [stays(motion, count) for motion in motions if motion is not None]
+        sticks = [motion.stays(count) for motion in motions if motion is not None]
         everywhere = np.all(sticks, axis=0) if sticks else np.ones(period.pairs - count, dtype=bool)
         self.comm.Allreduce(MPI.IN_PLACE, everywhere, MPI.LAND)
         return 2 * period.modes + np.flatnonzero(everywhere)
@@ -238,7 +239,7 @@ class CurveState:
             assert motion is not None  # this rank's
             found[place] = driven(i).carried(motion, unit, located=smooth)
             if problem.period.friction is not None:  # elsewhere on the curve they slip
-                kept = 2 * problem.period.modes + np.flatnonzero(stays(motion, len(problem.period.laws)))
+                kept = 2 * problem.period.modes + np.flatnonzero(motion.stays(len(problem.period.laws)))
                 found[place, kept, kept] = 1.0
         if stuck.size:
             found[:, stuck] = 0.0

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from ...motion.contact_work import contact_work
-from ...motion.period_map import DrivenPeriod, FixedPoint, Period, PeriodMotion
+from ...motion.period_map import DrivenPeriod, FixedPoint, Period
+from ...motion.period_motion import PeriodMotion
 from ..linear import Dense
 from ..orbit import modal_motion
 from ..problem import Lost, Point, Problem, Range

@@ -16,7 +16,8 @@ from meshing.warnings import BranchWarning
 
 from ...errors import SolveError, caller_level
 from ...motion.family import Family
-from ...motion.period_map import DrivenPeriod, FixedPoint, Period, PeriodMotion
+from ...motion.period_map import DrivenPeriod, FixedPoint, Period
+from ...motion.period_motion import PeriodMotion
 from ...reduction.outputs import LinearOutput
 from ...reduction.reduced_model import ReducedModel
 from ..bifurcations import Bifurcation

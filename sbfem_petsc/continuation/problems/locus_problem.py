@@ -25,7 +25,8 @@ import numpy as np
 from scipy import linalg
 
 from ...motion.family import Family
-from ...motion.period_map import DrivenPeriod, PeriodMotion
+from ...motion.period_map import DrivenPeriod
+from ...motion.period_motion import PeriodMotion
 from ..multipliers import inverse_iteration
 from ..problem import Linear, Lost, Point, Problem
 from .grazing import OpenRowFamily, least

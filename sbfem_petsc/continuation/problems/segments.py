@@ -11,7 +11,8 @@ from collections.abc import Callable
 import numpy as np
 
 from ...errors import PetscFailure, SolveError, called, on_all_ranks
-from ...motion.period_map import DrivenPeriod, FixedPoint, Period, PeriodMotion
+from ...motion.period_map import DrivenPeriod, FixedPoint, Period
+from ...motion.period_motion import PeriodMotion
 from ...motion.states import ModalStates
 from ..linear import Cyclic
 from ..newton import correct

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...motion.period_map import DrivenPeriod, FixedPoint, Period, PeriodMotion
+from ...motion.period_map import DrivenPeriod, FixedPoint, Period
+from ...motion.period_motion import PeriodMotion
 
 # Change of the state over fewer periods, relative to its size, below which a motion is one of fewer periods.
 SAME = 1e-7

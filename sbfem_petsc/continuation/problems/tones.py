@@ -13,7 +13,8 @@ from meshing.warnings import StepWarning
 from ...checks import integer
 from ...errors import at_point, caller_level
 from ...motion.excitation import Excitation
-from ...motion.period_map import Period, PeriodMotion
+from ...motion.period_map import Period
+from ...motion.period_motion import PeriodMotion
 from ...petsc import MPI
 from ...record.record import Record, derived, described, quantity
 from ...reduction.reduced_model import ReducedModel

@@ -14,8 +14,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ...errors import PetscFailure, SolveError
-from ...motion.excitation import Excitation
-from ...motion.period_map import DrivenPeriod, Period, PeriodMotion, modal_forces
+from ...motion.excitation import Excitation, modal_forces
+from ...motion.period_map import DrivenPeriod, Period
+from ...motion.period_motion import PeriodMotion
 from ...petsc import MPI
 from ...reduction.reduced_model import ReducedModel
 from ..newton import correct

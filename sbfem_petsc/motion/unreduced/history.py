@@ -30,7 +30,6 @@ from ...system.fields.resolution import warn_of_tips
 from ...system.fields.tip_facts import TipFacts
 from ...system.model import Model
 from ...system.solve.demand import require_steps
-from ...system.solve.equilibrium import equilibrium
 from ...system.solve.modes import lowest_modes
 from ...system.solve.pencil import Pencil
 from ..drive import Drive
@@ -84,7 +83,7 @@ class UnreducedIntegrator:
         self.comm, self.chunk = model.comm, CHUNK
         responses = min(len(model.contact), KEPT_RESPONSES)
         require_steps("transient", model.cells, modes if model.damping else 0, responses)
-        found = lowest_modes(model, modes, auxiliary_tolerance=0.0) if model.damping else None
+        found = lowest_modes(model.statics, modes, auxiliary_tolerance=0.0) if model.damping else None
         with contextlib.ExitStack() as freed:  # here, if there is an error before anything is integrated
             self.pencil = Pencil(model.statics, 1.0, 0.0)
             freed.callback(self.pencil.destroy)
@@ -239,7 +238,7 @@ class UnreducedIntegrator:
                 state[:] = unreduced_state(self.pencil, function, what)
         elif initial == "equilibrium" and units:
             columns = model.load_columns(units)
-            found = equilibrium(model, columns.combined(march.amplitudes), self.steps.contact)
+            found = model.equilibrium(columns.combined(march.amplitudes), self.steps.contact)
             march.u[: self.pencil.owned] = found.owned
             march.u[self.pencil.owned :] = march.resting_insides()
             force = found.force[: march.pairs].copy()

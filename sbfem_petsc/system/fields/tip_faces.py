@@ -204,6 +204,9 @@ def given_gaps(pairs: ContactPairs, tip: Tip) -> tuple[float, float] | None:
 
 
 def tractions_of(group: Group, material: AnyMaterial, modes: int) -> FaceTractions:
+    """What tractions on the faces inside tip elements of a shape do: along the directions in which they open,
+    of polynomials up to so many and a logarithm, and of either face alone.
+    """
     directions = np.concatenate(
         [opening_direction(group.shape)[None], single_face_directions(0), single_face_directions(1)]
     )

@@ -16,8 +16,8 @@ from ...petsc import free, stage
 from ..contact import bordered_contact, dual_contact
 from ..contact.expected_contact import expected_contact
 from ..contact.rows import Contact
+from ..fields.tips import Tips
 from ..loads import LoadColumns
-from ..structure import Structure
 from .stiffness import Stiffness
 
 
@@ -57,31 +57,36 @@ class Equilibrium:
 
 
 def equilibrium(
-    model: Structure,
+    stiffness: Stiffness,
+    contact: Contact,
+    tips: Tips,
     load: LoadColumns,
-    contact: bool = True,
+    *,
+    touching: bool = True,
     memory: Memory | None = None,
 ) -> Equilibrium:
     """Displacements under one column of loads. Collective.
 
     Parameters
     ----------
-    model : Structure
-        Held against every rigid-body motion.
+    stiffness : Stiffness
+        Of a structure that is held against every rigid-body motion.
+    contact : Contact
+    tips : Tips
     load : LoadColumns
         Of one column.
-    contact : bool
+    touching : bool
         False: faces may overlap.
     memory : Memory, optional
         Of the state before; default: faces that have never been loaded.
     """
     found = None
-    if contact and model.contact.friction is None:
-        found = _at_once(model.statics, model.contact, load)
+    if touching and contact.friction is None:
+        found = _at_once(stiffness, contact, load)
     if found is None:
-        found = _from_free_gaps(model, load, contact, memory)
+        found = _from_free_gaps((stiffness, contact, tips), load, touching, memory)
     owned, result = found.owned, found.result
-    factors = model.tips.intensities
+    factors = tips.intensities
     intensities = factors.evaluate(owned, load.tips[:, 0] + factors.contact @ result.force)
     return Equilibrium(
         owned,
@@ -90,7 +95,7 @@ def equilibrium(
         result.active,
         intensities,
         result.iterations,
-        _imbalance(model.statics, model.contact, load, found),
+        _imbalance(stiffness, contact, load, found),
         found.memory,
         found.lost,
     )
@@ -109,13 +114,11 @@ class _Found(NamedTuple):
 
 
 def _from_free_gaps(
-    model: Structure,
-    load: LoadColumns,
-    contact: bool,
-    memory: Memory | None,
+    owners: tuple[Stiffness, Contact, Tips], load: LoadColumns, closing: bool, memory: Memory | None
 ) -> _Found:
     """The linear solution, what contact does to its gaps, and the solution with the contact forces."""
-    stiffness, operator, solver = model.statics, model.contact, model.statics.solver
+    stiffness, operator, tips = owners
+    solver = stiffness.solver
     right, solution = stiffness.matrix.createVecs()
     try:
         right.array = load.forces[:, 0]
@@ -123,12 +126,12 @@ def _from_free_gaps(
         gap = operator.rows(solution.array_r) + load.gaps[:, 0] + operator.initial
         result: Complementarity | None = None
         laws, friction, lost = operator.laws, operator.friction, 0.0
-        touching = contact and laws.touched(gap[: len(laws)]).any()
+        touching = closing and laws.touched(gap[: len(laws)]).any()
         if friction is not None:
             former = Memory.none(laws, friction) if memory is None else memory
             if touching:
                 result = solve_friction(
-                    operator.compliance(stiffness, model.tips).gaps, gap, laws, friction, former
+                    operator.compliance(stiffness, tips).gaps, gap, laws, friction, former
                 )
         elif touching:
             # bordered matrices have the round-off of the assembled stiffness
@@ -136,7 +139,7 @@ def _from_free_gaps(
             if not refined:
                 result = _without_flexibility(stiffness, operator, gap)
             if result is None:
-                result = solve_complementarity(operator.compliance(stiffness, model.tips).gaps, gap, laws)
+                result = solve_complementarity(operator.compliance(stiffness, tips).gaps, gap, laws)
         if result is None:
             result = Complementarity(np.zeros(len(gap)), gap, np.zeros(len(gap), dtype=np.int8), 0)
         else:

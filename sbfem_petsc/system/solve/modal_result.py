@@ -14,6 +14,7 @@ from ...ranks.parallel import agreed
 from ...record.gather import whole
 from ...record.record import Record, described, quantity
 from ..structure import Structure
+from .modes import Modes
 
 
 @described
@@ -80,14 +81,8 @@ class Modal(Record):
 
     def selected(self, keep: np.ndarray) -> Modal:
         """Some of the modes."""
-        return replace(
-            self,
-            frequencies=self.frequencies[keep],
-            residuals=self.residuals[keep],
-            shapes=self.shapes[:, keep],
-            point_shapes={name: shape[keep] for name, shape in self.point_shapes.items()},
-            auxiliary_inertia=self.auxiliary_inertia[keep],
-        )
+        found = Modes(*(getattr(self, name) for name in Modes._fields)).selected(keep)
+        return replace(self, **found._asdict())
 
     def __repr__(self) -> str:
         shown = ", ".join(f"{f:.6g}" for f in self.frequencies[:6]) + (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,11 +12,10 @@ from ...petsc import MPI, PETSc, SLEPc, configure, free, scripted, solver_name, 
 from ...ranks.capacity import give_back
 from ..elements.element_stiffness import NEEDED
 from ..elements.elements import Elements
-from ..structure import Structure
 from .demand import require_modes
 from .krylov_step import KrylovStep
-from .modal_result import Modal
 from .pencil import CondensedSolve, Pencil, top_of_band
+from .stiffness import Stiffness
 
 # Residual ||K x - w2 M x|| / ||w2 M x|| that a returned pair may have at most. Round-off leaves about
 # 1e-16 cond(K)^(1/2) in the lowest modes of a slender beam; 1e-5 in a residual is 1e-10 in a frequency.
@@ -26,9 +26,44 @@ WORSE = 3.0
 TOLERANCE = 1e-5
 
 
+class Modes(NamedTuple):
+    """Eigenpairs in ascending order; see `Modal`, which has the structure beside them.
+
+    Attributes
+    ----------
+    frequencies, residuals : (n,) arrays
+        Hz, and relative residuals.
+    shapes : (owned, n) array
+        This rank's displacement unknowns, mass-normalised.
+    point_shapes : dict of str to (n, 2) array
+    auxiliary_inertia : (n, 2) array
+    solver : str
+    iterations, unknowns : int
+    """
+
+    frequencies: np.ndarray
+    residuals: np.ndarray
+    shapes: np.ndarray
+    point_shapes: dict[str, np.ndarray]
+    auxiliary_inertia: np.ndarray
+    solver: str
+    iterations: int
+    unknowns: int
+
+    def selected(self, keep: np.ndarray) -> Modes:
+        """Some of them."""
+        return self._replace(
+            frequencies=self.frequencies[keep],
+            residuals=self.residuals[keep],
+            shapes=self.shapes[:, keep],
+            point_shapes={name: shape[keep] for name, shape in self.point_shapes.items()},
+            auxiliary_inertia=self.auxiliary_inertia[keep],
+        )
+
+
 def lowest_modes(
-    model: Structure, count: int, auxiliary_tolerance: float = TOLERANCE, verify: bool = True
-) -> Modal:
+    stiffness: Stiffness, count: int, auxiliary_tolerance: float = TOLERANCE, verify: bool = True
+) -> Modes:
     """The `count` lowest modes; see `analysis.modal.modal` for the arguments. Collective.
 
     Raises
@@ -38,15 +73,15 @@ def lowest_modes(
     SolveError
         If SLEPc does not converge or a residual is too large.
     """
-    require_modes(model.cells, count, _basis(count, 0), auxiliary_tolerance == 0.0)
-    highest = top_of_band(model.cells, count)
+    require_modes(stiffness.elements, count, _basis(count, 0), auxiliary_tolerance == 0.0)
+    highest = top_of_band(stiffness.elements, count)
     while True:
-        pencil = Pencil(model.statics, highest, auxiliary_tolerance)
+        pencil = Pencil(stiffness, highest, auxiliary_tolerance)
         try:
-            found = _solve_lowest(model, pencil, count, verify)
+            found = _solve_lowest(pencil, count, verify)
         finally:
             pencil.destroy()
-            give_back(model.layout.count)
+            give_back(stiffness.layout.count)
         reached = 2.0 * math.pi * float(found.frequencies[-1])
         if reached <= highest:
             return found
@@ -59,7 +94,7 @@ def _basis(count: int, attempt: int) -> int:
     return max(count + 15, math.ceil((1.9 + 0.5 * attempt) * count))
 
 
-def _solve_lowest(model: Structure, pencil: Pencil, count: int, verify: bool) -> Modal:
+def _solve_lowest(pencil: Pencil, count: int, verify: bool) -> Modes:
     """The `count` lowest eigenpairs, none left out.
 
     A single-vector Krylov method meets the second vector of a multiple eigenvalue through round-off only and
@@ -67,7 +102,7 @@ def _solve_lowest(model: Structure, pencil: Pencil, count: int, verify: bool) ->
     """
     wanted = count
     for attempt in range(4):
-        found = _solve(model, pencil, wanted, 0.0, attempt)
+        found = _solve(pencil, wanted, 0.0, attempt)
         values = (2.0 * math.pi * found.frequencies) ** 2
         # far enough below for round-off not to count the last one itself: a residual of 1e-7 is usual; the
         # eigenvalues that are counted are those of the assembled stiffness, refined or not
@@ -97,16 +132,16 @@ def _solve_lowest(model: Structure, pencil: Pencil, count: int, verify: bool) ->
 
 
 def modes_in_band(
-    model: Structure, low: float, high: float, auxiliary_tolerance: float = TOLERANCE, verify: bool = True
-) -> Modal:
+    stiffness: Stiffness, low: float, high: float, auxiliary_tolerance: float = TOLERANCE, verify: bool = True
+) -> Modes:
     """Eigenpairs nearest to the middle of the band, more of them until they reach beyond both of its ends and
     none is left out.
     """
     ends = (2.0 * math.pi * np.array([low, high])) ** 2
     middle = float(ends.mean())
-    require_modes(model.cells, 8, _basis(8, 0))
+    require_modes(stiffness.elements, 8, _basis(8, 0))
     # half as high again: what is left out has its largest effect at the top, where frequencies are asked for
-    pencil = Pencil(model.statics, 1.5 * float(np.sqrt(ends[1])), auxiliary_tolerance)
+    pencil = Pencil(stiffness, 1.5 * float(np.sqrt(ends[1])), auxiliary_tolerance)
     count, most = 8, pencil.unknowns // 2
     try:
         expected = None
@@ -124,9 +159,9 @@ def modes_in_band(
                     )
                 )
             count = min(max(count, expected + 4), most)
-            require_modes(model.cells, count, _basis(count, 0))
+            require_modes(stiffness.elements, count, _basis(count, 0))
         for attempt in range(12):
-            found = _solve(model, pencil, min(count, most), middle, attempt)
+            found = _solve(pencil, min(count, most), middle, attempt)
             values = (2.0 * math.pi * found.frequencies) ** 2
             keep = np.flatnonzero((found.frequencies >= low) & (found.frequencies <= high))
             reached = np.abs(values - middle).max() > ends[1] - middle or count >= most
@@ -145,7 +180,7 @@ def modes_in_band(
     )
 
 
-def _solve(model: Structure, pencil: Pencil, count: int, target: float, attempt: int) -> Modal:
+def _solve(pencil: Pencil, count: int, target: float, attempt: int) -> Modes:
     """`count` eigenpairs nearest to omega^2 = `target`; a structure without full support is shifted below
     zero.
     """
@@ -192,16 +227,14 @@ def _solve(model: Structure, pencil: Pencil, count: int, target: float, attempt:
             )
         values = np.array([eps.getEigenvalue(i).real for i in range(count)])
         name = f"SLEPc {eps.getType()}, shift-invert by {solver_name(solve.ksp)}"
-        return _collect(model, eps, solve, values, name)
+        return _collect(eps, solve, values, name)
     finally:
         step.release()
         free(comm, inner, outer, st, eps)
         solve.release()
 
 
-def _collect(
-    model: Structure, eps: SLEPc.EPS, solve: CondensedSolve, values: np.ndarray, solver: str
-) -> Modal:
+def _collect(eps: SLEPc.EPS, solve: CondensedSolve, values: np.ndarray, solver: str) -> Modes:
     """Eigenpairs in ascending order with their residuals."""
     pencil = solve.pencil
     layout, statics, comm = pencil.layout, pencil.statics, pencil.layout.comm
@@ -278,7 +311,7 @@ def _collect(
                 "-modal_st_pc_factor_mat_solver_type"
             )
         )
-    return Modal(
+    return Modes(
         np.sqrt(np.maximum(values, 0.0)) / (2.0 * math.pi),
         residuals,
         shapes,
@@ -287,7 +320,6 @@ def _collect(
         solver,
         iterations,
         pencil.unknowns,
-        model,
     )
 
 
