@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -245,11 +246,7 @@ class _Run:
             return prepare(what, self.model, self.load, begins, settings=settings, guess=guess)
 
         with self._recorder() as record:
-            if record is not None and asked.accuracy is not None and settings.modes is None:
-                settings = replace(settings, modes=record.modes() if isinstance(self.model, Model) else None)
-            period = prepared(settings)
-            if asked.accuracy is not None and guess is None and (record is None or record.modes() is None):
-                period = asked.accuracy.tried(over, period, prepared)
+            period = self._opened(over, asked.accuracy, prepared, settings, record)
             asked = replace(asked, stability=tells_stability(what, period, stability))
             asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
             if record is not None:  # in the steps of the file where none are asked for
@@ -270,6 +267,25 @@ class _Run:
                         asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
                     if record is not None:
                         period = record.anew(period)
+
+    def _opened(
+        self,
+        over: ParameterRange,
+        accuracy: Accuracy | None,
+        prepared: Callable[[PeriodSettings], Period],
+        settings: PeriodSettings,
+        record: LineFile | None,
+    ) -> Period:
+        """The map to begin with: of a run that is gone on with in its modes, else as an accuracy asks for."""
+        if accuracy is None:
+            return prepared(settings)
+        modes = None if record is None else record.modes()
+        if modes is not None and settings.modes is None and isinstance(self.model, Model):
+            settings = replace(settings, modes=modes)
+        period = prepared(settings)
+        return (
+            period if modes is not None or self.guess is not None else accuracy.tried(over, period, prepared)
+        )
 
     def _unreduced(self, over: ParameterRange, stability: bool | None) -> Branch:
         what = over.owner
