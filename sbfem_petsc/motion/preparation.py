@@ -62,7 +62,7 @@ class PeriodSettings:
     accuracy : float or None
         Of harmonics 1 to 4: tells how many modes there are to begin with where they are not given.
     least : int
-        Steps a forcing period at least where they are not given.
+        Steps a forcing period at least where they are not given; 0: by default or as the accuracy asks for.
     """
 
     periods: int | None = None
@@ -74,11 +74,12 @@ class PeriodSettings:
     segments: int = 1
     band: float | None = None
     accuracy: float | None = None
-    least: int = STEPS
+    least: int = 0
 
     def __post_init__(self) -> None:
-        if self.accuracy is not None and self.least == STEPS:
-            object.__setattr__(self, "least", accurate_steps(self.accuracy))
+        if not self.least:
+            least = STEPS if self.accuracy is None else accurate_steps(self.accuracy)
+            object.__setattr__(self, "least", least)
 
 
 def accurate_steps(accuracy: float) -> int:

@@ -6,7 +6,7 @@ import pytest
 import sbfem_petsc as sb
 from sbfem_petsc.continuation.orbit import FAINT
 from tests.analysis.test_mode_error import TURN, rod, true_error
-from tests.systems import coarse_beam, two_masses
+from tests.systems import coarse_beam, one_mass, two_masses
 
 PUSH = sb.PointForce("A", fy=300.0)
 
@@ -102,3 +102,20 @@ def test_two_tones():
     assert len(found.reduced.omega) < 20 and np.isnan(fine.mode_error).all()
     with pytest.warns(sb.AccuracyWarning, match="quasi_periodic: .* give more than modes = 12"):
         sb.quasi_periodic(beam, load, frequencies, modes=12, steps=192, accuracy=1e-3, stability=False)
+
+
+def test_as_many_steps_as_by_default_are_not_begun_with_again():
+    """Of a curve that begins in 256 steps and needs twice as many, 512, which are those without an accuracy."""
+    mass = one_mass(1.0, 3e-4, stiffness=0.02)
+    first = mass.frequencies[0]
+    curve = sb.frequency_response(mass, [9e-4], 0.97 * first, 1.1 * first, accuracy=5e-3, stability=False)
+    assert curve.period.steps == 512 and curve.largest_mode_error <= 5e-3
+
+
+def test_a_tone_that_the_samples_just_resolve():
+    """The highest multiple of an even number of samples; errors of lines (0, -n) are those of (0, n)."""
+    load = sb.PointForce("A", fy=sb.Harmonic(20.0, 433.0) + sb.Harmonic(60.0, 61.7) + sb.Harmonic(0.1, 493.6))
+    asked = dict(modes=12, steps=192, accuracy=0.1, stability=False)
+    with pytest.warns(sb.StepWarning):
+        found = sb.quasi_periodic(coarse_beam(0.002), load, (433.0, 61.7), samples=16, **asked)
+    assert found.mode_error[1] < found.mode_error[2] < 0.1

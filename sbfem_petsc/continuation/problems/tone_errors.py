@@ -71,8 +71,9 @@ def _left_out(torus: Torus, point: Point) -> tuple[np.ndarray, np.ndarray]:
             if order > (middle if tone else p.steps // 2):
                 continue
             for sign, share in ((1, values), (-1, values.conj())):
-                place = (middle, sign * order) if tone == 0 else (middle + sign * order, 0)
-                loads[place] += 0.5 * share
+                # the highest multiple of an even number of samples is at both ends of their range
+                slow_order = (middle + sign * order) % samples
+                loads[(middle, sign * order) if tone == 0 else (slow_order, 0)] += 0.5 * share
     left = LeftOut(r, p.pairs, 2.0 * np.pi * tones.ravel())
     flat = forces.reshape(-1, p.pairs), loads.reshape(-1, loads.shape[-1])
     gaps = np.fft.ifft(left.gaps(*flat).reshape(forces.shape), axis=1) * p.steps
@@ -105,6 +106,7 @@ def _by_order(off: np.ndarray, own: np.ndarray) -> np.ndarray:
     count = min(len(off), len(own))
     off, own = (np.linalg.norm(part[:count], axis=(2, 3)) for part in (off, own))
     middle = own.shape[1] // 2
+    off[0, :middle] = 0.0  # conjugate to those of positive n, but for the linear response, which these have
     order = np.arange(count)[:, None] + np.abs(np.arange(own.shape[1]) - middle)
     least = max(FAINT * own[order > 0].max(initial=0.0), np.finfo(float).tiny)
     errors = off / np.maximum(own, least)
