@@ -301,6 +301,22 @@ def hides_turns(line: Line, k: int, within: float) -> bool:
     return begin == end and first * values[1] < 0.0 and second * values[1] < 0.0
 
 
+def bends_back(line: Line, k: int) -> bool:
+    """Whether the value, which goes on from point k to point k + 1, turns twice between them by the cubic
+    through both with their tangents: as these lead forth more than three times as steeply as the chord.
+    """
+    one, other = line.points[k : k + 2]
+    if other.leapt or len(one.u) != len(other.u):
+        return False
+    metric = Metric(one.problem, one.u)
+    way = metric.way(one, other)
+    normal = metric.unit(way - _of_value(metric, one, way))
+    chord = (other.value - one.value) / max(metric.dot(way, normal), 1e-300)
+    direction = _direction(one, one, other)
+    (first, begin), (second, end) = direction(one), direction(other)
+    return begin == end and min(first * np.sign(chord), second * np.sign(chord)) > 3.0 * abs(chord)
+
+
 def _direction(about: Point, one: Point, other: Point) -> Callable[[Point], tuple[float, float]]:
     """The value's part of the branch's direction at a point, along the way from one point to another, and the
     determinant's sign. Which way that is is told by all but the value, which turns.
