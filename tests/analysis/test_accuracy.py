@@ -105,7 +105,7 @@ def test_two_tones():
 
 
 def test_as_many_steps_as_by_default_are_not_begun_with_again():
-    """Of a curve that begins in 256 steps and needs twice as many, 512, which are those without an accuracy."""
+    """Of a curve that begins in 256 steps and needs twice as many, 512: the default."""
     mass = one_mass(1.0, 3e-4, stiffness=0.02)
     first = mass.frequencies[0]
     curve = sb.frequency_response(mass, [9e-4], 0.97 * first, 1.1 * first, accuracy=5e-3, stability=False)

@@ -53,7 +53,7 @@ def passed(chain: sb.ReducedModel, force: float, start: float, stop: float, **as
         pytest.param(
             1001, (0.0868, 0.0906), 1024, 2 * ["period doubling"] + 6 * ["fold"], marks=pytest.mark.long
         ),
-        # two folds and the end of a doubling where the value goes on from a point to the next one by 2e-5 only
+        # two folds and the end of a doubling between two points whose values are 2e-5 apart
         (2028, (0.07944, 0.07979), 256, 2 * ["period doubling", "fold"]),
         # .3 % wide, begins where a stop is met once more in a period
         (1013, (0.14, 0.157), 256, 2 * ["Neimark-Sacker"]),
