@@ -74,7 +74,13 @@ def sparse_modes(
     except (ValueError, SolveError):
         _require_mass(_negative(comm, lambda: heavy)[0])
         raise
-    assert found is not None
+    if found is None:
+        raise on_all_ranks(
+            SolveError(
+                f"modal: the stiffness is singular to working precision even with {shift:.3g} of the mass "
+                "added: its entries lie too far apart; hold the body, or make what is near rigid softer"
+            )
+        )
     return found
 
 
@@ -203,10 +209,26 @@ def _none_left_out(
     are found, further ones through round-off only.
     """
     mass, heavy = masses
+    if shift and by_options():
+        raise on_all_ranks(
+            SolveError(
+                "modal: -modal_eps_ options are for bodies that are held: of others rigid motions take the "
+                "digits of what SLEPc finds; leave these options out, or hold the body"
+            )
+        )
     for doubled in range(4):
         width = WIDTH << doubled
         if by_options():
             inverse, vectors, inertia = solver.by_slepc(mass, count, width)
+            again = whole(solver.comm, solver.shared(inertia[share(solver.comm, len(inertia))])) / inverse
+            missed = float(np.sqrt(((again - vectors) * (mass @ (again - vectors))).sum(axis=0)).max())
+            if not missed <= RESIDUAL:
+                raise on_all_ranks(
+                    SolveError(
+                        f"modal: SLEPc's modes miss their equations by {missed:.1g}, above {RESIDUAL:g}; "
+                        "lower -modal_eps_tol, raise -modal_eps_ncv, or leave -modal_eps_ options out"
+                    )
+                )
         else:
             inverse, vectors, inertia = lowest(solver.comm, solver.shared, mass, count, width)
         if mass.diagonal().min() <= 0.0:  # rounding in what has no mass

@@ -12,6 +12,7 @@ import scipy.sparse
 import sbfem_petsc as sb
 from meshing.warnings import BandWarning, SolverWarning
 from sbfem_petsc.petsc import PETSc
+from sbfem_petsc.reduction import sparse
 
 
 @pytest.fixture(scope="module")
@@ -297,3 +298,37 @@ def test_eigensolver_by_options(beam, kind):
     assert found.omega**2 == pytest.approx(scipy.linalg.eigh(k, m, eigvals_only=True)[:6], rel=1e-9)
     whole = found.load_flexibility + found.load_modes.T @ (found.load_modes / found.omega[:, None] ** 2)
     assert whole == pytest.approx(push.T @ np.linalg.solve(k, push), rel=1e-8)
+
+
+def test_eigensolver_by_options_where_nothing_holds(monkeypatch):
+    """Rigid motions would take the digits of its modes (.0118 for .0120 of a stiff and soft chain): refused,
+    as are modes that miss their equations, and a stiffness that 1e-9 of the mass does not make definite.
+    """
+    n, options = 60, PETSc.Options()
+    differences = np.diff(np.eye(n), axis=0)
+
+    def squares(stiff: float, held: float) -> np.ndarray:
+        springs = np.where(np.arange(n - 1) < 10, stiff, 1.0)
+        stiffness = differences.T @ (springs[:, None] * differences)
+        stiffness[0, 0] += held
+        given = {"loads": np.eye(n)[:, :1], "sensors": {"a": 0}, "modes": 8}
+        mass, stiffness = scipy.sparse.eye(n, format="csr"), scipy.sparse.csr_matrix(stiffness)
+        return sb.reduce_matrices(mass, stiffness, np.zeros((0, n)), np.zeros(0), **given).omega ** 2
+
+    with pytest.raises(sb.SolveError, match="singular to working precision even with"):
+        squares(1e8, 0.0)
+    try:
+        options.setValue("modal_eps_type", "krylovschur")
+        with pytest.raises(sb.SolveError, match="-modal_eps_ options are for bodies that are held"):
+            squares(1e4, 0.0)
+        slepc = sparse.lowest_by_slepc
+
+        def carelessly(*asked):
+            inverse, vectors, heavy = slepc(*asked)
+            return inverse, vectors * (1.0 + 1e-5 * np.arange(n)[:, None]), heavy
+
+        monkeypatch.setattr(sparse, "lowest_by_slepc", carelessly)
+        with pytest.raises(sb.SolveError, match="miss their equations by .*lower -modal_eps_tol"):
+            squares(1e4, 1.0)
+    finally:
+        options.delValue("modal_eps_type")
