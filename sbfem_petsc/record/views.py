@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..checks import names_of
+from ..checks import flag, names_of
 from ..checks import path as checked_path
 from ..writing import write_table
 from .about import DIRECTION, About, Quantity
@@ -73,6 +73,7 @@ class Views:
 
     def tables(self, details: bool = False) -> dict[str, dict[str, Any]]:
         """Columns by axis, with the unit in their heads: of each axis its entries or coordinates first."""
+        flag("tables", "details", details)
         found: dict[str, dict[str, Any]] = {}
         of = list(self._presented(lambda about: details or not about.detail))
         for q in sorted(of, key=lambda q: q.name not in self.coordinates):  # stable
@@ -137,6 +138,7 @@ class Views:
         """What JSON can hold: entries by name, complex numbers as magnitude and phase, nan as null; of long
         arrays their shape, unless there are to be details.
         """
+        flag("summary", "details", details)
         found: dict[str, Any] = {}
         for q in self._presented(lambda about: not about.distributed and (details or not about.detail)):
             named = {name: plain(item, math.inf if details else LONGEST) for name, item in q.by_name()}

@@ -990,6 +990,7 @@ INTERNAL = {
         "load_columns",
         "checked_loads",
         "require_support",
+        "equilibrium",
         "require_frictionless",
         "nodal",
         "places",
