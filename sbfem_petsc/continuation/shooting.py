@@ -159,6 +159,8 @@ class Shooting:
     def solve(self, state: np.ndarray) -> FixedPoint:
         """The fixed point near a state."""
         require_thread()
+        if self.jacobian == "updated" and PETSc.Options().hasName(f"{PREFIX}snes_test_jacobian"):
+            self.jacobian = "dense"  # PETSc's test is of the derivative, and not of updates of it
         driven, size = self.driven, len(state)
         moving = max(driven.period.size(state), driven.oscillation, 1e-300)
         snes = PETSc.SNES().create(PETSc.COMM_SELF)

@@ -246,7 +246,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
         lambda: {"model": oscillator(), "count": 2},
     ],
     "static": [
-        lambda: {"model": model(), "load": PUSH, "contact": True, "method": "active_set"},
+        lambda: {"model": model(), "load": PUSH, "contact": True},
         lambda: {"model": model(), "load": PUSH, "accuracy": 0.0},
         lambda: {"model": oscillator(), "load": 100.0, "contact": True},
     ],

@@ -559,7 +559,7 @@ def test_branches(tmp_path):
     assert found["over_load"]["value"] == pytest.approx(curve.value, rel=1e-6)
     np.testing.assert_allclose(found["over_load"]["amplitude"]["A"], curve.amplitude("A"), rtol=1e-6)
     assert found["over_load"]["stable"] == curve.stable.tolist()
-    assert len(found["over_frequency"]["frequency"]) == len(found["over_frequency"]["harmonic"]["A"])
+    assert len(found["over_frequency"]["frequency"]) == len(found["over_frequency"]["amplitude"]["A"])
     assert found["over_frequency"]["complete"] and found["free"]["complete"]
     energies = np.array(found["free"]["energy"])
     assert energies[0] == pytest.approx(1e-4, rel=1e-6) and energies[-1] == pytest.approx(3e-4, rel=1e-6)
@@ -576,7 +576,7 @@ def test_branches(tmp_path):
     assert found["slow"]["down"]["jump"]["A"] == [jump.frequency for jump in down.jumps("A")]
     basins = found["attraction"]
     steady = sb.periodic(model, FORCE, 700.0, steps=128, modes=2)
-    assert basins["reached"] == [[0, 0], [0, 0]] and basins["share"] == [1.0]
+    assert basins["orbit_reached"] == 4 * [0] and basins["share"] == [1.0]
     assert basins["orbits"][0]["amplitude"]["A"] == pytest.approx(steady.amplitude("A"), rel=1e-6)
     own, load = found["own"], sb.PointForce("A", fy=1000.0)
     around = sb.frequency_response(model, load, 5150.0, 5165.0, modes=8, steps=128)
@@ -584,7 +584,7 @@ def test_branches(tmp_path):
     first = sb.switch_branch(around, point, samples=7)
     assert own["value"][0] == pytest.approx(first.frequencies[0], rel=1e-7)
     assert own["own_frequency"][0] == pytest.approx(first.frequencies[1], rel=1e-4)
-    assert len(own["value"]) <= 3 and len(own["lines"]["A"]["magnitude"][0]) == len(own["line"])
+    assert len(own["value"]) <= 3 and len(own["lines"]["A"]["magnitude"][0]) == len(own["line_tones"])
     # results are read from their own files for other pictures
     for name, kind in (("own", sb.QuasiPeriodicBranch), ("free", sb.Backbone), ("attraction", sb.Basins)):
         ending = "journal" if name == "free" else "h5"

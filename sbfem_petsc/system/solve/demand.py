@@ -13,6 +13,9 @@ ENTRY = 12
 # Of MUMPS's factor, bytes for N log2 N: 10.3 entries measured on plates of order 5 with 55,000 to 300,000
 # unknowns, and two fifths of working space; and of what it is given, an entry of one half of the matrix.
 FACTOR, GIVEN = 8 * 10.3 * 1.4, 8
+# Of S-elements' own mass and coupling, bytes an entry of a matrix of theirs (35 measured), and of the largest
+# matrix while it is made.
+INERTIA, MADE = 35, 16
 COARSER = "take a coarser mesh, or more ranks on more machines"
 
 
@@ -108,10 +111,11 @@ def require_steps(owner: str, elements: Elements, modes: int, responses: int, *,
     ------
     ValueError
     """
-    matrices = matrix_entries(elements, elements.terms) + matrix_entries(elements)
+    own, whole = matrix_entries(elements), matrix_entries(elements, elements.terms)
     comm = elements.layout.comm
     columns = 16 + modes + 2 * responses + 2 * vectors
-    needed = ENTRY * matrices + factor_memory(elements) + 8.0 * elements.unknowns * columns
+    needed = ENTRY * (own + whole) + INERTIA * own + MADE * whole
+    needed += factor_memory(elements) + 8.0 * elements.unknowns * columns
     require_memory(
         owner,
         comm,
