@@ -191,7 +191,7 @@ def slowed(work):
 shapes.solve_selement, SElement.with_inertia = slowed(solve_selement), slowed(inertia)
 shapes.solve_stack, shapes.inertia_of_stack = slowed(solve_stack), slowed(inertia_of_stack)
 body = Plate([(0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1)], cracks=[CrackLine([(0.03, 0.05), (0.07, 0.056)])])
-mesh = sb.on_root(comm, lambda: body.mesh(order=3))
+mesh = sb.on_root(comm, lambda: body.mesh(order=3, size=0.012))
 model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700), clamped="edge1")
 own, counts = len(model.cells._solutions._shapes), [len(done)]
 done.clear()
@@ -229,4 +229,4 @@ def test_selements_taken_over(ranks):
     for stage in (0, 1):
         assert sum(counts[stage] for _, counts, _ in told["ranks"]) == told["shapes"]
         own, counts, _ = told["ranks"][0]
-        assert 1 <= counts[stage] < own  # a stack is taken whole
+        assert 1 <= counts[stage] < 0.8 * own
