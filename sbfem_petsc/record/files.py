@@ -10,6 +10,7 @@ import contextlib
 import importlib
 import io
 import os
+import zlib
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -37,10 +38,20 @@ WHAT = "result file"
 KEPT = {"history": "motion.files.history_file", "branch": "", "result": ""}
 # Where the model of a journal's head is for what is beside it.
 MODEL = "/model"
-# What compression gains at most.
-DEFLATE = 1032
+# What compression gains at most; how much time it may take, of 9.
+DEFLATE, SPARE = 1032, 1
 # What reading of what is not there, or is something else, ends in.
-UNSOUND = (ValueError, KeyError, IndexError, TypeError, AttributeError, OSError, RuntimeError, OverflowError)
+UNSOUND = (
+    ValueError,
+    KeyError,
+    IndexError,
+    TypeError,
+    AttributeError,
+    OSError,
+    RuntimeError,
+    OverflowError,
+    zlib.error,
+)
 
 
 @agreed()
@@ -196,19 +207,25 @@ def _kept(path: str, in_memory: bool) -> Any:
 
 
 def image(record: Record, model: Record | None = None) -> np.ndarray:
-    """A record as the bytes of a file, for a journal; without the model, which stands in the head."""
+    """A record as the compressed bytes of a file, for a journal; without the model, which its head has."""
     with h5py.File(
         "image", "w", driver="core", backing_store=False, libver=("v110", "v110"), track_order=True
     ) as file:
         write(file, record, seen={} if model is None else {id(model): MODEL})
         file.flush()
-        return np.frombuffer(file.id.get_file_image(), dtype=np.uint8)
+        return np.frombuffer(zlib.compress(file.id.get_file_image(), SPARE), dtype=np.uint8)
 
 
 def from_image(data: np.ndarray, beside: Mapping[str, Record] = {}) -> Any:
     """What `image` made, with what stands beside it."""
-    with h5py.File(io.BytesIO(data.tobytes()), "r") as file:
-        require_own(file, data.size)
+    packed, free = zlib.decompressobj(), int(available_memory())
+    whole = packed.decompress(data.tobytes(), free)
+    if not packed.eof:
+        raise ValueError(
+            f"it is cut off, or would take more than the {in_bytes(free)} of memory that are free"
+        )
+    with h5py.File(io.BytesIO(whole), "r") as file:
+        require_own(file, len(whole))
         return records_in(file, beside)
 
 
@@ -254,8 +271,7 @@ def opened(path: Any, what: str = WHAT) -> Iterator[h5py.File]:
         if file.attrs["schema"] != SCHEMA:
             raise ValueError(
                 f"{what} {path!r} has schema {file.attrs['schema']} of version "
-                f"{text(file.attrs['sbfem_petsc'])}; version {_version()} reads schema "
-                f"{SCHEMA}; compute it again"
+                f"{text(file.attrs['sbfem_petsc'])}; this program reads schema {SCHEMA}; compute it again"
             )
         require_own(file, os.path.getsize(path))
         yield file
@@ -285,27 +301,28 @@ def require_own(file: h5py.File, size: int) -> None:
     """Raise ValueError unless everything in a file is its own, there once, and no larger than the file can
     hold: no links, no storage in other files, no data that only memory would have room for.
     """
-    seen, waiting, total = {h5py.h5o.get_info(file.id).addr}, [file["/"]], 0
+    seen, waiting, total = {h5py.h5o.get_info(file.id).addr}, [file["/"].id], 0
     while waiting:
         group = waiting.pop()
         for name in group:
-            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-                raise ValueError(f"{name!r} leads elsewhere")
-            item = group[name]
-            address = h5py.h5o.get_info(item.id).addr
+            if group.links.get_info(name).type != h5py.h5l.TYPE_HARD:
+                raise ValueError(f"{name.decode()!r} leads elsewhere")
+            item = h5py.h5o.open(group, name)
+            address = h5py.h5o.get_info(item).addr
             if address in seen:
-                raise ValueError(f"{name!r} is there twice")
+                raise ValueError(f"{name.decode()!r} is there twice")
             seen.add(address)
-            if isinstance(item, h5py.Group):
+            if isinstance(item, h5py.h5g.GroupID):
                 waiting.append(item)
-            elif isinstance(item, h5py.Dataset):
-                if item.external or item.is_virtual:
-                    raise ValueError(f"{name!r} is stored elsewhere")
-                if bare(item):
+            elif isinstance(item, h5py.h5d.DatasetID):
+                made = item.get_create_plist()
+                if made.get_external_count() or made.get_layout() == h5py.h5d.VIRTUAL:
+                    raise ValueError(f"{name.decode()!r} is stored elsewhere")
+                if bare(h5py.Dataset(item)):
                     continue
-                filters = item.id.get_create_plist().get_nfilters()
-                if item.nbytes > (DEFLATE if filters else 1) * size:
-                    raise ValueError(f"{name!r} is larger than the file")
-                total += item.nbytes
+                count = item.get_space().get_simple_extent_npoints() * item.get_type().get_size()
+                if count > (DEFLATE if made.get_nfilters() else 1) * size:
+                    raise ValueError(f"{name.decode()!r} is larger than the file")
+                total += count
     if total > size and total > available_memory():
         raise ValueError(f"it would take {in_bytes(total)} of memory, more than is free")

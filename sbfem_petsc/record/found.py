@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 
 from .about import About, Entry, Quantity
-from .layout import bare, put, text, texts_of, value_of, within
+from .layout import bare, put, text, text_of, texts_of, value_of, within
 from .record import Record
 from .views import Views
 
@@ -57,13 +57,20 @@ class Found(Views):
     quantities : sequence of Quantity or None
         None stands for nothing.
     parts : dict of str to Found or tuple of Found
+    coordinates : sequence of str
+        See `Views`.
     """
 
-    def __init__(self, quantities: Iterable[Quantity | None], parts: Mapping[str, Any] | None = None):
+    def __init__(
+        self,
+        quantities: Iterable[Quantity | None],
+        parts: Mapping[str, Any] | None = None,
+        coordinates: Sequence[str] = (),
+    ):
         found = {q.name: q for q in quantities if q is not None}
         # axes before what lies along them
         self.found = dict(sorted(found.items(), key=lambda item: item[1].dims != (item[0],)))
-        self.inner = dict(parts or {})
+        self.inner, self.coordinates = dict(parts or {}), coordinates
 
     @classmethod
     def of(
@@ -75,14 +82,13 @@ class Found(Views):
             for q in record._presented(lambda about: not about.distributed)
             if q.name in details or (q.about.stored and not q.about.detail)
         ]
-        own.sort(key=lambda q: q.name not in record.coordinates)
         parts = {}
         for name, about, part in record.parts():
             if not about.detail:
                 several = tuple(cls.of(one, points) for one in (part if isinstance(part, tuple) else (part,)))
                 parts[name] = several if isinstance(part, tuple) else several[0]
         added = (q and q.of_points(record.of_rows).told(detail=q.name in details) for q in more)
-        return cls([*own, *added], parts)
+        return cls([*own, *added], parts, record.coordinates)
 
     def quantities(
         self, wanted: Callable[[About], bool] = lambda about: True, **_: Any
@@ -111,6 +117,7 @@ class Found(Views):
 
     def write(self, group: h5py.Group) -> None:
         """Into a group: a data set a quantity, also of texts; a group a part."""
+        group.attrs["coordinates"] = text_of(" ".join(self.coordinates))
         for q in self.found.values():
             array = np.asarray(np.nan if q.value is None else q.value)
             for dim, names in q.names.items():
@@ -148,7 +155,7 @@ class Found(Views):
                 quantities.append(_quantity(name, item, [axes[_address(dim[0])] for dim in item.dims]))
             elif not axes[_address(item)][1] and not bare(item):
                 quantities.append(_quantity(name, item, [(name, ())]))
-        return cls(quantities, parts)
+        return cls(quantities, parts, text(group.attrs["coordinates"]).split())
 
 
 def _address(item: h5py.Dataset) -> int:

@@ -30,7 +30,7 @@ from ..errors import SolveError
 from ..output_folder import hold
 from ..writing import destination, replaced
 
-MAGIC = b"sbfem journal 4\n"
+MAGIC = b"sbfem journal 5\n"
 # Of a frame: length of what follows, its CRC-32, CRC-32 of what follows.
 HEAD = struct.Struct("<QII")
 Frame = dict[str, Any]

@@ -7,7 +7,7 @@ import importlib
 import math
 import os
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +33,7 @@ class Views:
         Quantities that tell where along an axis the others are: they come first in its table.
     """
 
-    coordinates: ClassVar[tuple[str, ...]] = ()
+    coordinates: Sequence[str] = ()
     # of points that are rows of a body or of matrices, and their directions
     of_rows: Any = False
     point_directions: Any = {}
@@ -72,10 +72,11 @@ class Views:
         }
 
     def tables(self, details: bool = False) -> dict[str, dict[str, Any]]:
-        """Columns by axis, with the unit in their heads: of each axis its entries or coordinates first."""
+        """Columns by axis, with the unit in their heads: its coordinates, names or numbers first."""
         flag("tables", "details", details)
         found: dict[str, dict[str, Any]] = {}
         of = list(self._presented(lambda about: details or not about.detail))
+        told = {q.dims[0] for q in of if q.dims and q.name in (q.dims[0], *self.coordinates)}
         for q in sorted(of, key=lambda q: q.name not in self.coordinates):  # stable
             if not q.dims:
                 single = found.setdefault(NONE, {"quantity": [], "value": [], "unit": []})
@@ -87,7 +88,8 @@ class Views:
             if not len(q.value):
                 continue
             if axis not in found:
-                found[axis] = {axis: list(q.names[axis])} if axis in q.names else {}
+                first = q.names.get(axis, range(len(q.value)))
+                found[axis] = {} if axis in told and axis not in q.names else {axis: list(first)}
             found[axis] |= {f"{name}{q.titled}": column for name, column in q.columns()}
         return found
 

@@ -9,11 +9,11 @@ from typing import Any
 import sbfem_petsc as sb
 
 from ..output_folder import HeldFolder, make_folder
+from ..record.files import SCHEMA
 from .case.case import Case
 from .storage import read_json, write_json
 
 PARTS = "analyses"
-FORMAT_VERSION = 3
 
 
 class Folder:
@@ -51,38 +51,27 @@ class Folder:
 
     def _begin(self, case: Case, what: str, replace: bool, shared: bool) -> dict[str, Any]:
         mine = {
-            "format_version": FORMAT_VERSION,
+            "schema": SCHEMA,
             "version": sb.__version__,
             "what": what,
             "case": case.key if what == "run" else case.sweep_key,
         }
         other = "sweep" if what == "run" else "run"
+        way = "name another folder with --output, or give --replace to"
         if os.path.lexists(os.path.join(self.path, f"{other}.json")) and not replace:
-            raise ValueError(
-                f"{self.path!r} holds the results of a {other}; name another folder with --output, or give "
-                "--replace to overwrite it"
-            )
+            raise ValueError(f"{self.path!r} holds the results of a {other}; {way} overwrite it")
         if os.path.lexists(self.state_file) and not replace:
             former = read_json(self.state_file)
             if not isinstance(former, dict) or not isinstance(former.get("done"), dict):
+                raise ValueError(f"{self.state_file!r} is not what a run has written; {way} overwrite it")
+            if any(former.get(key) != mine[key] for key in ("version", "schema")):
                 raise ValueError(
-                    f"{self.state_file!r} is not what a run has written; name another folder with --output, "
-                    "or give --replace to overwrite it"
+                    f"{self.path!r} has schema {former.get('schema', 'of before 5')} of version "
+                    f"{former.get('version')}; version {sb.__version__} goes on with schema {SCHEMA}; {way} "
+                    "compute it again"
                 )
             if former.get("case") != mine["case"]:
-                raise ValueError(
-                    f"{self.path!r} holds the {what} of another case; name another folder with "
-                    "--output, or give "
-                    "--replace to overwrite it"
-                )
-            for name in ("version", "format_version"):
-                if former.get(name) != mine[name]:
-                    raise ValueError(
-                        f"{self.path!r} was written by version {former.get('version')}, and this is "
-                        f"{sb.__version__}; name another folder with --output, or give --replace "
-                        "to compute it "
-                        "again"
-                    )
+                raise ValueError(f"{self.path!r} holds the {what} of another case; {way} overwrite it")
             make_folder(self.parts)
             return former
         if not shared:

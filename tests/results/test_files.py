@@ -213,7 +213,9 @@ def test_what_is_missing_truncated_foreign_or_of_another_version(saved, tmp_path
     shutil.copy(saved, tmp_path / "older.h5")
     with h5py.File(tmp_path / "older.h5", "a") as file:
         file.attrs["schema"] = 2
-    with pytest.raises(ValueError, match="has schema 2 of version .* reads schema 5; compute it again"):
+    with pytest.raises(
+        ValueError, match="has schema 2 of version .*; this program reads schema 5; compute it again"
+    ):
         sb.read(tmp_path / "older.h5")
     with pytest.raises(TypeError, match="is no result that can be written"):
         sb.save(tmp_path / "x.h5", {"a": 1})

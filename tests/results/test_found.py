@@ -29,7 +29,7 @@ def found():
         told("gap", np.arange(3.0), "m", "over time", "time").told(detail=True),
         told("time", np.arange(3.0), "s", "instants", "time"),
     ]
-    return Found(quantities, {"peak": peak, "ways": (peak, peak)})
+    return Found(quantities, {"peak": peak, "ways": (peak, peak)}, ["time"])
 
 
 def test_parts_and_phases_give_the_motion(found, tmp_path):
@@ -43,6 +43,7 @@ def test_parts_and_phases_give_the_motion(found, tmp_path):
         rows = list(csv.DictReader(file))
     parts = np.array([[float(row[f"{part}_harmonics_tip [m]"]) for row in rows] for part in ("re", "im")])
     np.testing.assert_array_equal(parts, [HARMONICS.real, HARMONICS.imag])
+    assert [row["harmonic"] for row in rows] == ["0", "1", "2"]
     told_of = found.summary()
     assert (
         "gap" not in told_of and told_of["stable"] is None and found.summary(True)["gap"] == [0.0, 1.0, 2.0]
@@ -61,5 +62,6 @@ def test_it_is_read_as_it_was_written(found, tmp_path):
     assert repr(again) == repr(found) and again.summary(True) == found.summary(True)
     assert again["harmonics"]["tip"].value.tolist() == HARMONICS.tolist()
     assert (again["factor"]["one"].unit, again["factor"]["two"].unit) == ("SI", "Pa m^(1/2)")
+    assert again.coordinates == ["time"] and list(again.tables()["time"]) == ["time [s]", "gap [m]"]
     assert again["stable"].value is None and again["gap"].about.detail and again["gap"].unit == "m"
     assert again["ways"][1]["frequency"].about.text == "of the largest amplitude"

@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from meshing import Beam, VNotch
+from sbfem_petsc.plot.animation import animate_crack
+from sbfem_petsc.plot.crack import plot_crack
 from sbfem_petsc.plot.fields import plot_contact, plot_modes
 from sbfem_petsc.plot.meshes import plot_discretisation
 from sbfem_petsc.plot.orbits import plot_multipliers, plot_orbit
@@ -111,3 +114,18 @@ def test_multipliers_in_the_plane(orbit):
     marks = {line.get_label(): data(line) for line in plane.get_lines()}
     assert orbit.stable and "outside" not in marks
     np.testing.assert_allclose(marks["inside"] @ [1.0, 1j], orbit.multipliers, rtol=1e-12)
+
+
+def test_a_wide_notch_at_rest(tmp_path):
+    """Its opening is drawn as it is, and the displacement, of which there is none, once."""
+    mesh = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 20.0)]).mesh(order=1)
+    model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700.0))
+    rest = sb.transient(model, sb.PointForce("A", fy=sb.Step(1.0, 1.0)), 1e-5, 1e-6, modes=2)
+    assert not rest.displacement("A").any()
+    whole, near = plot_crack(model, {"rest": rest.field(0.0)})
+    assert {axes.get_title() for axes in (whole, near)} == {"rest, displacement × 1"}
+    lines = np.concatenate([data(line) for line in whole.get_lines()]) * unit(whole.get_xlabel())
+    mouth = 0.008 * np.tan(np.radians(10.0))  # its width, 4 mm deep
+    for side in (-1.0, 1.0):
+        assert np.hypot(lines[:, 0] - 0.5 * side * mouth, lines[:, 1] - 0.004).min() < 1e-9
+    assert animate_crack(rest, str(tmp_path / "rest.gif"), frames=2) is not None

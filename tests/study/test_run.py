@@ -167,6 +167,14 @@ def test_another_case_is_refused(folder, tmp_path):
     done = sbfem("run", other, "--output", out)
     assert done.code == 2 and "another case" in done.err and "--replace" in done.err
     assert json.loads((out / "summary.json").read_text())["frequencies"]["frequencies"][4] > 0
+    state = json.loads((out / "run.json").read_text())
+    for change, told in (
+        ({"schema": 4}, "schema 4 of version"),
+        ({"version": "0.0"}, "of version 0.0; version "),
+    ):
+        (out / "run.json").write_text(json.dumps(state | change))
+        done = sbfem("run", other, "--output", out)
+        assert done.code == 2 and told in done.err and "--replace to compute it again" in done.err
     done = sbfem("run", other, "--output", out, "--replace", "--quiet")
     assert done.code == 0
     assert len(json.loads((out / "summary.json").read_text())["frequencies"]["frequencies"]) == 3
