@@ -30,10 +30,14 @@ os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What is long is slow too: `-m "not slow"` on the command line replaces the default `not long`."""
+    """What is long is slow too: `-m "not slow"` on the command line replaces the default `not long`. Files
+    with programs on several ranks, which wait for one another (tests/parallel.py), come first and so to one
+    worker.
+    """
     for item in items:
         if item.get_closest_marker("long"):
             item.add_marker(pytest.mark.slow)
+    items.sort(key=lambda item: not hasattr(getattr(item, "module", None), "on_ranks"))
 
 
 def pytest_collection_finish() -> None:

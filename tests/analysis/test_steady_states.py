@@ -92,10 +92,10 @@ def test_other_cracks(x, depth):
 
 @pytest.mark.long
 def test_all_depths_and_positions():
-    """64 cracks, each depth and each position at 260, 280 and 300 Hz: a steady state each."""
+    """32 cracks, each depth at every other position, at 260, 280 and 300 Hz: a steady state each."""
     load = sb.PointForce("M", fy=100.0)
     for k, depth in enumerate(np.linspace(0.001, 0.008, 8)):
-        for n, x in enumerate(np.linspace(0.020, 0.280, 8)):
+        for n, x in list(enumerate(np.linspace(0.020, 0.280, 8)))[k % 2 :: 2]:
             frequency = (260.0, 280.0, 300.0)[(k + n) % 3]
             orbit = sb.periodic(held_beam(x, depth), load, frequency, modes=40, stability=False)
             assert orbit.converged and orbit.periods == 1

@@ -31,8 +31,7 @@ for case in sys.argv[2:]:
     print(case, os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
 CASES = [("response", 6), ("backbone", 7)]
-LONG_CASES = [("locus", 3), ("locus", 9), ("damping", 6), ("unreduced", 3), ("backbone", 11)]
-LONG_CASES += [("leaps", 9), ("tori", 2), ("tori", 5)]
+LONG_CASES = [("locus", 3), ("damping", 6), ("unreduced", 3), ("leaps", 9), ("tori", 5)]
 
 
 @functools.cache

@@ -150,19 +150,7 @@ def test_killed_run_goes_on(tmp_path):
 
 
 @pytest.mark.long
-def test_two_ranks(fast, tmp_path):
-    """Parts shared out: the same numbers, printed once."""
-    done, parts = report(tmp_path, "--only", *FAST, ranks=2)
-    assert done.stdout.count("Parts of the report") == 1 and "\x1b" not in done.stdout
-    np.testing.assert_allclose(parts["table6"]["numbers"]["p5"], fast[2]["table6"]["p5"], rtol=1e-12)
-    np.testing.assert_allclose(
-        parts["table4"]["numbers"]["converged"], fast[2]["table4"]["converged"], rtol=1e-12
-    )
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_part_that_fails(tmp_path, ranks):
+def test_part_that_fails(tmp_path):
     """It is named with a sentence, the others are kept, and the exit code says so."""
     done, parts = report(
         tmp_path,
@@ -174,7 +162,7 @@ def test_part_that_fails(tmp_path, ranks):
         "1e-30",
         "-modal_eps_max_it",
         "1",
-        ranks=ranks,
+        ranks=2,
         check=False,
     )
     assert (
@@ -185,15 +173,14 @@ def test_part_that_fails(tmp_path, ranks):
     assert "numbers" in parts["eq1"] and parts["table6"]["error"].startswith("modal: SLEPc found")
     assert "This part failed: modal: SLEPc found" in (tmp_path / "report.html").read_text(encoding="utf-8")
     # with other options the part's inputs are others
-    _, parts = report(tmp_path, "--only", "eq1", "table6", "--no-pictures", ranks=ranks)
+    _, parts = report(tmp_path, "--only", "eq1", "table6", "--no-pictures")
     assert "error" not in parts["table6"]
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_unknown_part(tmp_path, ranks):
+def test_unknown_part(tmp_path):
     done = on_ranks(
-        ranks, "examples/paper/reproduce.py", "--output", str(tmp_path), "--only", "table7", check=False
+        2, "examples/paper/reproduce.py", "--output", str(tmp_path), "--only", "table7", check=False
     )
     assert (
         done.returncode != 0
@@ -368,12 +355,17 @@ def at(numbers, path: str):
 
 
 @pytest.mark.long
-def test_whole_report(tmp_path):
-    """All parts on two ranks: every number that matters, and which of the paper's statements are met."""
+def test_whole_report(fast, tmp_path):
+    """All parts shared out to two ranks: every number that matters, printed once and as on one rank, and
+    which of the paper's statements are met.
+    """
     began = time.perf_counter()
     done, parts = report(tmp_path, ranks=2, timeout=600)
     print(f"{time.perf_counter() - began:.0f} s")
     assert all("error" not in part for part in parts.values())
+    assert done.stdout.count("Parts of the report") == 1 and "\x1b" not in done.stdout
+    for part, name in (("table6", "p5"), ("table4", "converged")):
+        np.testing.assert_allclose(parts[part]["numbers"][name], fast[2][part][name], rtol=1e-12)
     listed = [line.split()[0] for line in run("paper/reproduce.py", "--list").stdout.splitlines()]
     assert list(parts) == listed and all(
         (tmp_path / f"{name}.png").stat().st_size > 15_000 for name in listed

@@ -7,7 +7,7 @@ import shapely
 
 from meshing import Beam, CrackLine, Hole, Plate, VNotch
 
-BEAMS, PLATES = 150, 100  # for each seed
+BEAMS, PLATES = 75, 50  # for each seed
 
 
 def beams(seed):

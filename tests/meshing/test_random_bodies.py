@@ -1,4 +1,4 @@
-"""450 beams and 300 plates drawn at random: all are meshed, all meshes are sound, all are written and read
+"""225 beams and 150 plates drawn at random: all are meshed, all meshes are sound, all are written and read
 again.
 """
 

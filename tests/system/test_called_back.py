@@ -116,8 +116,7 @@ NAMES = {"error": "ArithmeticError", "Ctrl-C": "KeyboardInterrupt"}
     "ranks, kinds",
     [
         (1, ["error"]),
-        pytest.param(1, ["Ctrl-C"], marks=pytest.mark.long),
-        *(pytest.param(2, [kind], marks=pytest.mark.long) for kind in ("error", "Ctrl-C")),
+        pytest.param(2, ["Ctrl-C"], marks=pytest.mark.long),
     ],
 )
 def test_errors_inside_calls(ranks, kinds):

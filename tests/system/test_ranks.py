@@ -33,23 +33,18 @@ one_fails = lambda t: 1.0 / 0.0 if world.rank == 1 and np.max(t) > 2e-4 else np.
 FAILING = {
     # before anything of PETSc is used
     "sb.Material(-1.0 if rank else 1.0, 0.3, 1.0); world.barrier()": "young = -1.0",
-    "sb.Samples.from_csv('nowhere.csv') if rank else world.barrier()": "nowhere.csv",
     "sb.Beam if rank else world.barrier()": "has no attribute 'Beam'",
-    "Beam(-1.0, 1.0) if rank else world.barrier()": "length",
     "raise RuntimeError('my own mistake') if rank else world.barrier()": "",
     "1 / 0 if rank else structure()": "division by zero",
     # leaving
-    "sys.exit(3) if rank else structure()": "rank 1 has ended",
     "sys.exit('enough') if rank else structure()": "enough",
     "sys.exit() if rank else structure()": "rank 1 has ended",
     "model = structure(); sb.modal(model, 2) if rank == 0 else None": "rank 1 has ended",
-    "model = structure(); sb.static(model, push) if rank else None": "rank 0 has ended",
     "model = structure(); sb.static(model, push).stress((0.02, 0.005)) if rank else None": "rank 0 has ended",
     "found = sb.static(structure(), push); found.strain_energy if rank == 0 else None": "rank 1 has ended",
     "found = sb.static(structure(), push); found.stress((0.02, 0.005 + rank / 1e3))": "place differs",
     # errors on one rank inside what all of them do
     "structure(damping=2.0 if rank else 0.0)": "0.0 on rank 0, 2.0 on rank 1",
-    "structure(damping=2.0)": "damping = 2.0",
     "structure(comm='world' if rank else None)": "comm = 'world'",
     "sb.on_root(world, lambda: 1 / 0)": "division by zero",
     "found = sb.static(structure(), push); sb.on_root(world, lambda: sb.save('never.h5', found))": (
@@ -58,12 +53,10 @@ FAILING = {
     "turned = world.Create_group(world.group.Incl([1, 0]))\n"
     "sb.save('never.h5', [sb.static(structure(comm), push) for comm in (world, turned)])": "or of other ones",
     "model = structure(); sb.on_root(world, lambda: sb.modal(model, 1))": "inside on_root",
-    "import json; sb.on_root(world, lambda: json.loads('{'))": "Expecting property name",
     "sb.transient(structure(), sb.PointForce('A', fy=sb.Custom(one_fails)), 1e-3, 1e-4, modes=4)": "Custom",
     "sb.transient(structure(), sb.PointForce('A', fy=sb.Custom(one_fails)), 1e-3, 1e-4, reduction=None)": (
         "Custom"
     ),
-    "sb.transient(structure(), push, 1e-3, 1e-4, modes=4, progress=one_fails)": "division by zero",
     "sb.transient(structure(), push, 1e-3, 1e-4, reduction=None, progress=one_fails)": "division by zero",
     "sb.transient(structure(), push, 1e-3, 1e-4, modes=4, initial=(lambda x, y: one_fails(x), None))": (
         "initial"
@@ -74,7 +67,6 @@ FAILING = {
     "model = structure(); sb.static(model, push); sb.static(model, 5 if rank else push)": "5 on rank 1",
     "sb.static('?' if rank else structure(), push) if rank else structure()": "model = '?'",
     # communicators of their own
-    "1 / 0 if rank else structure(MPI.COMM_SELF)\nworld.barrier()": "division by zero",
     "structure(MPI.COMM_SELF, damping=2.0 if rank else 0.0)\nworld.barrier()": "damping = 2.0",
     "half = world.Split(rank)\nsb.static(structure(half), sb.PointForce('Z' if rank else "
     "'A'))\nworld.barrier()": "'Z'",
