@@ -52,7 +52,9 @@ def check_uniform(mesh, found):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", LINES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.long] * (k % 2)) for k, name in enumerate(LINES)]
+)
 def test_uniform_compression(name):
     plate = Plate(SQUARE, cracks=[CrackLine(points) for points in LINES[name]])
     mesh = plate.mesh(points={"O": (0, 0), "P": (SIDE, SIDE)})
@@ -158,7 +160,7 @@ def test_crack_between_a_hole_and_the_edge():
     assert found.stress_intensity == {}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_notch_from_the_bottom_edge():
     """The mirror image of a notch from the top: the same frequencies and contact, also if gmsh fills it."""
     beams = [

@@ -75,8 +75,8 @@ def test_pulses_in_a_history(beam):
 
 
 @pytest.mark.parametrize("steps, aliased", [(None, 1e-6), (600, 2e-4)])
-@pytest.mark.parametrize("frequency", [20.0, pytest.param(70.0, marks=pytest.mark.long), 1000.0])
-@pytest.mark.parametrize("duty", [0.5, 0.05, 0.01, 0.003])
+@pytest.mark.parametrize("frequency", [20.0, pytest.param(70.0, marks=pytest.mark.long)])
+@pytest.mark.parametrize("duty", [0.5, 0.01, pytest.param(0.003, marks=pytest.mark.long)])
 def test_pulse_trains(beam, frequency, duty, steps, aliased):
     """In closed form: the pulses' harmonics times the modes' receptances, and the pulses themselves times the
     residual flexibility, at every instant, also beside and on the pulses' ends; velocities by the modes'

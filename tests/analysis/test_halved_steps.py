@@ -27,7 +27,9 @@ def cantilever(damping: float = 0.0) -> sb.Model:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("damping, shortest", [(5e-4, False), (5e-4, True), (5e-3, False), (5e-3, True)])
+@pytest.mark.parametrize(
+    "damping, shortest", [pytest.param(5e-4, True, marks=pytest.mark.long), (5e-3, False)]
+)
 def test_contact_of_lightly_damped_bodies_does_no_work(damping, shortest):
     """A burst beside the first frequency and what follows: at equal steps contact fed in 1.6 % of what was
     supplied, or the history was refused; at the default step and at 0.8 of the highest mode's period.

@@ -261,7 +261,7 @@ def test_cells_too_large_are_told_however_it_is_computed(way):
             return sb.periodic(model, load, 500.0, reduction=None, steps=64)
         reduced = sb.reduce(model, load, modes=40)
         given, options = (model, {"reduction": None}) if way == "unreduced" else (reduced, {})
-        return sb.transient(given, load, 4e-3, 1e-6, decimation=100, **options)
+        return sb.transient(given, load, 5e-4, 1e-6, decimation=100, **options)
 
     sudden = sb.Custom(lambda t: (t * 500.0 % 1.0 < 0.5) * 1.0) if way == "steady state" else sb.Step(1.0)
     with pytest.warns(sb.MeshWarning, match="a load jumps, .* the error of mode .* changes what it moves"):

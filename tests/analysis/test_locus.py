@@ -45,13 +45,13 @@ def test_predictions_far_out_of_range():
     curve = sb.frequency_response(system, [0.1], 0.092, 0.0932, steps=128, points=40)
     (bifurcation,) = curve.bifurcations
     turns = []
-    for start, stop in ((1.0, 4.0), (1.0, 1e5), (0.0, 1e5)):
+    for start, stop in ((1.0, 4.0), (0.0, 1e5)):
         line = sb.locus(curve, bifurcation, start, stop, parameter="damping")
         assert (line.value >= start).all() and np.isfinite(line.frequency).all()
         assert line.reasons == (2 * (f"end of the range at {start:g}",))
         turns.append((line.value.max(), line.frequency[np.argmax(line.value)]))
     assert turns[0][0] == pytest.approx(3.2243, abs=1e-4)
-    np.testing.assert_allclose(turns[1:], [turns[0]] * 2, rtol=1e-5)
+    np.testing.assert_allclose(turns[1:], [turns[0]], rtol=1e-5)
 
 
 def excess(branch, line, k, apart):

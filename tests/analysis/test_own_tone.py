@@ -67,7 +67,7 @@ def test_more_samples_than_there_is_memory_for(curve, point):
         sb.switch_branch(curve, point, samples=9_999_999)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_settled_history(system, point, tori):
     """160 periods by SciPy from a disturbed motion: the last 100 are the lines m f1 + n f2, with f2 and the
     amplitudes as found, to 1e-3 of the largest.

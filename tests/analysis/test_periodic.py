@@ -266,7 +266,7 @@ def test_a_history_stays_on_the_orbit(case_p):
     assert apart[0] < 1e-4 and apart[1] == pytest.approx(apart[0] / 4, rel=0.2)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_rest_leads_to_the_orbit():
     """433 Hz, damping 5 %, 300 N from rest until the slowest mode has died away to 1e-6: within 1e-4 of the
     first harmonic; 3e-6 is met.
@@ -299,7 +299,7 @@ def test_rest_leads_to_the_orbit():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("frequency", [433.0, 3000.0])
+@pytest.mark.parametrize("frequency", [pytest.param(433.0, marks=pytest.mark.long), 3000.0])
 def test_dense_matrix_free_and_differences(case_p, frequency):
     """One orbit, three ways: 1e-8 is asked for; Newton's tolerance is 1e-10."""
     model, orbit = case_p

@@ -46,7 +46,9 @@ def pressed(preload: float) -> sb.ReducedModel:
     )
 
 
-@pytest.mark.parametrize("system, little", [(displaced, 0.0), (pressed, 10.0)])
+@pytest.mark.parametrize(
+    "system, little", [(displaced, 0.0), pytest.param(pressed, 10.0, marks=pytest.mark.long)]
+)
 def test_a_curve_does_not_depend_on_the_preload(system, little):
     """Peak, folds and number of points, with a displacement 1e5 times the motion and without."""
     one, other = (
@@ -77,6 +79,7 @@ def test_at_rest(preload):
     assert not period.rest[2:].any()
 
 
+@pytest.mark.long
 def test_held_by_stops_alone():
     """A mass without spring between two stops that press it to a place: its rest is there, and the curve of
     the mass beside it, which does not know of it, is the same wherever that is.

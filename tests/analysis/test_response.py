@@ -246,7 +246,10 @@ def test_finer_points_are_among_those_allowed():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "damping, compliance, force, steps, highest",
-    [(0.01, 0.12100891, 0.12112702, 256, 0.92188251), (0.03, 0.01923889, 0.10303447, 1024, 1.08253308)],
+    [
+        (0.01, 0.12100891, 0.12112702, 256, 0.92188251),
+        pytest.param(0.03, 0.01923889, 0.10303447, 1024, 1.08253308, marks=pytest.mark.long),
+    ],
 )
 def test_corners_that_are_come_to_from_above(damping, compliance, force, steps, highest):
     """Downwards to where the stop is met and the branch turns back: a step across the corner that lands on

@@ -523,7 +523,7 @@ def test_neighbouring_bifurcations_are_told_apart(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["two masses", "beam"])
+@pytest.mark.parametrize("name", ["two masses", pytest.param("beam", marks=pytest.mark.long)])
 def test_located_by_brents_method(name, beam, monkeypatch):
     """SciPy's root finder on the same test functions, to a millionth of the way between two points: what is
     located is as near to it as is said. The beam's have kinks, where another multiplier comes to be the

@@ -69,7 +69,7 @@ def test_default_resultant(case, force):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("force", [100, 300])
+@pytest.mark.parametrize("force", [100, pytest.param(300, marks=pytest.mark.long)])
 def test_resultant_of_any_tip(force):
     """Tip elements of 50, 20, 5, 2 and .05 micrometres: the resultant is the same, K_I is none."""
     exact = statics("x80_mouth2um_nu33", f"{force} N")["cracks"][0]["resultant"]

@@ -97,6 +97,7 @@ def test_a_curve_takes_the_steps_of_its_worst_point():
     assert others.count("period doubling") == 3 and others.count("Neimark-Sacker") == 3
 
 
+@pytest.mark.long
 def test_two_tones_halve_the_same_steps():
     """A lightly damped mass on a stop: the work of contact over all phases of the slower tone tells the error
     of the invariant curve, beside the one in eight times the steps.

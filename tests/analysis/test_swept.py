@@ -107,8 +107,7 @@ def through_resonance(damping, rate, upwards=True, gap=1e3, stiffness=1.0):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("damping", "rate"),
-    [(damping, rate) for damping in (0.03, 0.01) for rate in (0.02, 0.15, 0.6, 1.5)]
-    + [(0.002, 0.15), (0.002, 1.5)],
+    [(damping, rate) for damping in (0.03, 0.01) for rate in (0.15, 1.5)] + [(0.03, 0.02), (0.002, 1.5)],
 )
 def test_linear_passages_have_no_jumps(damping, rate):
     """At any rate at which jumps are told; with the same motion as if contact acted all the time too, so that

@@ -140,7 +140,7 @@ def free_frequency(energy, stiffness):
     return 1.0 / (4.0 * (between + beyond))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_backbone():
     """Frequency over energy in closed form, from where the mass moves freely."""
     errors = []
@@ -231,6 +231,7 @@ def test_against_two_rows(modes):
         assert abs(orbit.amplitude("first") / amplitude[k] - 1.0) < 1e-7
 
 
+@pytest.mark.long
 def test_unreduced_history():
     """The unreduced model beside the reduced one, to the modes that are left out and both schemes' errors."""
     law = {"crack2": sb.Clearance(LAYER, width=2.5e-6)}

@@ -6,15 +6,15 @@ import pytest
 import sbfem_petsc as sb
 from tests.systems import one_mass, two_masses
 
-TURN, COUNT = 2.0 * np.pi, 40
+TURN, COUNT = 2.0 * np.pi, 20
 # What came to its end when all families went onto the one continuation; the others end in teeth of the steps.
-COMPLETE = 34
+COMPLETE = 99
 
 
 @pytest.mark.long
 @pytest.mark.filterwarnings("ignore")
 def test_curves_that_come_to_their_ends():
-    """Of 40 systems, up and down in turns, as many as before come to the end of their range; of those that do
+    """Of 20 systems, up and down in turns, as many as before come to the end of their range; of those that do
     each turn to a higher frequency is followed by one to a lower one.
     """
     random, complete = np.random.default_rng(1), 0

@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("pairs", ["10", pytest.param("100", marks=pytest.mark.long)])
+@pytest.mark.parametrize("pairs", ["4", pytest.param("100", marks=pytest.mark.long)])
 def test_two_threads_import_any_two_modules(pairs):
     """With the race between the threads forced."""
     program = [sys.executable, str(Path(__file__).with_name("race.py")), pairs, "0"]

@@ -79,7 +79,7 @@ def test_printed_tables(ran):
         assert text in " ".join(ran[0].stdout.split())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_ranks_and_petsc_options(results, tmp_path):
     """Conjugate gradients for the statics on two ranks: the same numbers, and no option left unused."""
     arguments = ["--output", tmp_path, "--no-pictures", "-static_ksp_type", "cg", "-static_ksp_rtol", "1e-10"]
@@ -93,10 +93,9 @@ def test_two_ranks_and_petsc_options(results, tmp_path):
     )
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_help(ranks):
+def test_help():
     check_help(
         "beam_notch.py",
-        ranks,
+        2,
         ("--order", "--tip-size", "--output", "--no-pictures"),
     )

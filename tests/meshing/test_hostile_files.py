@@ -223,7 +223,9 @@ def refused(path, says):
 
 
 @needs_landlock
-@pytest.mark.parametrize("name", HOSTILE)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.long] * (n == "memory without end")) for n in HOSTILE]
+)
 def test_scripts(folder, name):
     """Refused in one sentence by what they try, whatever words they use."""
     statement, says = HOSTILE[name]

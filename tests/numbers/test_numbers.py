@@ -11,7 +11,7 @@ from tests.numbers.table import Group, Number, compare
 from tests.parallel import on_ranks
 
 # Groups that take more than three seconds.
-DEAR = ("basins", "curves", "fields", "orbits")
+DEAR = ("basins", "curves", "fields", "free", "histories", "loci", "orbits", "unreduced")
 
 
 @pytest.mark.slow

@@ -116,7 +116,7 @@ def test_a_file_holds_the_history(model, whole, small_chunks, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("kind", [pytest.param(signal.SIGKILL, marks=pytest.mark.long), signal.SIGINT])
 def test_killed_and_restarted(model, whole, small_chunks, tmp_path, kind):
     """kill -9 and Ctrl-C after some chunks: readable, not complete; restarted it is the uninterrupted
     history, bit by bit.

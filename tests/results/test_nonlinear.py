@@ -93,6 +93,7 @@ def test_a_backbone_gives_its_motions(tmp_path):
     same_products(found.orbit(-1).displacement("A"), result.orbit(-1).displacement("A"))
 
 
+@pytest.mark.long
 def test_tori_are_gone_on_with(tmp_path):
     """From what was read as from what was found: the next motion, and one of more samples."""
     branch = examples.quasi_periodic_branch()

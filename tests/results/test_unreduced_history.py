@@ -116,7 +116,7 @@ def test_recorded_history_is_the_same(model, whole, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("kind", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.long)])
 def test_killed_and_restarted(model, whole, tmp_path, kind):
     path = tmp_path / "h.h5"
     run = in_session([sys.executable, "-c", PROGRAM, str(path), "wait", "new"], preexec_fn=interruptible)

@@ -29,7 +29,7 @@ def told(found, places):
     return count
 
 
-@pytest.mark.parametrize("order", [1, 3])
+@pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.long)])
 def test_points_on_coinciding_faces(order):
     """Between nodes, at them and inside the tips' S-elements; not beside the faces nor before the tips."""
     found = sb.static(cracked(order), SHEAR)

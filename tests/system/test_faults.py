@@ -251,13 +251,13 @@ def test_flipped_bits_and_cut_ends(kind, files, tmp_path):
     if kind in ("history", "branch"):
         shutil.copy(f"{path}.state", f"{copy}.state")
     whole = read(copy)
-    for place in generator.integers(len(data), size=30):
+    for place in generator.integers(len(data), size=20):
         changed = bytearray(data)
         changed[place] ^= 1 << int(generator.integers(8))
         copy.write_bytes(changed)
         sentence = said(read, copy, whole)
         assert re.search("damaged|no HDF5|checksum|the same", sentence)
-    for length in generator.integers(len(data), size=10):
+    for length in generator.integers(len(data), size=5):
         copy.write_bytes(data[:length])
         with pytest.raises(ValueError, match="truncated|damaged|lost its checksum"):
             read(copy)

@@ -90,6 +90,7 @@ def test_bands():
         np.testing.assert_allclose(found.frequencies[3:], expected.frequencies[3:], rtol=1e-7)
 
 
+@pytest.mark.long
 def test_lost_orthogonality_is_told(monkeypatch):
     """Made orthogonal once throughout, vectors lose it, and the modes' residuals tell."""
     monkeypatch.setattr(krylov_step, "ONCE", 10**6)

@@ -166,8 +166,8 @@ def run(program: str) -> subprocess.CompletedProcess[str]:
     return on_ranks(2, BEGIN + program, check=False, timeout=300)
 
 
-# In the ordinary suite every eighth, and what once hung; all by -m long.
-SAMPLE = [*list(FAILING)[::8], "sys.exit() if rank else structure()"]
+# In the ordinary suite every twelfth, and what once hung; all by -m long.
+SAMPLE = [*list(FAILING)[::12], "sys.exit() if rank else structure()"]
 
 
 @pytest.mark.slow
