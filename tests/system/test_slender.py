@@ -129,12 +129,11 @@ if MPI.COMM_WORLD.rank == 0:
 def test_ranks_agree():
     """1e-9 in all frequencies: rounded displacements leave 2.5e-10 at 10,000 heights."""
     one = alone(RANKS)
-    for ranks in (2, 4):
-        found = answer(on_ranks(ranks, RANKS))
-        for ratio, values in one.items():
-            # the axial displacement is round-off
-            np.testing.assert_allclose(found[ratio][:4], values[:4], rtol=1e-9)
-            assert found[ratio][5] == pytest.approx(values[5], rel=1e-9)
+    found = answer(on_ranks(2, RANKS))
+    for ratio, values in one.items():
+        # the axial displacement is round-off
+        np.testing.assert_allclose(found[ratio][:4], values[:4], rtol=1e-9)
+        assert found[ratio][5] == pytest.approx(values[5], rel=1e-9)
 
 
 @pytest.mark.slow
