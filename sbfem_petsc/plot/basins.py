@@ -12,7 +12,7 @@ from matplotlib.colors import ListedColormap, to_rgb
 from ..continuation.basins import Basins, StartAxis
 from ..petsc import MPI
 from ..record.units import suited
-from .drawing import BLACK, CYCLE, Sheet
+from .drawing import BLACK, CYCLE, Sheet, dots
 from .picture import picture
 
 UNSETTLED = "#BBBBBB"
@@ -71,25 +71,11 @@ def plot_basins(
         x, y = _place(basins, orbit.state)
         times = f"{orbit.periods} periods" if orbit.periods > 1 else "1 period"
         reached = f"{100.0 * share[k]:.3g} %" if orbit.stable is not False else "unstable"
-        axes.plot(
-            [x * across],
-            [y * up],
-            linestyle="none",
-            marker="X" if orbit.stable is False else "o",
-            markersize=6,
-            markerfacecolor=colours[k],
-            markeredgecolor=BLACK,
-            markeredgewidth=0.8,
-            label=f"orbit {k}, {times}: {reached}",
-        )
+        edge = {"markeredgecolor": BLACK, "markeredgewidth": 0.8, "label": f"orbit {k}, {times}: {reached}"}
+        dots(axes, (x * across, y * up), "X" if orbit.stable is False else "o", 6, colours[k], **edge)
     if (basins.reached < 0).any():
-        axes.plot([], [], linestyle="none", marker="s", color=UNSETTLED, label="not settled")
-    axes.set(
-        xlabel=x_label,
-        ylabel=y_label,
-        xlim=(first[0], first[-1]),
-        ylim=(second[0], second[-1]),
-    )
+        dots(axes, ([], []), "s", 6, UNSETTLED, label="not settled")
+    axes.set(xlabel=x_label, ylabel=y_label, xlim=first[[0, -1]], ylim=second[[0, -1]])
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return axes
 

@@ -6,21 +6,19 @@ Rank 0 draws; the other ranks send what they sampled.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
-from matplotlib.tri import Triangulation
 
 from ..bodies.finite_element_model import FiniteElementModel, nodal_field
 from ..ranks.parallel import on_root
 from ..record.units import length_unit, place_unit, stress_unit
 from ..system.model import Model
 from .crack import Colours, Notch, area_quantile, plain, shown_best
-from .drawing import BLACK, WIDTH, Sheet
-from .outlines import Piece, Region, gather_outline, gather_region
+from .drawing import WIDTH, Sheet
+from .outlines import Region, gather_outline, gather_region
 from .picture import fields_by_name, one_of, picture
 from .solids import Solid
 
@@ -88,7 +86,11 @@ def plot_field(
         found = {name: region for name, region in regions.items() if region is not None}
         (width, height), (scale, unit) = upper - lower, place_unit(size)
         colours = _colours(list(found.values()), colour)
-        painter = _Painter(scale, notches, colours, colour)
+
+        def drawn(places: np.ndarray, moved: np.ndarray, factor: float) -> np.ndarray:
+            opened = sum((notch.opening(places) for notch in notches), np.zeros(places.shape))
+            return (places + factor * moved + (factor - 1.0) * opened) * scale
+
         # beside labels and the colour bar, whose own label takes more than a slender body
         tall = min((WIDTH - BESIDE) * height / width, 4.5)
         total = max(len(found) * (tall + 0.7), 1.6)
@@ -97,11 +99,13 @@ def plot_field(
         for row, (axes, (name, region)) in enumerate(zip(panels, found.items())):
             furthest = float(np.linalg.norm(region.displacements, axis=1).max())
             factor = magnification or shown_best(DRAWN * size, furthest)
-            painted = painter.paint(axes, region, outline, row, factor)
+            lines = ((True, drawn(piece.positions, piece.displacements[row], factor)) for piece in outline)
+            places = drawn(region.positions, region.displacements, factor)
+            painted = colours.paint(axes, places, region.triangles, _values(region, colour), lines, 0.6)
             magnified = notches[0].magnified if notches else "displacement"
             axes.set_title(f"{f'{name}, ' if name else ''}{magnified} × {plain(factor)}")
             axes.set(aspect="equal", xlabel=f"x ({unit})", ylabel=f"y ({unit})")
-        colours.bar(painted, panels)
+        colours.bar(painted[0], panels)
         return panels
 
     return on_root(model.comm, draw)
@@ -142,34 +146,3 @@ def _colours(regions: list[Region], colour: str) -> Colours:
     signed = colour not in ("displacement", "von_mises")
     norm = Normalize(-top * factor if signed else 0.0, (top or 1.0) * factor)
     return Colours(norm, factor, f"{LABELS[colour]} ({unit})", more=share < 1.0)
-
-
-@dataclass(frozen=True)
-class _Painter:
-    """How states are drawn: lengths in units of 1 / scale m, narrow slits of the notches magnified too."""
-
-    scale: float
-    notches: list[Notch]
-    colours: Colours
-    colour: str
-
-    def paint(self, axes: Axes, region: Region, outline: list[Piece], row: int, factor: float) -> Any:
-        """Draw a state, displacements times `factor`, the outline's of its field `row`; the interior."""
-        x, y = self._drawn(region.positions, region.displacements, factor).T
-        painted = axes.tripcolor(
-            Triangulation(x, y, region.triangles),
-            _values(region, self.colour) * self.colours.factor,
-            shading="gouraud",
-            cmap="viridis" if self.colours.norm.vmin == 0.0 else "RdBu_r",
-            norm=self.colours.norm,
-            rasterized=True,
-        )
-        for piece in outline:
-            x, y = self._drawn(piece.positions, piece.displacements[row], factor).T
-            axes.plot(x, y, color=BLACK, linewidth=0.6)
-        return painted
-
-    def _drawn(self, positions: np.ndarray, displacements: np.ndarray, factor: float) -> np.ndarray:
-        """Where points are drawn."""
-        opened = sum((notch.opening(positions) for notch in self.notches), np.zeros(positions.shape))
-        return (positions + factor * displacements + (factor - 1.0) * opened) * self.scale

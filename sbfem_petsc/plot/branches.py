@@ -19,7 +19,7 @@ from ..continuation.problems.free_branch import Backbone
 from ..motion.states import Point
 from ..petsc import MPI
 from ..record.units import frequency_unit, length_unit
-from .drawing import BLACK, BLUE, CYCLE, DASHED, GREEN, GREY, VERMILION, Sheet, above
+from .drawing import BLACK, BLUE, CYCLE, DASHED, GREEN, GREY, VERMILION, Sheet, above, dots
 from .picture import divisors, named, picture, place_name, symbol
 
 KINDS = {"fold": "o", "period doubling": "s", "Neimark-Sacker": "^", "branch point": "D", "grazing": "v"}
@@ -291,18 +291,8 @@ def _draw_marks(
 
 
 def _mark(axes, x, y, kind: str, colour: str, label: str | None = None) -> None:
-    axes.plot(
-        x,
-        y,
-        marker=KINDS[kind],
-        markersize=4,
-        markerfacecolor="white",
-        markeredgecolor=colour,
-        markeredgewidth=0.8,
-        linestyle="none",
-        zorder=3,
-        label=label,
-    )
+    style: Any = {"markerfacecolor": "white", "markeredgewidth": 0.8, "zorder": 3, "label": label}
+    dots(axes, (x, y), KINDS[kind], 4, colour, **style)
 
 
 def draw_growth(axes: Axes, curve: Branch) -> None:
@@ -323,7 +313,7 @@ def draw_growth(axes: Axes, curve: Branch) -> None:
     for part in split(x, largest, curve.stable, crossings):
         draw_parts(axes, [part], BLUE if part[0] else VERMILION)
     for rows, colour, marker in ((curve.stable, BLUE, "."), (~curve.stable, VERMILION, "^")):
-        axes.plot(x[rows], largest[rows], linestyle="none", marker=marker, markersize=3, color=colour)
+        dots(axes, (x[rows], largest[rows]), marker, 3, colour)
     for kind in KINDS:
         chosen = [place for item, place in zip(marked, at) if item.kind == kind]
         if chosen:

@@ -5,7 +5,7 @@ Rank 0 draws; the other ranks send what they sampled.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -86,6 +86,10 @@ def plot_crack(
     return on_root(model.comm, draw)
 
 
+# Lines of an outline: whole ones, and broken ones of faces without pairs.
+Lines = Iterable[tuple[bool, np.ndarray]]
+
+
 @dataclass(frozen=True)
 class Colours:
     """A scale of colours: its range, in units of 1 / factor; its label; whether some values are above it."""
@@ -95,10 +99,39 @@ class Colours:
     label: str
     more: bool
 
+    def paint(
+        self,
+        axes: Axes,
+        places: np.ndarray,
+        faces: np.ndarray,
+        values: np.ndarray,
+        lines: Lines,
+        width: float,
+    ) -> list[Any]:
+        """Draw (n, 2) places and triangles between them in colours of their values, Pa or m, and lines.
+
+        Returns
+        -------
+        Artists, the coloured interior first
+        """
+        style: Any = {"shading": "gouraud", "norm": self.norm, "rasterized": True}
+        style["cmap"] = "RdBu_r" if self.signed else "viridis"
+        painted: list[Any] = [
+            axes.tripcolor(Triangulation(places[:, 0], places[:, 1], faces), values * self.factor, **style)
+        ]
+        for whole, line in lines:
+            dashes: Any = "-" if whole else (0, (2, 1))
+            painted += axes.plot(*line.T, color=BLACK, linewidth=width, linestyle=dashes)
+        return painted
+
+    @property
+    def signed(self) -> bool:
+        """Whether values have two signs."""
+        return self.norm.vmin != 0.0
+
     def bar(self, painted: Any, axes: Axes | Sequence[Axes]) -> None:
         """A colour bar beside the axes."""
-        signed = self.norm.vmin != 0.0
-        extend: Any = "neither" if not self.more else "both" if signed else "max"
+        extend: Any = "neither" if not self.more else "both" if self.signed else "max"
         drawn = bar(painted, axes, self.label, extend=extend, shrink=0.85, pad=0.02)
         drawn.locator = MaxNLocator(5)
         drawn.update_ticks()
@@ -168,28 +201,17 @@ class Window:
         """
         _, motion, relative = self._relative(region)
         scale, _ = place_unit(2.0 * self.half)
-        place = (self.notch.drawn(region.positions, relative, factor) - self.tip) * scale
-        painted: list[Any] = [
-            axes.tripcolor(
-                Triangulation(place[:, 0], place[:, 1], region.triangles),
-                self._values(region) * colours.factor,
-                shading="gouraud",
-                cmap="viridis",
-                norm=colours.norm,
-                rasterized=True,
-            )
-        ]
-        for piece in outline:
-            if (np.abs(piece.positions - self.tip) <= 1.5 * self.half).all(axis=1).any():
-                own = piece.displacements[row] - motion(piece.positions - self.tip)
-                moved = self.notch.drawn(piece.positions, own, factor)
-                painted += axes.plot(
-                    *((moved - self.tip) * scale).T,
-                    color=BLACK,
-                    linewidth=0.8,
-                    linestyle="-" if piece.key[0] >= 0 else (0, (2, 1)),
-                )
-        return painted
+
+        def drawn(places: np.ndarray, moved: np.ndarray) -> np.ndarray:
+            return (places + factor * moved + (factor - 1.0) * self.notch.opening(places) - self.tip) * scale
+
+        lines = (
+            (piece.key[0] >= 0, drawn(at, piece.displacements[row] - motion(at - self.tip)))
+            for piece in outline
+            if (np.abs((at := piece.positions) - self.tip) <= 1.5 * self.half).all(axis=1).any()
+        )
+        places = drawn(region.positions, relative)
+        return colours.paint(axes, places, region.triangles, self._values(region), lines, 0.8)
 
     def _relative(self, region: Region) -> tuple[np.ndarray, Any, np.ndarray]:
         """Points inside, rigid-body motion as a function of arms, displacements without it."""
@@ -224,10 +246,6 @@ class Notch:
         amount = self.slope * np.maximum(along, 0.0)
         fade = np.clip(1.0 - (np.abs(side) - amount) / self.half, 0.0, 1.0)
         return (np.sign(side) * amount * fade)[:, None] * across
-
-    def drawn(self, positions: np.ndarray, displacements: np.ndarray, factor: float) -> np.ndarray:
-        """Where points are drawn."""
-        return positions + factor * displacements + (factor - 1.0) * self.opening(positions)
 
 
 def _rigid_motion(arms: np.ndarray, displacements: np.ndarray):

@@ -243,23 +243,37 @@ def bar(painted: Any, panels: Axes | Sequence[Axes], label: str, **options) -> A
     return drawn
 
 
-def stems(axes: Axes, x, heights, *, floor: float, curve: tuple[int, str], size: float = 4.0) -> None:
-    """Stems from a floor, which logarithmic scales need, with the colour, marker and name of a curve, told by
-    number and name.
+def dots(axes: Axes, at: Any, marker: str | tuple, size: float, colour: str, **style: Any) -> None:
+    """Marks at (2, n) places, without a line between them."""
+    axes.plot(*at, linestyle="none", marker=marker, markersize=size, color=colour, **style)
+
+
+def note(axes: Axes, words: str, at: tuple[float, float], lift: float = 2.0, **style: Any) -> None:
+    """Words some points above a place, or beside it as a style of Matplotlib's says."""
+    usual: Any = {"xytext": (0, lift), "fontsize": 7, "ha": "center", "va": "bottom"}
+    axes.annotate(words, at, textcoords="offset points", annotation_clip=False, **usual | style)
+
+
+def stems(
+    sheet: Sheet, curves: Mapping[str, tuple[Any, Any]], height: float, room: float, size: float = 4.0
+) -> Axes:
+    """Heights over places as stems on a logarithmic scale, each curve with its colour, marker and name, up to
+    `room` times the highest. They stand on the power of ten below the lowest: the scale has no zero.
     """
-    number, name = curve
-    colour, marker = CYCLE[number % len(CYCLE)], MARKERS[number % len(MARKERS)]
-    axes.vlines(x, floor, heights, color=colour, linewidth=0.35 * size)
-    axes.plot(x, heights, linestyle="none", marker=marker, markersize=size, color=colour, label=name or "_")
-
-
-def finish_stems(axes: Axes, names: Mapping[str, object]) -> None:
-    """Ticks and grid of stems on a logarithmic scale, and a legend where there are names."""
+    (axes,) = sheet.panels((1, 1), height)
+    levels = np.concatenate([y for _, y in curves.values()])
+    floor = 10.0 ** np.floor(np.log10(0.7 * levels.min()))
+    for k, (name, (x, y)) in enumerate(curves.items()):
+        colour = CYCLE[k % len(CYCLE)]
+        axes.vlines(x, floor, y, color=colour, linewidth=0.35 * size)
+        dots(axes, (x, y), MARKERS[k % len(MARKERS)], size, colour, label=name or "_")
+    axes.set(yscale="log", ylim=(floor, room * levels.max()))
     axes.yaxis.set_major_locator(LogLocator(numticks=12))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.grid(axis="y")
-    if any(names):
+    if any(curves):
         axes.legend(loc="upper right")
+    return axes
 
 
 def crack_title(crack) -> str:

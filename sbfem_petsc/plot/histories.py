@@ -17,7 +17,7 @@ from ..motion.history import Motion
 from ..motion.states import Point
 from ..petsc import MPI
 from ..record.units import force_unit, frequency_unit, length_unit, stress_unit, time_unit
-from .drawing import BLACK, CYCLE, Sheet, above
+from .drawing import BLACK, CYCLE, Sheet, above, dots, note
 from .picture import CHECKS, a_text, curve, optional, picture, place_name, symbol, table_of, two_numbers
 
 # Above this many samples in a panel, the least and the greatest of each column of pixels are drawn.
@@ -301,8 +301,7 @@ def plot_spectra(
         for number, (family, places) in enumerate(harmonics.items()):
             peaks = _peaks(along, level, [f * tone for f in places if low <= f <= high])
             colour = BLACK if number == 0 else CYCLE[-1 - number]
-            marks: Any = {"marker": "v", "markersize": 3.5, "markeredgewidth": 0, "linestyle": "none"}
-            axes.plot(along[peaks], level[peaks], color=colour, label=family, **marks)
+            dots(axes, (along[peaks], level[peaks]), "v", 3.5, colour, label=family, markeredgewidth=0)
         axes.set(yscale="log", xlim=(low * tone, high * tone), ylabel=quantity, xlabel=f"frequency ({unit})")
         box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5}
         axes.text(0.995, 0.95, name, transform=axes.transAxes, fontsize=8, ha="right", va="top", bbox=box)
@@ -313,17 +312,7 @@ def plot_spectra(
         axes.yaxis.set_major_locator(LogLocator(numticks=6))
     for name, place in lines.items():
         if low <= place <= high:
-            grid[0].annotate(
-                name,
-                (place * tone, 1.0),
-                xycoords=grid[0].get_xaxis_transform(),
-                xytext=(0, 2),
-                textcoords="offset points",
-                fontsize=7,
-                horizontalalignment="center",
-                verticalalignment="bottom",
-                annotation_clip=False,
-            )
+            note(grid[0], name, (place * tone, 1.0), xycoords=grid[0].get_xaxis_transform())
     return grid
 
 

@@ -17,7 +17,7 @@ from meshing.boundary_mesh import BoundaryMesh
 from ..petsc import MPI
 from ..record.units import place_unit
 from ..selement.basis import shape_functions
-from .drawing import BLACK, BLUE, GREEN, MATERIAL, PURPLE, VERMILION, WIDTH, Sheet, crack_title
+from .drawing import BLACK, BLUE, GREEN, MATERIAL, PURPLE, VERMILION, WIDTH, Sheet, crack_title, dots, note
 from .picture import picture
 
 OPEN, EDGE = "#FBE3C0", "#7F8C9A"
@@ -92,14 +92,8 @@ def _add_legend(sheet: Sheet, whole: Axes, mesh: BoundaryMesh) -> None:
     if sheet.figure is None:
         whole.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4)
         return
-    sheet.figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=7,
-        handletextpad=0.3,
-        columnspacing=1.2,
-        handlelength=1.6,
-    )
+    narrow = {"handletextpad": 0.3, "columnspacing": 1.2, "handlelength": 1.6}
+    sheet.figure.legend(handles=handles, loc="outside lower center", ncols=7, **narrow)
 
 
 def _tip_size(mesh, crack) -> float:
@@ -135,32 +129,13 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
     )
     axes.add_collection(LineCollection(lines[seen & ~outer] * scale, colors=EDGE, linewidths=0.5))
     axes.add_collection(LineCollection(lines[seen & outer] * scale, colors=BLACK, linewidths=0.9))
-    axes.add_collection(
-        LineCollection(
-            list(np.array(faces).reshape(-1, 2, 2) * scale),
-            colors=BLACK,
-            linewidths=0.9,
-            linestyles=(0, (2, 1)),
-        )
-    )
+    ends = list(np.array(faces).reshape(-1, 2, 2) * scale)
+    axes.add_collection(LineCollection(ends, colors=BLACK, linewidths=0.9, linestyles=(0, (2, 1))))
     if nodes:
-        axes.plot(
-            *_inside(mesh.nodes, lower, upper).T * scale,
-            linestyle="none",
-            marker=".",
-            color=BLUE,
-            markersize=2.2 if stretch == 1.0 else 1.2,
-            markeredgewidth=0,
-        )
-    size = 4.5 if stretch == 1.0 else 2.8
-    axes.plot(
-        *_inside(mesh.scaling_centres, lower, upper).T * scale,
-        linestyle="none",
-        marker="+",
-        markersize=size,
-        color=VERMILION,
-        markeredgewidth=0.7,
-    )
+        places = _inside(mesh.nodes, lower, upper).T * scale
+        dots(axes, places, ".", 2.2 if stretch == 1.0 else 1.2, BLUE, markeredgewidth=0)
+    places = _inside(mesh.scaling_centres, lower, upper).T * scale
+    dots(axes, places, "+", 4.5 if stretch == 1.0 else 2.8, VERMILION, markeredgewidth=0.7)
     if len(mesh.pairs) and stretch == 1.0:
         _mark_pairs(axes, mesh, lower, upper, scale)
     _label_points(axes, mesh, lower, upper, scale)
@@ -187,15 +162,9 @@ def _mark_pairs(axes: Axes, mesh: BoundaryMesh, lower: np.ndarray, upper: np.nda
             outwards = (1 - 2 * side) * mesh.pairs.normal[rows][0]
             x, y = 2.5 / 72 * outwards
             beside = axes.transData + ScaledTranslation(x, y, axes.figure.dpi_scale_trans)
-            axes.plot(
-                *_inside(mesh.nodes[mesh.pairs.nodes[rows, side]], lower, upper).T * scale,
-                linestyle="none",
-                marker=(3, 0, np.degrees(np.arctan2(-outwards[1], -outwards[0])) - 90.0),
-                markersize=3.4,
-                color=GREEN,
-                markeredgewidth=0,
-                transform=beside,
-            )
+            places = _inside(mesh.nodes[mesh.pairs.nodes[rows, side]], lower, upper).T * scale
+            triangle = (3, 0, np.degrees(np.arctan2(-outwards[1], -outwards[0])) - 90.0)
+            dots(axes, places, triangle, 3.4, GREEN, markeredgewidth=0, transform=beside)
 
 
 def _inside(points: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
@@ -218,53 +187,33 @@ def _label_points(axes: Axes, mesh: BoundaryMesh, lower: np.ndarray, upper: np.n
         else:
             groups.append((at, [name]))
     for at, names in groups:
-        axes.plot(
-            *(at * scale),
-            marker="o",
-            markersize=3.5,
-            markerfacecolor="white",
-            markeredgecolor=BLACK,
-            markeredgewidth=0.8,
-        )
+        dots(axes, at * scale, "o", 3.5, BLACK, markerfacecolor="white", markeredgewidth=0.8)
         centred = at[0] < lower[0] + 0.9 * (upper[0] - lower[0])
         above = mesh.scaling_centres[np.abs(mesh.scaling_centres - at).sum(axis=1).argmin(), 1] <= at[1]
-        axes.annotate(
-            ", ".join(names),
-            (at[0] * scale, at[1] * scale),
-            xytext=(0 if centred else -3, 4 if above else -4),
-            textcoords="offset points",
-            fontsize=8,
-            fontweight="bold",
-            horizontalalignment="center" if centred else "right",
-            verticalalignment="baseline" if above else "top",
-            annotation_clip=False,
-        )
+        style: Any = {"fontsize": 8, "fontweight": "bold", "va": "baseline" if above else "top"}
+        style |= {
+            "xytext": (0 if centred else -3, 4 if above else -4),
+            "ha": "center" if centred else "right",
+        }
+        note(axes, ", ".join(names), (at[0] * scale, at[1] * scale), **style)
 
 
 def _legend(mesh) -> list:
     handles: list[Line2D | Patch] = [
         Line2D([], [], color=BLACK, linewidth=0.9, label="outline"),
         Line2D([], [], color=EDGE, linewidth=0.7, label="edges of S-elements"),
-        Line2D([], [], color=BLUE, marker=".", markersize=5, linestyle="none", label="nodes"),
-        Line2D([], [], color=VERMILION, marker="+", markersize=5, linestyle="none", label="scaling centres"),
     ]
-    if len(mesh.pairs):
-        handles.append(
-            Line2D([], [], color=GREEN, marker=">", markersize=4, linestyle="none", label="contact pairs")
-        )
+    marks: list[tuple[bool, str, float, str, str]] = [
+        (True, ".", 5, BLUE, "nodes"),
+        (True, "+", 5, VERMILION, "scaling centres"),
+        (len(mesh.pairs) > 0, ">", 4, GREEN, "contact pairs"),
+        (bool(mesh.points), "o", 4, BLACK, "named points"),
+    ]
+    for there, marker, size, colour, words in marks:
+        if there:
+            fill = "white" if marker == "o" else colour
+            style: Any = {"marker": marker, "markersize": size, "markerfacecolor": fill, "linestyle": "none"}
+            handles.append(Line2D([], [], color=colour, label=words, **style))
     if not mesh.closed.all():
         handles.append(Patch(facecolor=OPEN, edgecolor="none", label="open S-elements"))
-    if mesh.points:
-        handles.append(
-            Line2D(
-                [],
-                [],
-                marker="o",
-                markersize=4,
-                markerfacecolor="white",
-                markeredgecolor=BLACK,
-                linestyle="none",
-                label="named points",
-            )
-        )
     return handles

@@ -15,7 +15,7 @@ from ..motion.states import Point
 from ..petsc import MPI
 from ..record.units import force_unit, length_unit
 from .branches import draw_growth
-from .drawing import BLACK, BLUE, CYCLE, DASHED, GREY, VERMILION, Sheet, above, finish_stems, stems
+from .drawing import BLACK, BLUE, CYCLE, DASHED, GREY, VERMILION, Sheet, above, dots, stems
 from .picture import divisors, named, picture, place_name, symbol
 
 LIGHT = "#BBBBBB"
@@ -76,25 +76,15 @@ def plot_harmonics(
     top = max(float(levels.max()) for levels in found.values())
     if not top > 0.0:
         raise ValueError(f"plot_harmonics: point {point!r} does not move in {direction}")
-    # stems stand on the power of ten below the least harmonic that is shown: the scale has no zero
-    levels_shown = np.concatenate(
-        [v[(v > top * 10.0**-decades) & (v > ROUND_OFF * v.max())] for v in found.values()]
-    )
-    floor = 10.0 ** np.floor(np.log10(0.7 * levels_shown.min()))
-    (axes,) = Sheet.of(ax).panels((1, 1), 2.9)
-    apart = min(0.2, 0.7 / len(found))
+    apart, curves = min(0.2, 0.7 / len(found)), {}
     for k, (name, levels) in enumerate(found.items()):
         # rounding is no harmonic
-        seen = (levels > floor) & (levels > ROUND_OFF * levels.max())
-        x = np.flatnonzero(seen) + apart * (k - 0.5 * (len(found) - 1))
-        stems(axes, x, levels[seen], floor=floor, curve=(k, name))
-    axes.set(yscale="log", xlim=(-0.6, count + 0.6), ylim=(floor, 4.0 * top), xticks=range(count + 1))
-    axes.set(
-        xlabel="harmonic number",
-        ylabel=f"$|{symbol(orbits, direction, point)}|$({place_name(point)})"
-        + (" (m)" if forces is None else " / force (m/N)"),
-    )
-    finish_stems(axes, found)
+        seen = (levels > top * 10.0**-decades) & (levels > ROUND_OFF * levels.max())
+        curves[name] = np.flatnonzero(seen) + apart * (k - 0.5 * (len(found) - 1)), levels[seen]
+    axes = stems(Sheet.of(ax), curves, 2.9, 4.0)
+    label = f"$|{symbol(orbits, direction, point)}|$({place_name(point)})"
+    axes.set_ylabel(label + (" (m)" if forces is None else " / force (m/N)"))
+    axes.set(xlim=(-0.6, count + 0.6), xticks=range(count + 1), xlabel="harmonic number")
     return axes
 
 
@@ -152,8 +142,7 @@ def plot_orbit(
     # one mark a forcing period, at the zero of its phase
     each = (len(u) - 1) // orbit.periods
     marked = "$t = 0$" if orbit.periods == 1 else "once a forcing period"
-    marks: Any = {"linestyle": "none", "marker": "o", "markersize": 4, "color": VERMILION, "label": marked}
-    phase.plot(u[:-1:each] * factor, v[:-1:each] * speed, **marks)
+    dots(phase, (u[:-1:each] * factor, v[:-1:each] * speed), "o", 4, VERMILION, label=marked)
     phase.set(xlabel=labels[0], ylabel=labels[1])
     phase.margins(0.1)
     above(phase, handletextpad=0.2)

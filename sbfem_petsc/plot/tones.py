@@ -15,7 +15,7 @@ from ..indicators.lines import Sidebands
 from ..petsc import MPI
 from ..record.units import frequency_unit, length_unit
 from .branches import draw_parts, name_verdicts, smooth, split
-from .drawing import CYCLE, Sheet, finish_stems, stems
+from .drawing import CYCLE, Sheet, dots, note, stems
 from .picture import named, named_point, picture, symbol, whole
 
 # Orders up to which a line is named in the picture.
@@ -65,27 +65,14 @@ def plot_lines(
     seen = {name: {line: at for line, at in lines.items() if at[1] > least} for name, lines in found.items()}
     factor, unit = length_unit(top)
     along, name_of_unit = frequency_unit(max(f for lines in found.values() for f, _ in lines.values()))
-    lowest = min(height for lines in seen.values() for _, height in lines.values())
-    floor = factor * 10.0 ** np.floor(np.log10(0.7 * lowest))
-    (axes,) = Sheet.of(ax).panels((1, 1), 3.2)
-    for k, (name, lines) in enumerate(seen.items()):
-        x, y = np.array(list(lines.values())).reshape(-1, 2).T
-        stems(axes, x * along, y * factor, floor=floor, curve=(k, name), size=3.5)
+    scale = np.array([[along], [factor]])
+    curves: Any = {name: scale * np.reshape([*lines.values()], (-1, 2)).T for name, lines in seen.items()}
+    axes = stems(Sheet.of(ax), curves, 3.2, 40.0, 3.5)
     for line, (f, height) in _highest(seen).items():
-        axes.annotate(
-            _line_name(*line),
-            (f * along, height * factor),
-            xytext=(0, 4),
-            textcoords="offset points",
-            rotation=90,
-            fontsize=6,
-            ha="center",
-            va="bottom",
-        )
-    axes.set(yscale="log", ylim=(floor, 40.0 * top * factor), xlabel=f"frequency ({name_of_unit})")
+        note(axes, _line_name(*line), (f * along, height * factor), 4, rotation=90, fontsize=6)
     axes.set_xlim(left=0.0)
-    axes.set_ylabel(f"$|{symbol(motions, direction, point)}|$({point}) ({unit})")
-    finish_stems(axes, found)
+    label = f"$|{symbol(motions, direction, point)}|$({point}) ({unit})"
+    axes.set(xlabel=f"frequency ({name_of_unit})", ylabel=label)
     return axes
 
 
@@ -148,31 +135,26 @@ def plot_sidebands(
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    curves = named(sidebands)
-    heights = {name: np.abs([*s.lower[::-1], s.centre, *s.upper]) for name, s in curves.items()}
+    found = named(sidebands)
+    heights = {name: np.abs([*s.lower[::-1], s.centre, *s.upper]) for name, s in found.items()}
     top = max(float(h.max()) for h in heights.values())
     if not top > 0.0:
         raise ValueError("plot_sidebands: there is neither a carrier nor a sideband")
     factor, unit = length_unit(top)
-    along, name_of_unit = frequency_unit(max(s.carrier for s in curves.values()))
-    least = min(float(h[h > ROUND_OFF * top].min()) for h in heights.values())
-    floor = factor * 10.0 ** np.floor(np.log10(0.7 * least))
-    (axes,) = Sheet.of(ax).panels((1, 1), 2.9)
-    for k, (name, found) in enumerate(curves.items()):
-        height = heights[name] * factor
-        order = np.arange(len(height)) - len(height) // 2
-        x = (found.carrier + order * found.modulation) * along
-        stems(axes, x, height, floor=floor, curve=(k, name))
-        if k:
-            continue
-        for at, level, n in zip(x, height, order):
-            words = "carrier" if n == 0 else f"{'+' if n > 0 else '−'}{abs(n)}"
-            axes.annotate(
-                words, (at, level), xytext=(0, 5), textcoords="offset points", fontsize=7, ha="center"
-            )
-    axes.set(yscale="log", ylim=(floor, 8.0 * top * factor), xlabel=f"frequency ({name_of_unit})")
-    axes.set_ylabel(f"amplitude ({unit})")
-    finish_stems(axes, curves)
+    along, name_of_unit = frequency_unit(max(s.carrier for s in found.values()))
+    curves, orders = {}, []
+    for name, h in heights.items():
+        seen = np.flatnonzero(h > ROUND_OFF * top)
+        orders.append(seen - len(h) // 2)
+        places = found[name].carrier + orders[-1] * found[name].modulation
+        curves[name] = places * along, h[seen] * factor
+    axes = stems(Sheet.of(ax), curves, 2.9, 8.0)
+    for at, level, n in zip(*next(iter(curves.values())), orders[0]):
+        words = f"{'+' if n > 0 else '−'}{abs(n)}" if n else "carrier"
+        note(axes, words, (at, level), 5, va="baseline")
+    ends = [s.carrier + way * 1.1 * len(s.upper) * s.modulation for s in found.values() for way in (-1, 1)]
+    axes.set(xlim=(min(ends) * along, max(ends) * along))
+    axes.set(xlabel=f"frequency ({name_of_unit})", ylabel=f"amplitude ({unit})")
     return axes
 
 
@@ -273,7 +255,7 @@ def plot_quasi_periodic(
         panels[0].plot([], [], color=colour, linewidth=1.2, label=name or "_")
         for axes, values in zip(panels, (heights[name] * factor, branch.frequencies[:, 1] * times)):
             broken |= draw_parts(axes, smooth(split(x, values, ~branch.unstable)), colour, 1.2)
-            axes.plot(x, values, color=colour, linestyle="none", marker=".", markersize=3)
+            dots(axes, (x, values), ".", 3, colour)
     name_verdicts(panels[0], broken)
     of = "" if harmonic == 1 else f"harmonic {harmonic} of the "
     panels[0].set(

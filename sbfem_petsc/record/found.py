@@ -115,6 +115,15 @@ class Found(Views):
             tables |= {f"{name}_{axis}": columns for axis, columns in own.items()}
         return tables
 
+    def each(self, *above: str) -> Iterator[tuple[tuple[str, ...], Quantity]]:
+        """Quantities, of those with names each entry, and those of parts, by where they are."""
+        for q in self.found.values():
+            for name, _ in q.by_name():
+                yield ((*above, q.name, name), q[name]) if name else ((*above, q.name), q)
+        for name, part in self.inner.items():
+            if isinstance(part, Found):
+                yield from part.each(*above, name)
+
     def write(self, group: h5py.Group) -> None:
         """Into a group: a data set a quantity, also of texts; a group a part."""
         group.attrs["coordinates"] = text_of(" ".join(self.coordinates))

@@ -125,15 +125,15 @@ def told(case: Case, facts: dict[str, Any]) -> str:
 
 def duration(seconds: float) -> str:
     """A time to two digits, in a fitting unit."""
-    for limit, unit, factor in ((90.0, "s", 1.0), (5400.0, "min", 60.0), (math.inf, "h", 3600.0)):
-        if seconds < limit:
-            return f"{float(f'{seconds / factor:.2g}'):g} {unit}"
-    raise AssertionError
+    return _fitting(seconds, (90.0, "s", 1.0), (5400.0, "min", 60.0), (math.inf, "h", 3600.0))
 
 
 def size(count: float) -> str:
     """Bytes to two digits, in a fitting unit."""
-    for limit, unit, factor in ((1e6, "kB", 1e3), (1e9, "MB", 1e6), (math.inf, "GB", 1e9)):
-        if count < limit:
-            return f"{float(f'{count / factor:.2g}'):g} {unit}"
-    raise AssertionError
+    return _fitting(count, (1e6, "kB", 1e3), (1e9, "MB", 1e6), (math.inf, "GB", 1e9))
+
+
+def _fitting(value: float, *units: tuple[float, str, float]) -> str:
+    """In the first of units, by the value from which on they do not fit, name and size."""
+    unit, factor = next((unit, factor) for limit, unit, factor in units if value < limit)
+    return f"{float(f'{value / factor:.2g}'):g} {unit}"

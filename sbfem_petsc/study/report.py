@@ -9,6 +9,7 @@ import re
 import time
 import xml.etree.ElementTree as xml
 from collections.abc import Iterator, Mapping, Sequence
+from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -42,28 +43,6 @@ _WORDS = {
     "reactions": "force x, y of support",
     "amplitude": "amplitude of",
 }
-_STYLE = """
-:root { color-scheme: light; }
-body { font: 16px/1.5 system-ui, sans-serif; color: #1b2733; max-width: 62rem; margin: 0 auto;
-  padding: 1rem; }
-h1 { font-size: 1.6rem; margin-bottom: 0; }
-h2 { font-size: 1.2rem; margin-top: 2.2rem; border-bottom: 1px solid #ccd; }
-p.facts { color: #556; margin-top: .2rem; }
-.wide { overflow-x: auto; }
-table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; margin: .6rem 0; }
-th, td { padding: .15rem .7rem; text-align: right; border-bottom: 1px solid #e4e8ee; white-space: nowrap; }
-th:first-child, td:first-child, .values td { text-align: left; } th { color: #556; font-weight: 600; }
-.values td { white-space: normal; overflow-wrap: break-word; }
-img { max-width: 100%; height: auto; } figure { margin: 1rem 0; overflow-x: auto; }
-.beside { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 26rem), 1fr)); gap: 1rem; }
-@media (max-width: 40rem) {
-  table { font-size: .8rem; } th, td { padding: .15rem .3rem; } td:first-child { white-space: normal; }
-  body > figure img { min-width: 34rem; }
-}
-figcaption { color: #556; font-size: .9rem; }
-pre { background: #f4f6f9; padding: .8rem; overflow-x: auto; font-size: .85rem; }
-.failed { color: #a02010; }
-"""
 
 
 def write_report(path: str, output: str | None = None) -> str:
@@ -131,7 +110,7 @@ def _page(title: str, facts: str) -> tuple[xml.Element, xml.Element]:
     _add(head, "meta", charset="utf-8")
     _add(head, "meta", name="viewport", content="width=device-width, initial-scale=1")
     _add(head, "title", title)
-    _add(head, "style", _STYLE)
+    _add(head, "style", (resources.files(__package__) / "report.css").read_text())
     _add(body, "h1", title)
     _add(body, "p", facts, class_="facts")
     return page, body
@@ -163,16 +142,17 @@ def _run(results: RunResults, home: str) -> xml.Element:
 def _analysis(body: xml.Element, kind: type[Kind], found: Found) -> None:
     for heading, rows in kind.tables(found):
         _table(body, [tuple(map(_shown, row)) for row in rows], heading)
-    _table(body, [(_label(key, entry), _with_unit(entry.value, entry.unit)) for key, entry in _small(found)])
+    small = [(path, q) for path, q in found.each() if not q.about.detail and np.size(q.value) <= 3]
+    _table(body, [(_label(path, q), _with_unit(q.value, q.unit)) for path, q in small])
 
 
-def _label(path: str, entry: Quantity) -> str:
-    """What a quantity is, in words; `path` is "displacement A"."""
-    first, _, rest = path.partition(" ")
+def _label(path: tuple[str, ...], entry: Quantity) -> str:
+    """What a quantity is, in words."""
+    first, *rest = path
     words = _WORDS.get(first, first.replace("_", " "))
     if first == "displacement" and np.ndim(entry.value) == 0:  # a body's, along one direction
         words = "displacement of"
-    return f"{words} {rest}".rstrip()
+    return " ".join([words, *rest])
 
 
 def _with_unit(value: Any, unit: str) -> str:
@@ -181,17 +161,6 @@ def _with_unit(value: Any, unit: str) -> str:
         scale, unit = _suited(unit, value)
         value = value * scale
     return f"{_shown(value)}{'' if unit == '1' else ' ' + unit.replace('m^(1/2)', '√m')}"
-
-
-def _small(found: Found, above: str = "") -> Iterator[tuple[str, Quantity]]:
-    """Single values and pairs of numbers."""
-    for q in found.quantities(lambda about: not about.detail):
-        for name, value in q.by_name():
-            if not isinstance(value, np.ndarray) or value.size <= 3:
-                yield f"{above}{q.name} {name}".rstrip(), q[name] if name else q
-    for name, part in found.inner.items():
-        if isinstance(part, Found):
-            yield from _small(part, f"{above}{name} ")
 
 
 def _shown(value: Any) -> str:

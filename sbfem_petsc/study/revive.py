@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import os
 import re
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -13,7 +16,7 @@ import sbfem_petsc as sb
 from ..output_folder import make_output_folder, regular_file
 from ..progress import Watch
 from ..ranks.parallel import on_root
-from ..record.found import Found
+from ..record.about import Quantity
 from ..record.layout import bare, text
 from ..record.views import plain
 from ..writing import spare_folder
@@ -82,29 +85,18 @@ def described(results: RunResults | Sweep) -> str:
     for name, found in results.analyses.items():
         seconds = run["seconds"].get(name)
         lines.append(f"  {name} ({results.kinds[name]}{f', {duration(seconds)}' if seconds else ''})")
-        lines += [f"    {line}" for line in _lines(found)]
+        lines += [f"    {_line('/'.join(where), q)}" for where, q in found.each()]
     lines += [f"  {name} FAILED: {reason}" for name, reason in run["failed"].items()]
     return "\n".join(lines)
 
 
-def _lines(found: Found, above: str = "") -> list[str]:
-    lines = []
-    for q in found.quantities():
-        text = f"  ({q.about.text})" if q.about.text else ""
-        for name, value in q.by_name():
-            shown = (
-                f"array {'x'.join(map(str, value.shape))}"
-                if isinstance(value, np.ndarray) and value.size > 4
-                else f"{value:.6g}"
-                if isinstance(value, float)
-                else str(value)
-            )
-            unit = q.units.get(name, q.unit)
-            title = f"{above}{q.name}{f'/{name}' if name else ''}"
-            lines.append(f"{title:34s} {shown}{'' if unit == '1' else f' {unit}'}{text}")
-    for name, part in found.inner.items():
-        lines += _lines(part, f"{above}{name}/") if isinstance(part, Found) else []
-    return lines
+def _line(where: str, q: Quantity) -> str:
+    shown = f"{q.value:.6g}" if isinstance(q.value, float) else str(q.value)
+    if np.size(q.value) > 4:
+        shown = f"array {'x'.join(map(str, q.value.shape))}"
+    return f"{where:34s} {shown}{'' if q.unit == '1' else f' {q.unit}'}" + (
+        f"  ({text})" if (text := q.about.text) else ""
+    )
 
 
 def case_of(results: RunResults | Sweep, path: str, folder: str) -> Case:
@@ -135,42 +127,61 @@ def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animat
     """
     from ..plot.maps import draw_sweep  # says what is missing before anything is computed
 
-    results = on_root(comm, lambda: read_any(path))
-    results = comm.bcast(results)
-    source = (
-        os.path.join(path, FILE if isinstance(results, Sweep) else RESULTS) if os.path.isdir(path) else path
-    )
-    home = os.path.dirname(os.path.abspath(source))
+    results, source, home = _found(path, comm)
     folder = output or os.path.join(home, "pictures")
     if isinstance(results, Sweep):
         on_root(comm, lambda: make_output_folder(folder))
         on_root(comm, lambda: draw_sweep(results, folder))
         return folder
+    with _again(results, source, comm, animation=animation) as again:
+        for name in results.analyses:
+            watch.stage(f"{name}: pictures")
+            animated = again.case.tables.output.animation and kind_called(results.kinds[name]).moving
+            recorded = None if animated else _recorded(home, name)
+            if recorded is not None or again.case.tables.body is None:
+                with again.solved(name, recorded) as (result, model):
+                    pictures.draw(again.case, name, result, model, folder)
+            else:
+                watch.say(f"{name}: not drawn, for results do not hold a body's matrices; run it again")
+    return folder
+
+
+def _found(path: str, comm: Any) -> tuple[RunResults | Sweep, str, str]:
+    """Results of a file or folder on all ranks, their file and folder. Collective."""
+    results = comm.bcast(on_root(comm, lambda: read_any(path)))
+    named = FILE if isinstance(results, Sweep) else RESULTS
+    source = os.path.join(path, named) if os.path.isdir(path) else path
+    return results, source, os.path.dirname(os.path.abspath(source))
+
+
+class _Again:
+    """The case of results whose analyses are computed again, on one model, made when it is needed."""
+
+    def __init__(self, case: Case, comm: Any):
+        self.case, self.comm = case, comm
+        self.structure: Structure | None = None
+
+    @contextlib.contextmanager
+    def solved(self, name: str, recorded: Any = None) -> Iterator[tuple[Any, Any]]:
+        """A result, unless it is recorded, and the model, if there is one. Collective."""
+        if recorded is None:
+            self.structure = self.structure or Structure(self.case, self.comm)
+            recorded = self.structure.solve(self.case, name)
+        yield recorded, self.structure.model if self.structure else None
+        if self.structure is not None:
+            self.structure.release(recorded)
+
+
+@contextlib.contextmanager
+def _again(results: RunResults, source: str, comm: Any, *, animation: bool = False) -> Iterator[_Again]:
     with spare_folder() as spare:
         case = case_of(results, source, spare)
-        if animation:
-            case = case.with_values({"output.animation": True})
-        structure: Structure | None = None
+        again = _Again(case.with_values({"output.animation": True}) if animation else case, comm)
         try:
-            for name in results.analyses:
-                watch.stage(f"{name}: pictures")
-                animated = case.tables.output.animation and kind_called(results.kinds[name]).moving
-                recorded = None if animated else _recorded(home, name)
-                if recorded is None:
-                    if case.tables.body is not None:
-                        watch.say(
-                            f"{name}: not drawn, for results do not hold a body's matrices; run it again"
-                        )
-                        continue
-                    structure = structure or Structure(case, comm)
-                    recorded = structure.solve(case, name)
-                pictures.draw(case, name, recorded, structure.model if structure else None, folder)
-                if structure is not None:
-                    structure.release(recorded)
+            yield again
         finally:
-            if structure is not None:
-                structure.destroy()
-    return folder
+            if again.structure is not None:
+                again.structure.destroy()
 
 
 def _recorded(home: str, name: str) -> Any:
@@ -190,17 +201,13 @@ def export_results(path: str, wanted: list[str], output: str | None, comm: Any, 
     list of str
         Files written.
     """
-    results = comm.bcast(on_root(comm, lambda: read_any(path)))
-    source = (
-        os.path.join(path, FILE if isinstance(results, Sweep) else RESULTS) if os.path.isdir(path) else path
-    )
-    folder = output or os.path.join(os.path.dirname(os.path.abspath(source)), "export")
+    results, source, home = _found(path, comm)
+    folder = output or os.path.join(home, "export")
     written: list[str] = []
     on_root(comm, lambda: make_output_folder(folder))
-    if "csv" in wanted:
-        written += comm.bcast(on_root(comm, lambda: _csv(results, folder)))
-    if "json" in wanted:
-        written += comm.bcast(on_root(comm, lambda: _json(results, folder)))
+    for form, write in {"csv": _csv, "json": _json}.items():
+        if form in wanted:
+            written += comm.bcast(on_root(comm, functools.partial(write, results, folder)))
     if "vtu" in wanted:
         if isinstance(results, Sweep):
             raise ValueError("--vtu is for the results of a run; a sweep keeps no fields")
@@ -242,20 +249,13 @@ def _vtu(results: RunResults, source: str, folder: str, comm: Any, watch: Watch)
     names = [name for name, kind in results.kinds.items() if kind_called(kind).fields]
     if not names:
         raise ValueError("--vtu writes modes and static displacements, and these results hold neither")
-    with spare_folder() as spare:
-        case = case_of(results, source, spare)
-        if case.tables.body is not None:
+    with _again(results, source, comm) as again:
+        if again.case.tables.body is not None:
             raise ValueError("--vtu: results do not hold a body's matrices; say vtu = true in [output]")
-        structure = Structure(case, comm)
-        try:
-            written = []
-            for name in names:
-                watch.stage(f"{name}: fields")
-                stem = os.path.join(folder, name)
-                result = structure.solve(case, name)
-                case.tables.analyses[name].write_fields(result, f"{stem}.vtu", structure.model)
-                structure.release(result)
-                written.append(f"{stem}.{'vtu' if comm.size == 1 else 'pvtu'}")
-        finally:
-            structure.destroy()
-    return written
+        for name in names:
+            watch.stage(f"{name}: fields")
+            with again.solved(name) as (result, model):
+                path = os.path.join(folder, f"{name}.vtu")
+                again.case.tables.analyses[name].write_fields(result, path, model)
+    ending = "vtu" if comm.size == 1 else "pvtu"
+    return [os.path.join(folder, f"{name}.{ending}") for name in names]

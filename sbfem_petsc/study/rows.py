@@ -113,22 +113,20 @@ def of_file(path: str) -> Iterator[Row]:
 def _payloads(path: str) -> Iterator[bytes]:
     """Rows of a file, whatever stands between them: what a kill has cut off, or bytes that have changed."""
     with os.fdopen(open_regular(path, os.O_RDONLY), "rb") as file:
-        size, place = os.fstat(file.fileno()).st_size, 0
-        if size == 0:
+        if os.fstat(file.fileno()).st_size == 0:
             return
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            place = 0
             while (place := data.find(MAGIC, place)) >= 0:
                 place += len(MAGIC)
-                if place + HEAD.size > size:
-                    return
-                length, of_length, checksum = HEAD.unpack(data[place : place + HEAD.size])
-                begin = place + HEAD.size
-                if zlib.crc32(data[place : place + 8]) != of_length or length > size - begin:
+                head = data[place : place + HEAD.size]
+                if len(head) < HEAD.size or zlib.crc32(head[:8]) != HEAD.unpack(head)[1]:
                     continue
-                payload = data[begin : begin + length]
-                if zlib.crc32(payload) == checksum:
+                length, _, checksum = HEAD.unpack(head)
+                payload = data[place + HEAD.size : place + HEAD.size + length]
+                if len(payload) == length and zlib.crc32(payload) == checksum:
                     yield payload
-                    place = begin + length
+                    place += HEAD.size + length
 
 
 def _unpacked(path: str, payload: bytes) -> Row:

@@ -111,7 +111,7 @@ class Sweep:
             "rows": len(self),
             "failed": self.failed,
             "reasons": sorted({reason for reason in self.reasons if reason}),
-            "inputs": {name: [_plain(v) for v in np.unique(column)] for name, column in self.inputs.items()},
+            "inputs": {name: np.unique(column).tolist() for name, column in self.inputs.items()},
             "values": {
                 name: {"shape": list(array.shape), "unit": self.units.get(name, "1")}
                 for name, array in self.values.items()
@@ -124,10 +124,6 @@ class Sweep:
             f"Sweep({len(self)} rows over {', '.join(self.inputs)}; {self.failed} failed, {len(self.values)} "
             f"quantities, {np.nansum(self.seconds):.1f} s in all rows)"
         )
-
-
-def _plain(value: Any) -> Any:
-    return value.item() if isinstance(value, np.generic) else value
 
 
 def together(case: Case, inputs: Sequence[Mapping[str, Any]], found: Mapping[int, Row]) -> Sweep:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import bisect
 import os
 import re
 import sys
@@ -18,9 +17,12 @@ from meshing.whole_file import require_regular
 from .problems import CaseError
 from .tables import Path, Problem
 
-_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _DIGITS = re.compile(r"[\d_]+")
-_BARE_VALUE = re.compile(r"[^,\]}\n#]*")
+# Texts, up to two quotation marks before the closing three included; comments; signs; keys and values.
+_TOKEN = re.compile(
+    r""""{3}(?:\\.|[^\\])*?"{3,5}|'{3}.*?'{3,5}|"(?:\\.|[^"\\])*"|'[^']*'|#[^\n]*|[][{},=.]|[^][{},=.#"'\s]+""",
+    re.DOTALL,
+)
 
 
 def parse(text: str, file: str) -> tuple[dict[str, Any], dict[Path, int]]:
@@ -96,48 +98,37 @@ class _Scanner:
     """Finds the keys of a text that is known to be valid TOML."""
 
     def __init__(self, text: str):
-        self.text, self.at = text, 0
-        self.breaks = [m.start() for m in re.finditer("\n", text)]
+        self.tokens: list[tuple[str, int]] = []  # and the line of each
+        self.at, line, before = 0, 1, 0
+        for found in _TOKEN.finditer(text):
+            line, before = line + text.count("\n", before, found.start()), found.start()
+            if not found[0].startswith("#"):
+                self.tokens.append((found[0], line))
+        self.tokens.append(("", line))
         self.lines: dict[Path, int] = {}
         self.tables: dict[Path, int] = {}  # arrays of tables and their lengths
 
     def scan(self) -> dict[Path, int]:
         here: Path = ()
-        while self._skip():
-            if self.text.startswith("[[", self.at):
-                here = self._header(2, array=True)
-            elif self.text[self.at] == "[":
-                here = self._header(1, array=False)
+        while word := self._word():
+            if word == "[":
+                here = self._header()
             else:
                 self._pair(here)
         return self.lines
 
-    def _line(self) -> int:
-        return bisect.bisect_left(self.breaks, self.at) + 1
+    def _word(self) -> str:
+        return self.tokens[self.at][0]
 
-    def _skip(self, also: str = "") -> bool:
-        """Move past blanks, line ends, comments and the characters in `also`; False at the text's end."""
-        while self.at < len(self.text):
-            character = self.text[self.at]
-            if character == "#":
-                end = self.text.find("\n", self.at)
-                self.at = len(self.text) if end < 0 else end
-            elif character in " \t\r\n" or character in also:
-                self.at += 1
-            else:
-                return True
-        return False
-
-    def _header(self, brackets: int, array: bool) -> Path:
-        line = self._line()
-        self.at += brackets
+    def _header(self) -> Path:
+        line, array = self.tokens[self.at][1], self.tokens[self.at + 1][0] == "["
+        self.at += 1 + array
         keys = self._keys()
-        self.at = self.text.index("]", self.at) + brackets
+        self.at += 1 + array
         path: Path = ()
         for k, key in enumerate(keys):
             path += (key,)
-            last = k == len(keys) - 1
-            if last and array:
+            if array and k == len(keys) - 1:
                 self.tables[path] = self.tables.get(path, 0) + 1
                 self.lines.setdefault(path, line)
             if path in self.tables:
@@ -148,60 +139,35 @@ class _Scanner:
     def _keys(self) -> list[str]:
         keys = []
         while True:
-            self._skip()
-            quote = self.text[self.at]
-            if quote in "\"'":
-                start = self.at
-                self._string()
-                keys.append(next(iter(tomllib.loads(f"{self.text[start : self.at]} = 0"))))
-            else:
-                found = _BARE_KEY.match(self.text, self.at)
-                assert found is not None  # the text is valid TOML
-                keys.append(found[0])
-                self.at = found.end()
-            self._skip()
-            if self.text[self.at] != ".":
+            word = self._word()
+            keys.append(next(iter(tomllib.loads(f"{word} = 0"))) if word[0] in "\"'" else word)
+            self.at += 1
+            if self._word() != ".":
                 return keys
             self.at += 1
 
     def _pair(self, here: Path) -> None:
-        line = self._line()
+        line = self.tokens[self.at][1]
         for key in self._keys():
             here += (key,)
             self.lines.setdefault(here, line)
         self.at += 1  # the equals sign
-        self._skip()
         self._value(here)
 
     def _value(self, path: Path) -> None:
-        first = self.text[self.at]
-        if first in "\"'":
-            self._string()
-        elif first == "[":
+        (first, line), position = self.tokens[self.at], 0
+        self.at += 1
+        if first in ("[", "{"):
+            while (word := self._word()) not in ("]", "}"):
+                if word == ",":
+                    self.at += 1
+                elif first == "{":
+                    self._pair(path)
+                else:
+                    self.lines[(*path, position)] = self.tokens[self.at][1]
+                    self._value((*path, position))
+                    position += 1
             self.at += 1
-            position = 0
-            while self._skip(",") and self.text[self.at] != "]":
-                self.lines[(*path, position)] = self._line()
-                self._value((*path, position))
-                position += 1
-            self.at += 1
-        elif first == "{":
-            self.at += 1
-            while self._skip(",") and self.text[self.at] != "}":
-                self._pair(path)
-            self.at += 1
-        else:
-            found = _BARE_VALUE.match(self.text, self.at)
-            assert found is not None
-            self.at = found.end()
-
-    def _string(self) -> None:
-        quote = self.text[self.at]
-        mark = quote * 3 if self.text.startswith(quote * 3, self.at) else quote
-        self.at += len(mark)
-        while not self.text.startswith(mark, self.at):
-            self.at += 2 if self.text[self.at] == "\\" and quote == '"' else 1
-        self.at += len(mark)
-        # up to two quotation marks may stand before the closing three
-        while len(mark) == 3 and self.text.startswith(quote, self.at):
-            self.at += 1
+        elif first[0] not in "\"'":  # a number or date, of several tokens
+            while self._word() not in (",", "]", "}", "") and self.tokens[self.at][1] == line:
+                self.at += 1

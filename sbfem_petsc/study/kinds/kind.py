@@ -12,6 +12,7 @@ import numpy as np
 
 import sbfem_petsc as sb
 
+from ...indicators.detection import contact_duty
 from ...options import item
 from ...record.about import Quantity
 from ...record.found import Found
@@ -286,6 +287,35 @@ class Loaded(Kind):
     def acting(self, case: Given) -> Any:
         """The loads."""
         return objects.load(case, self.load, self.factor)
+
+
+class TwoTones(Kind):
+    """A kind under two loads, `loads_in`, each with a tone of its own, NAME_frequency."""
+
+    def acting(self, case: Given) -> Any:
+        """The loads, in the order of `loads_in`; numbers are amplitudes of their tone."""
+        first, second = (
+            objects.load(case, getattr(self, name), frequency=getattr(self, f"{name}_frequency"))
+            for name in self.loads_in
+        )
+        return first + second
+
+
+def recorded(values: Values, result: Any, points: Sequence[str]) -> Values:
+    """With the motion of points over time, for a row of a sweep that keeps histories."""
+    moved: Values = {f"displacement/{point}": (result.displacement(point), "m") for point in points}
+    return values | moved | {"time": (result.time, "s")}
+
+
+def peak_contact(result: Any) -> Values:
+    """What contact and supports bear at most over time, and how long contact lasts, for a row of a sweep."""
+    values: Values = {
+        "peak_contact_resultant": (float(result.contact_resultant.max(initial=0.0)), "N"),
+        **peak_reactions(result),
+    }
+    if result.contact_force.shape[1]:
+        values["contact_duty"] = (contact_duty(result.time, result.contact_force).any, "1")
+    return values
 
 
 def peak_reactions(result: Any) -> Values:

@@ -14,7 +14,7 @@ from ...options import item
 from ..case.parameters import grid
 from ..case.sweep import Times
 from ..costs import Cost, Size
-from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted, along, peak_reactions
+from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted, along, peak_reactions, recorded
 
 
 class LoadHistory(LoadHistoryOptions, Loaded):
@@ -36,17 +36,12 @@ class LoadHistory(LoadHistoryOptions, Loaded):
             **peak_reactions(result),
         }
         for point in wanted.points:
-            u = result.displacement(point)
-            values[f"peak/{point}"] = (float(np.abs(along(u)).max()), "m")
-            if wanted.histories:
-                values[f"displacement/{point}"] = (u, "m")
+            values[f"peak/{point}"] = (float(np.abs(along(result.displacement(point))).max()), "m")
         for name, factors, unit in _intensities(result):
             values[f"peak_stress_intensity/{name}"] = (np.abs(factors).max(axis=0), unit)
             if wanted.histories:
                 values[f"stress_intensity/{name}"] = (factors, unit)
-        if wanted.histories:
-            values["time"] = (result.time, "s")
-        return values
+        return recorded(values, result, wanted.points) if wanted.histories else values
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         point = drawn.point(result.points)

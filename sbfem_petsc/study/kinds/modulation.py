@@ -16,17 +16,17 @@ from ...indicators.lines import Sidebands, sidebands
 from ...options import item
 from ...record.about import Quantity
 from ...record.found import Found, told
-from ..case.objects import load, located, signals_of
+from ..case.objects import located, signals_of
 from ..case.tables import Name, Names, Path
 from ..costs import Cost, Size
-from .kind import Drawn, Run, Values, Wanted, along
+from .kind import Drawn, Run, TwoTones, Values, Wanted, along
 from .periodic import Steady, steady_cost
 
 # Share of a period that counts as none when whole periods are counted.
 _ROUNDING = 1e-9
 
 
-class Modulation(Steady):
+class Modulation(Steady, TwoTones):
     """Vibro-acoustic modulation: steady state under a strong low tone and a weak high one, with the sidebands
     of the high one. Numbers in the two loads are the tones' amplitudes."""
 
@@ -61,7 +61,7 @@ class Modulation(Steady):
     def solve(self, case: Any, model: Any, run: Run) -> sb.Orbit:
         return sb.periodic(
             model,
-            self._acting(case),
+            self.acting(case),
             self.pump_frequency,
             steps=self._steps(),
             modes=self.modes,
@@ -69,11 +69,6 @@ class Modulation(Steady):
             stability=self.stability,
             longest=self.longest,
             progress=run.progress,
-        )
-
-    def _acting(self, case: Any) -> list[Any]:
-        return load(case, self.pump, frequency=self.pump_frequency) + load(
-            case, self.probe, frequency=self.probe_frequency
         )
 
     def _steps(self) -> int:
@@ -101,7 +96,7 @@ class Modulation(Steady):
     def tones(self, case: Any, path: Path) -> None:
         from ...motion.excitation import common_periods
 
-        found = signals_of(self._acting(case))
+        found = signals_of(self.acting(case))
         with located(case, *path, "probe_frequency"):
             common_periods(found, self.pump_frequency, None, self.longest)
 

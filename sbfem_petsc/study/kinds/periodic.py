@@ -11,7 +11,6 @@ import numpy as np
 import sbfem_petsc as sb
 
 from ...analysis.options import PeriodicOptions
-from ...indicators.detection import contact_duty
 from ...indicators.lines import harmonic_ratios
 from ...options import item
 from ...record.about import Quantity
@@ -20,7 +19,7 @@ from ..case import objects
 from ..case.objects import located
 from ..case.tables import Path
 from ..costs import MULTIPLIERS, STEPS, Cost, Size
-from .kind import PERIODIC, RUBBING, Drawn, Kind, Loaded, Run, Values, Wanted, along, peak_reactions
+from .kind import PERIODIC, RUBBING, Drawn, Kind, Loaded, Run, Values, Wanted, along, peak_contact, recorded
 
 # Harmonics of a motion kept beside its whole waveform, of each point in a row of a sweep, and in a report.
 HARMONICS, ROW_HARMONICS, SHOWN = 41, 21, 11
@@ -65,14 +64,8 @@ class Steady(Kind):
                 motions["_noisy"] = wanted.noisy(along(u))
             for ending, motion in motions.items():
                 values |= _harmonics(ending, point, motion, result.periods)
-            if wanted.histories:
-                values[f"displacement/{point}"] = (u, "m")
-        if wanted.histories:
-            values["time"] = (result.time, "s")
-        values["peak_contact_resultant"] = (float(result.contact_resultant.max(initial=0.0)), "N")
-        values |= peak_reactions(result)
-        if result.contact_force.shape[1]:
-            values["contact_duty"] = (contact_duty(result.time, result.contact_force).any, "1")
+        values = recorded(values, result, wanted.points) if wanted.histories else values
+        values |= peak_contact(result)
         values["converged"] = (float(result.converged), "1")
         values["iterations"] = (float(result.iterations), "1")
         values["residual"] = (float(result.residuals[-1]), "1")

@@ -13,17 +13,17 @@ from ...analysis.options import QuasiPeriodicOptions
 from ...options import item
 from ...record.about import Quantity
 from ...record.found import Found, of_points, told
-from ..case.objects import load, located, signals_of
+from ..case.objects import located, signals_of
 from ..case.tables import Names, Path
 from ..costs import STEPS, Cost, Size
-from .kind import PERIODIC, Drawn, Kind, Run, Values, Wanted
+from .kind import PERIODIC, Drawn, Run, TwoTones, Values, Wanted
 from .periodic import symbol, truth
 
 # Lines of a spectrum in a report.
 _LINES = 15
 
 
-class QuasiPeriodic(QuasiPeriodicOptions, Kind):
+class QuasiPeriodic(QuasiPeriodicOptions, TwoTones):
     """The steady state under two tones of any frequencies: lines m probe + n pump. Numbers in the two loads
     are the tones' amplitudes; harmonic signals may be multiples of either tone."""
 
@@ -49,14 +49,9 @@ class QuasiPeriodic(QuasiPeriodicOptions, Kind):
     def solve(self, case: Any, model: Any, run: Run) -> sb.QuasiPeriodic:
         return sb.quasi_periodic(
             model,
-            self._acting(case),
+            self.acting(case),
             (self.probe_frequency, self.pump_frequency),
             **self.of(QuasiPeriodicOptions),
-        )
-
-    def _acting(self, case: Any) -> list[Any]:
-        return load(case, self.probe, frequency=self.probe_frequency) + load(
-            case, self.pump, frequency=self.pump_frequency
         )
 
     def tones(self, case: Any, path: Path) -> None:
@@ -64,7 +59,7 @@ class QuasiPeriodic(QuasiPeriodicOptions, Kind):
 
         pair = (self.probe_frequency, self.pump_frequency)
         with located(case, *path):
-            drives(signals_of(self._acting(case)), (max(pair), min(pair)))
+            drives(signals_of(self.acting(case)), (max(pair), min(pair)))
 
     def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
         named = lines_of(result.frequencies, self.order)

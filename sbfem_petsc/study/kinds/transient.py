@@ -11,12 +11,11 @@ import numpy as np
 import sbfem_petsc as sb
 
 from ...analysis.options import TransientOptions
-from ...indicators.detection import contact_duty
 from ...options import item
 from ...record.about import Quantity
 from ...record.found import of_points, told
 from ..costs import Cost, Size
-from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted, along, peak_reactions
+from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted, along, peak_contact, recorded
 
 
 class Transient(TransientOptions, Loaded):
@@ -52,24 +51,14 @@ class Transient(TransientOptions, Loaded):
         yield told("energy", table, "J", text, "time kind", {"kind": energies})
 
     def row(self, result: Any, wanted: Wanted) -> Values:
-        values: Values = {
-            **super().row(result, wanted),
-            "peak_contact_resultant": (float(result.contact_resultant.max(initial=0.0)), "N"),
-            **peak_reactions(result),
-        }
-        if result.contact_force.shape[1]:
-            values["contact_duty"] = (contact_duty(result.time, result.contact_force).any, "1")
+        values = super().row(result, wanted) | peak_contact(result)
         for point in wanted.points:
             u = result.displacement(point)
             values[f"peak/{point}"] = (float(np.abs(along(u)).max()), "m")
-            if wanted.histories:
-                values[f"displacement/{point}"] = (u, "m")
-                if wanted.noisy is not None:
-                    noisy = np.stack([wanted.noisy(c) for c in np.atleast_2d(u.T)], axis=-1)
-                    values[f"displacement_noisy/{point}"] = (noisy, "m")
-        if wanted.histories:
-            values["time"] = (result.time, "s")
-        return values
+            if wanted.histories and wanted.noisy is not None:
+                noisy = np.stack([wanted.noisy(c) for c in np.atleast_2d(u.T)], axis=-1)
+                values[f"displacement_noisy/{point}"] = (noisy, "m")
+        return recorded(values, result, wanted.points) if wanted.histories else values
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         point = drawn.point(result.points)
