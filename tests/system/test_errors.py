@@ -117,36 +117,6 @@ def test_sentence_on_every_rank(said, case):
     assert "\n" not in text and len(text) < 400
 
 
-@pytest.mark.slow
-def test_one_rank_alone_fails():
-    """An error met by rank 1 only (here a wrong mesh) reaches rank 0 too, and the program ends."""
-    program = """
-import sbfem_petsc as sb
-from mpi4py import MPI
-from meshing import Beam
-mesh = Beam(0.4, 0.005).mesh(order=2)
-sb.Model(mesh, sb.Material(1.0, 0.3, 1.0), damping=0.0 if MPI.COMM_WORLD.rank == 0 else 2.0)
-"""
-    done = on_ranks(2, program, check=False, timeout=300)
-    assert done.returncode != 0
-    assert "damping" in done.stderr
-
-
-@pytest.mark.slow
-def test_unexpected_error_ends_all_ranks():
-    """A plain exception of a user's program on one rank does not leave the others waiting."""
-    program = """
-import sbfem_petsc as sb
-from sbfem_petsc.petsc import MPI
-if MPI.COMM_WORLD.rank == 1:
-    raise RuntimeError("the user's own mistake")
-MPI.COMM_WORLD.barrier()
-"""
-    done = on_ranks(2, program, check=False, timeout=300)
-    assert done.returncode != 0
-    assert "the user's own mistake" in done.stderr
-
-
 @pytest.mark.long
 @pytest.mark.parametrize(
     "arguments, sentence, ranks",
@@ -169,7 +139,7 @@ def test_example_ends_with_one_sentence(arguments, sentence, ranks, tmp_path):
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_misspelt_petsc_option_is_reported(tmp_path):
     done = on_ranks(
         1,
