@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import field
@@ -40,9 +41,10 @@ LOWEST, FAINT = 5, 1e-3
 # The same of their change in twice the steps, of second order.
 SECOND = 4.0 / 3.0
 # Parts of what left-out modes add to the gaps, of which the first that leads to a motion counts.
-PARTS = 1.0, 0.01
-# Newton iterations to the motions that these have, and residual relative to the first one.
-NEWTON, BESIDE = 16, 1e-6
+PARTS = 1.0, 0.2, 0.01
+# Of the motions that these have what Newton's next step would add, of how far they are; iterations with
+# derivatives of their own, and the residual relative to the first one.
+TOLD, NEWTON, BESIDE = 0.1, 16, 1e-3
 # Harmonics that are kept in files and tables beside the motion itself.
 HARMONICS = 41
 
@@ -324,41 +326,46 @@ def told_errors(fixed: FixedPoint) -> np.ndarray:
     p = driven.period
     lines = one_sided(motion.forces[:-1]), one_sided(driven.loads[:-1])
     omega = 2.0 * np.pi / driven.duration * np.arange(len(lines[0]))
-    left, own = LeftOut(r, p.pairs, omega), _lowest(driven, motion)
+    left, own = LeftOut(r, p.pairs, omega), _lowest(fixed)
     beyond, scale = left.displacements(*lines)[:: p.excitation.periods][:LOWEST], _sizes(own)
     least = max(FAINT * scale[1:].max(initial=0.0), RESTING * scale[0], np.finfo(float).tiny)
     scale = np.maximum(scale, least)
     if not fixed.touching.any():
         return np.stack([_sizes(beyond), np.zeros(LOWEST)]) / scale
     errors, added = np.full((2, LOWEST), np.inf), over_steps(left.gaps(*lines), p.steps)
-    for part in PARTS:  # of hard blows the whole may be too far
-        if (inert := _beside(fixed, driven.with_gaps(part * added))) is not None:
-            errors[0] = _sizes((inert - own) / part + beyond) / scale
+    for find, part in itertools.product((_nearby, _by_newton), PARTS):  # of blows the whole may be too far
+        if (inert := find(fixed, driven.with_gaps(part * added))) is not None:
+            errors[0] = _sizes((_lowest(inert) - own) / part + beyond) / scale
             break
-    if (finer := _beside(fixed, driven.in_steps(2 * p.steps))) is not None:
-        errors[1] = SECOND * _sizes(finer - own) / scale
+    double = driven.in_steps(2 * p.steps)
+    if (finer := _nearby(fixed, double) or _by_newton(fixed, double)) is not None:
+        errors[1] = SECOND * _sizes(_lowest(finer) - own) / scale
     return errors
 
 
-def _beside(fixed: FixedPoint, driven: DrivenPeriod) -> np.ndarray | None:
-    """Lowest harmonics of a motion beside another one, of a map that is a little different."""
-    found = None
+def _nearby(fixed: FixedPoint, driven: DrivenPeriod) -> FixedPoint | None:
+    """A motion beside another one, of a map that is a little different, to what an error is told to."""
+    if driven.period.unknowns > WHOLE:
+        return None
     try:
-        if driven.period.unknowns <= WHOLE:
-            found = shoot_nearby(driven, fixed.state, fixed.monodromy)
-        if found is None:
-            kind = "updated" if driven.period.unknowns <= WHOLE else "matrix-free"
-            shooting = Shooting(driven, kind, NEWTON)
-            shooting.hurries, shooting.relative = True, BESIDE
-            found = shooting.solve(fixed.state)
+        return shoot_nearby(driven, fixed.state, fixed.monodromy, TOLD)
     except SolveError:
         return None
-    return _lowest(driven, found.motion)
 
 
-def _lowest(driven: DrivenPeriod, motion: PeriodMotion) -> np.ndarray:
+def _by_newton(fixed: FixedPoint, driven: DrivenPeriod) -> FixedPoint | None:
+    """The same with derivatives of that map."""
+    shooting = Shooting(driven, "updated" if driven.period.unknowns <= WHOLE else "matrix-free", NEWTON)
+    shooting.hurries, shooting.relative = True, BESIDE
+    try:
+        return shooting.solve(fixed.state)
+    except SolveError:
+        return None
+
+
+def _lowest(fixed: FixedPoint) -> np.ndarray:
     """(5, points, xy): harmonics 0 to 4 of the displacements of the named points."""
-    p, r = driven.period, driven.period.reduced
+    driven, motion, p, r = fixed.driven, fixed.motion, fixed.driven.period, fixed.driven.period.reduced
     forces = np.zeros((p.steps, len(r.initial_gap)))
     forces[:, : p.pairs] = motion.forces[:-1]
     u = r.points(modal_motion(driven, motion)[0][:-1], driven.loads[:-1], forces)
@@ -381,6 +388,10 @@ def largest_error(error: np.ndarray) -> float:
 def in_words(error: np.ndarray) -> str:
     """That in a result's text."""
     largest = largest_error(error)
+    if math.isinf(largest):
+        return (
+            "error of harmonics not found, as twice the steps or left-out modes lead elsewhere: take more, "
+        )
     return "" if math.isnan(largest) else f"error of harmonics {largest:.2g}, "
 
 

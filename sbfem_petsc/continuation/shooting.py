@@ -101,11 +101,14 @@ def _from_fewer_steps(driven: DrivenPeriod, state: np.ndarray) -> FixedPoint | N
         return None
 
 
-def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray) -> FixedPoint | None:
+def shoot_nearby(
+    driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray, share: float = 0.0
+) -> FixedPoint | None:
     """Fixed point very near a state, by Newton's method with a derivative of the period that is known about:
     that of a motion nearby, dx(T) / dx(0), and Broyden's updates of it. None unless each of these gains.
 
-    To 1e-8 of the linear oscillation, for which a few periods are integrated and no derivative is made.
+    To 1e-8 of the linear oscillation, for which a few periods are integrated and no derivative is made; or to
+    a share of the whole change of the state that Newton's next step would still add.
     """
     try:
         inverse = Updated(Factors(derivative - np.eye(len(state))))
@@ -113,7 +116,7 @@ def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray
         return None
     aim = max(NEARBY * driven.oscillation, ROUND_OFF * float(np.linalg.norm(driven.linear_state)))
     residuals: list[float] = []
-    step = np.zeros(len(state))
+    begin, step = state, np.zeros(len(state))
     while len(residuals) < ITERATIONS:
         motion = driven.run(state)
         residuals.append(float(np.linalg.norm(motion.residual)))
@@ -124,6 +127,8 @@ def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray
                 break
             inverse.add(motion.residual, step / float(step @ step))
         step = -inverse.solve(motion.residual)
+        if len(residuals) > 1 and np.linalg.norm(step) <= share * np.linalg.norm(state - begin):
+            return FixedPoint(state, driven, motion, tuple(residuals))
         state = state + step
     return None
 

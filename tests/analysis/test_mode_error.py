@@ -1,6 +1,7 @@
 """What is told of the harmonics' error by left-out modes and steps, beside their true error."""
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -81,6 +82,8 @@ def test_where_nothing_is_told():
     """Of motions found in segments, which are not in what is told beside themselves."""
     segments = sb.periodic(chain(3), [0.1, 0.0], 0.45 / TURN, steps=512, segments=2)
     assert np.isnan(segments.mode_error).all() and "error of harmonics" not in repr(segments)
+    lost = replace(segments, mode_error=np.full(5, np.inf))
+    assert "error of harmonics not found, as twice the steps or left-out modes lead elsewhere" in repr(lost)
 
 
 def test_curves_tell_the_largest(tmp_path):
