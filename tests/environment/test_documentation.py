@@ -40,6 +40,26 @@ def test_every_public_name_stands_in_the_reference(face):
 
 
 @pytest.mark.long
+def test_the_added_analysis(tmp_path):
+    """The change that CONTRIBUTING.md shows can be put on, and its test and those of all kinds pass."""
+    for folder in ("meshing", "sbfem_petsc", "tests", "docs", "examples", "pyproject.toml"):
+        place, unread = ROOT / folder, shutil.ignore_patterns("__pycache__", "*.png", "*.ipynb")
+        shutil.copytree(place, tmp_path / folder, ignore=unread) if place.is_dir() else shutil.copy(
+            place, tmp_path
+        )
+    subprocess.run(["git", "apply", "docs/adding_an_analysis.patch"], cwd=tmp_path, check=True)
+    tests = [
+        "tests/analysis/test_receptance.py",
+        "tests/study/test_kinds.py",
+        "tests/analysis/test_options.py",
+    ]
+    run = [sys.executable, "-m", "pytest", "-q", "-n0", "-p", "no:cacheprovider", *tests]
+    own = os.environ | {"PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(run, cwd=tmp_path, env=own, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.long
 def test_built_without_a_warning(tmp_path):
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)

@@ -21,7 +21,7 @@ def test_each_file_is_a_kind():
     assert set(KINDS) == files and len(files) >= 14
     for name, kind in KINDS.items():
         assert kind.__module__.endswith(f".{name}") and kind.__doc__
-        assert all(getattr(kind, part) is not getattr(Kind, part) for part in ("solve", "row", "cost"))
+        assert all(getattr(kind, part) is not getattr(Kind, part) for part in ("solve", "cost"))
         assert set(kind.loads_in) <= set(kind.model_fields)
     # each bears the name of a public function, but for one that is a motion under two tones
     assert set(KINDS) - set(sb.__all__) == {"modulation"}
