@@ -134,6 +134,27 @@ def test_no_equilibrium():
         sb.transient(unsprung(), [sb.Constant(-2.0)], 3.0, step=0.01, initial="equilibrium")
 
 
+@pytest.mark.parametrize("left, held", [(1e-13, True), (1e-11, False)])
+def test_rounding_of_loads_moves_no_free_body(left, held):
+    """Two masses on a spring that are pulled apart by 1000 N, but for a share of it."""
+    free = sb.reduce_matrices(
+        np.eye(2),
+        np.array([[1.0, -1.0], [-1.0, 1.0]]),
+        np.array([[1.0, -1.0]]),
+        np.array([1e6]),
+        loads=np.array([[1e3], [-1e3 * (1.0 + left)]]),
+        sensors={"1": 0, "2": 1},
+        compliance=np.ones(1),
+    )
+    if held:
+        history = sb.transient(free, [sb.Constant(1.0)], 0.1, step=0.01, initial="equilibrium")
+        apart = history.displacement("1")[:, 1] - history.displacement("2")[:, 1]
+        np.testing.assert_allclose(apart, 1e3, rtol=1e-9)
+    else:
+        with pytest.raises(sb.SolveError, match="rigid-body motion of mode 1, which nothing holds"):
+            sb.transient(free, [sb.Constant(1.0)], 0.1, step=0.01, initial="equilibrium")
+
+
 def test_two_tones_on_a_preload():
     """Lines of a quasi-periodic motion are the same."""
     tones = 0.16, 0.02 * np.sqrt(3.0)
