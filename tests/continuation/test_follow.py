@@ -257,3 +257,14 @@ def test_a_tongue_is_leapt_over():
     problem.leap = lambda points, direction: Point.known(problem, np.array([0.9, 0.9]))
     line = follow(Line([at(problem, 0.0, 0.0)]), Range(0.0, 1.0, 1))
     assert line.complete
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("late", [0.0, 0.15, 0.25])
+def test_points_that_turn_behind_their_tangents(way, late):
+    """As among the teeth of time steps, at a least or a largest value: the fold is where tangents turn."""
+    problem = Equations(lambda u: u[1] - 10.0 - way * (u[0] - late) ** 2, lambda u: [-2.0 * way * u[0], 1.0])
+    places = 0.1 * np.arange(-6, 7) + 0.03
+    line = Line([Point.known(problem, np.array([x, 10.0 + way * (x - late) ** 2])) for x in places])
+    ((before, fold),) = folds(line)
+    assert before == 5 and fold.u == pytest.approx([0.0, 10.0 + way * late**2], abs=1e-7)
