@@ -236,7 +236,9 @@ def test_scripts(folder, name):
 
 
 @needs_landlock
-@pytest.mark.parametrize("name", IN_VAIN)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.long] * (k % 2)) for k, n in enumerate(IN_VAIN)]
+)
 def test_scripts_that_try_in_vain(folder, name):
     path = written(folder, IN_VAIN[name])
     before = states(folder)

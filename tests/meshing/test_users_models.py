@@ -266,7 +266,9 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.long] * (k % 2)) for k, n in enumerate(WRONG)]
+)
 def test_wrong(tmp_path, name):
     text, options, says = WRONG[name]
     path = tmp_path / "model.geo"

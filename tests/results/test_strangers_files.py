@@ -30,6 +30,7 @@ RESULTS = {
 
 
 KINDS = ["history", "unreduced", "orbit", "branch", "results", *RESULTS]
+ORDINARY = ("history", "branch", "results", "torus")
 
 
 @pytest.fixture(scope="module")
@@ -123,11 +124,17 @@ def refused(copy):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("part", [0, *(pytest.param(k, marks=pytest.mark.long) for k in range(1, 12))])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("kind", "part"),
+    [
+        pytest.param(kind, part, marks=[pytest.mark.long] * (part > 0 or kind not in ORDINARY))
+        for kind in KINDS
+        for part in range(12)
+    ],
+)
 def test_every_part_in_turn(kind, part, files, tmp_path):
     """Left out, of another type or shape, or not a number; whatever becomes of it, no error from below. In
-    the ordinary suite every twelfth.
+    the ordinary suite every twelfth of some kinds.
     """
     path = files[kind]
     copy, (sets, attributes) = tmp_path / path.name, items(path)

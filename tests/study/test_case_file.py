@@ -193,7 +193,9 @@ def test_starter_cases(kind, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["gmsh", "modulation", "plate"])
+@pytest.mark.parametrize(
+    "kind", ["plate", *(pytest.param(kind, marks=pytest.mark.long) for kind in ("gmsh", "modulation"))]
+)
 def test_starter_cases_run(kind, tmp_path):
     """With a coarse mesh and few modes, to be quick."""
     path = tmp_path / f"{kind}.toml"

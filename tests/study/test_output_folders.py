@@ -336,6 +336,7 @@ def test_nothing_of_a_strangers_file_becomes_part_of_a_page(folder):
     assert told.count(name) >= 2 and "\x1b" not in told
 
 
+@pytest.mark.long
 def test_results_of_a_case_that_names_files_elsewhere(tmp_path):
     """Those are kept with the results, from which it is drawn and exported without them; their names lead
     nowhere.
