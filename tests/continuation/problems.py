@@ -19,8 +19,9 @@ class Values(Record):
 class Equations(Problem):
     """f(u) = 0 with its matrix of derivatives; the last unknown is the value."""
 
-    def __init__(self, function, derivative, units=None, finest=None):
+    def __init__(self, function, derivative, units=None, finest=None, weights=None):
         self.function, self.derivative, self.unit, self.finest = function, derivative, units, finest
+        self.weights = weights
         self.states = 0
 
     def at(self, u):
@@ -28,7 +29,9 @@ class Equations(Problem):
         return Residual(self, u)
 
     def units(self, u):
-        return (np.ones(len(u)) if self.unit is None else np.array(self.unit)), np.ones(len(u))
+        return tuple(
+            np.ones(len(u)) if given is None else np.array(given) for given in (self.unit, self.weights)
+        )
 
     def value(self, u):
         return float(u[-1]), np.eye(1, len(u), len(u) - 1)[0]

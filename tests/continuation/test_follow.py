@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from sbfem_petsc.continuation.events import between, find_zero, folds, place_of, refine
+from sbfem_petsc.continuation.events import between, find_zero, folds, furthest, place_of, refine
 from sbfem_petsc.continuation.follow import CLOSED, Line, Settings, follow
 from sbfem_petsc.continuation.newton import ITERATIONS, TooManyIterations, correct
 from sbfem_petsc.continuation.problem import Lost, Metric, Point, Range
@@ -268,3 +268,50 @@ def test_points_that_turn_behind_their_tangents(way, late):
     line = Line([Point.known(problem, np.array([x, 10.0 + way * (x - late) ** 2])) for x in places])
     ((before, fold),) = folds(line)
     assert before == 5 and fold.u == pytest.approx([0.0, 10.0 + way * late**2], abs=1e-7)
+
+
+def test_lengths_and_angles_in_units():
+    """By hand: of weights 3 and .5 the step (1, 2) is sqrt 10 long; rows say arc length along a tangent."""
+    problem = Equations(lambda u: [0.0], lambda u: [[0.0, 0.0]], units=[4.0, 0.1], weights=[3.0, 0.5])
+    metric = Metric(problem, np.zeros(2))
+    step, tangent = np.array([1.0, 2.0]), np.array([-2.0, 1.0])
+    assert metric.length(step) == pytest.approx(math.sqrt(10.0), rel=1e-14)
+    assert metric.dot(step, tangent) == pytest.approx(-17.5, rel=1e-14)
+    assert metric.row(tangent) @ (step * [4.0, 0.1]) == pytest.approx(-17.5, rel=1e-14)
+    assert metric.pace(np.zeros(2)) == pytest.approx(0.1, rel=1e-14)
+
+
+def test_units_change_nothing():
+    """Unknowns in units of their own: the same points to rounding, with as many iterations."""
+    plain, factors = Duffing(0.1, 0.5, 0.4), np.array([1024.0, 0.25, 1.0])
+    scaled = Equations(
+        lambda u: plain.function(u / factors), lambda u: plain.derivative(u / factors) / factors, factors
+    )
+    one = follow(Line([at(plain, 0.5, 0.0, 0.5)]), Range(0.5, 2.5, 1))
+    start = np.array([512.0, 0.0, 0.5])
+    first = correct(scaled, start, Metric(scaled, start).level(start, 0.5))
+    other = follow(Line([first]), Range(0.5, 2.5, 1))
+    np.testing.assert_allclose([p.u / factors for p in other.points], [p.u for p in one.points], rtol=1e-12)
+    assert [p.effort for p in other.points] == [p.effort for p in one.points]
+
+
+@pytest.mark.parametrize(
+    ("values", "k", "within", "expected"),
+    [
+        ([0.0, 1.0, 2.0, 3.0, 2.0, 1.0, 0.0], 2, 5.0, 3),
+        ([3.0, 2.0, 1.0, 0.0, 1.0, 2.0, 3.0], 4, 5.0, 3),  # a least one
+        ([0.0, 2.0, 1.0, 1.5, 0.5, 0.0, -1.0], 3, 5.0, 1),  # a tooth at 3, beyond which 1 goes
+        ([0.0, 2.0, 1.0, 1.5, 0.5, 0.0, -1.0], 3, 0.4, None),  # which is not near enough
+        ([0.0, 1.0, 0.9, 3.0, 4.0, 5.0, 6.0], 1, 9.0, None),
+        (
+            [0.0, 1.0, 0.5, 0.4, 0.3, 0.2, 2.0],
+            1,
+            9.0,
+            1,
+        ),  # what is more than three points away does not count
+        ([9.0, 0.2, 0.3, 0.4, 0.5, 1.0, 0.0], 5, 0.9, 5),  # nor on the other side
+    ],
+)
+def test_where_points_turn(values, k, within, expected):
+    line = Line([Point(None, np.array([v]), None, v) for v in values])
+    assert furthest(line, k, within) == expected
