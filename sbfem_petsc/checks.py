@@ -107,15 +107,17 @@ def index_of(owner: str, name: str, value: Any, count: int) -> int:
     return index % count
 
 
-def real_array(owner: str, name: str, value: Any, dimensions: int | None, unit: str = "") -> np.ndarray:
-    """`value` as a new array of finite floats with so many dimensions; None: any.
+def real_array(
+    owner: str, name: str, value: Any, dimensions: int | tuple[int, ...] | None, unit: str = ""
+) -> np.ndarray:
+    """`value` as a new array of finite floats with so many dimensions, or of a shape; None: any.
 
     Raises
     ------
     TypeError
         If its entries are no real numbers; bools and complex numbers are none.
     ValueError
-        If it has other dimensions, masked entries or values that are not finite.
+        If it has other dimensions, another shape, masked entries or values that are not finite.
     """
     in_unit = f" ({unit})" if unit else ""
     refuse_masked(owner, name, value)
@@ -125,7 +127,9 @@ def real_array(owner: str, name: str, value: Any, dimensions: int | None, unit: 
         raise ValueError(f"{owner}: {name} has rows of different lengths") from None
     if array.dtype.kind not in "iuf":
         raise TypeError(f"{owner}: {name} = {shown(value)} must be an array of real numbers{in_unit}")
-    if dimensions is not None and array.ndim != dimensions:
+    if isinstance(dimensions, tuple) and array.shape != dimensions:
+        raise ValueError(f"{owner}: {name} has shape {array.shape}, {dimensions} was expected")
+    if isinstance(dimensions, int) and array.ndim != dimensions:
         raise ValueError(f"{owner}: {name} has {array.ndim} dimensions, {dimensions} are expected")
     array = array.astype(float)
     if not np.isfinite(array).all():

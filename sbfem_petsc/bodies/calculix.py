@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 
-from meshing.whole_file import require_regular
+from meshing.whole_file import read_whole
 
-from ..checks import choice, path
+from ..checks import path
 from .cells import NODES
 from .finite_element_model import AXES, FiniteElementModel
-from .units import UNITS
 
 OWNER = "read_calculix"
 # What moves or removes unknowns, or closes contact before this program does.
@@ -53,12 +53,9 @@ def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
     UnitWarning
         If the units make no sense.
     """
-    name = path(OWNER, "job", job)
-    choice(OWNER, "units", units, tuple(UNITS))
-    stem = name.removesuffix(".inp")
+    stem = path(OWNER, "job", job).removesuffix(".inp")
     deck = Deck(OWNER, f"{stem}.inp")
-    nodes, held = deck.nodes, deck.held
-    unknowns = _unknowns(f"{stem}.dof", nodes)
+    unknowns = _unknowns(f"{stem}.dof", deck.nodes)
     stiffness, mass = (_matrix(f"{stem}.{ending}", len(unknowns)) for ending in ("sti", "mas"))
     if stiffness.nnz != mass.nnz:
         raise ValueError(
@@ -66,15 +63,14 @@ def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
             "as many; one is cut, or of another run"
         )
     free = set(map(tuple, unknowns.tolist()))
-    known = free | held
-    pairs = ((node, d) for node in dict.fromkeys(unknowns[:, 0].tolist()) for d in range(3))
-    if lost := next((pair for pair in pairs if pair not in known), None):
+    pairs = {(node, d) for node, _ in free for d in range(3)}
+    if lost := min(pairs - free - deck.held, default=None):
         raise ValueError(
             f"{OWNER}: node {lost[0]} has no unknown along {AXES[lost[1]]} in {stem}.dof, and no *BOUNDARY "
             f"of {stem}.inp holds it; are they of one run?"
         )
-    given: dict[str, Any] = {"sets": deck.sets, "fixed": held - free, "elements": deck.elements}
-    return FiniteElementModel(mass, stiffness, unknowns, nodes, units=units, **given)
+    given: dict[str, Any] = {"sets": deck.sets, "fixed": deck.held - free, "elements": deck.elements}
+    return FiniteElementModel(mass, stiffness, unknowns, deck.nodes, units=units, **given)
 
 
 def job_files(job: str) -> list[str]:
@@ -181,9 +177,7 @@ def _unknowns(file: str, nodes: dict[int, tuple[float, ...]]) -> np.ndarray:
                 "expands (shells, beams, plane ones) have nodes of its own and are not read, solid ones are"
             )
         found.append((int(node), int(direction) - 1))
-    if not found:
-        raise ValueError(f"{OWNER}: {file} has no unknowns")
-    return np.array(found)
+    return np.array(found, dtype=int).reshape(-1, 2)
 
 
 def _matrix(file: str, count: int) -> sparse.coo_matrix:
@@ -204,11 +198,9 @@ def _matrix(file: str, count: int) -> sparse.coo_matrix:
 
 def _read(file: str, owner: str = OWNER) -> str:
     try:
-        require_regular(file)
-        with open(file, encoding="utf-8", errors="replace") as opened:
-            return opened.read()
-    except OSError as error:
+        return read_whole(Path(file)).decode(errors="replace")
+    except ValueError as error:
         raise ValueError(
-            f"{owner}: {file} cannot be read ({error.strerror or error}); a step with *FREQUENCY, "
-            "SOLVER=MATRIXSTORAGE writes .sti, .mas and .dof beside the deck"
+            f"{owner}: {str(error).rstrip('.')}; a step with *FREQUENCY, SOLVER=MATRIXSTORAGE writes .sti, "
+            ".mas and .dof beside the deck"
         ) from None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -29,10 +29,15 @@ def checked_cells(owner: str, given: Any, nodes: Mapping[int, int]) -> dict[str,
         cells = real_array(owner, f"elements[{kind!r}]", labels, 2)
         if cells.shape[1] != NODES[kind]:
             raise ValueError(f"{owner}: elements {kind!r} have {cells.shape[1]} nodes, not {NODES[kind]}")
-        if lost := {*cells.ravel().tolist()} - {*nodes}:
-            raise ValueError(f"{owner}: elements {kind!r} have node {shown(min(lost))}, which nodes has not")
+        require_known(owner, f"elements[{kind!r}]", cells.ravel().tolist(), nodes)
         found[kind] = np.array([[nodes[int(a)] for a in cell] for cell in cells])
     return found
+
+
+def require_known(owner: str, what: str, labels: Iterable[float], nodes: Mapping[int, int]) -> None:
+    """ValueError for a label that no node has."""
+    if lost := {*labels} - {*nodes}:
+        raise ValueError(f"{owner}: {what} has node {shown(min(lost))}, which nodes has not; is it internal?")
 
 
 def surface(cells: Mapping[str, np.ndarray]) -> list[np.ndarray]:

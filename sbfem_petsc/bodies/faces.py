@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -110,19 +109,12 @@ def moving_pairs(
 
 def given_gap(gap: Any, x: np.ndarray) -> np.ndarray:
     """(n,): a user's number, values or function at (n, 3) places."""
-    values = _gap_at(gap, x) if callable(gap) else gap
-    if not isinstance(values, (list, tuple)) and not np.ndim(values):
-        return np.full(len(x), real("contact", "gap", values, "m"))
-    found = real_array("contact", "gap", values, 1)
-    if len(found) != len(x):
-        raise ValueError(f"contact: gap has {len(found)} values, {len(x)} were expected")
-    return found
-
-
-def _gap_at(gap: Callable, places: np.ndarray) -> Any:
-    """What a user's function says of (n, 3) places."""
-    try:
-        inspect.signature(gap).bind(*places.T)
-    except (TypeError, ValueError):
-        raise TypeError(f"contact: gap = {shown(gap)} must be a function of x, y and z") from None
-    return gap(*places.T)
+    if callable(gap):
+        try:
+            inspect.signature(gap).bind(*x.T)
+        except (TypeError, ValueError):
+            raise TypeError(f"contact: gap = {shown(gap)} must be a function of x, y and z") from None
+        gap = gap(*x.T)
+    if not isinstance(gap, (list, tuple)) and not np.ndim(gap):
+        return np.full(len(x), real("contact", "gap", gap, "m"))
+    return real_array("contact", "gap", gap, (len(x),), "m")

@@ -11,10 +11,10 @@ from scipy import sparse
 
 from meshing.warnings import MeshWarning
 
-from ..checks import Bounds, choice, flag, instance, integer, names_of, real, real_array, shown
+from ..checks import Bounds, choice, flag, instance, integer, names_of, numbers_of, real, real_array, shown
 from ..contact.law import ContactLaw, Unilateral, check_without_layer
 from ..errors import UnknownName, caller_level, listed
-from .cells import checked_cells, surface
+from .cells import checked_cells, require_known, surface
 from .faces import APART, ROUNDING, between, given_gap, moving_pairs, normal_of, partners
 from .rows import AXES, Contact, Row, told
 from .units import UNITS, tree_of, warn_of_units
@@ -22,6 +22,8 @@ from .units import UNITS, tree_of, warn_of_units
 OWNER = "FiniteElementModel"
 # Relative asymmetry that rounding of written files explains.
 SYMMETRY = 1e-6
+# Distance of nodes in sizes of the body that rounding explains.
+TOGETHER = 1e-10
 # Elements with eight-node faces, and how many of their nodes are corners.
 EIGHT = {"quad8": 4, "hexahedron20": 8}
 
@@ -83,19 +85,12 @@ class FiniteElementModel:
         if not isinstance(nodes, Mapping) or not nodes:
             raise TypeError(f"FiniteElementModel: nodes = {shown(nodes)} must be a dict of labels to places")
         self.labels = np.array(_whole(OWNER, "nodes", list(nodes)))
-        places = real_array(OWNER, "nodes", list(nodes.values()), 2)
-        if places.shape[1] != 3:
-            raise ValueError(f"FiniteElementModel: nodes have {places.shape[1]} coordinates, 3 were expected")
-        self.places = length * places
+        self.places = length * real_array(OWNER, "nodes", list(nodes.values()), (len(nodes), 3))
+        self._size = float(np.ptp(self.places, axis=0).max())
         self._node = {int(label): k for k, label in enumerate(self.labels)}
-        self._unknown = {(int(a), int(d)): k for k, (a, d) in enumerate(self.unknowns)}
-        if len(self._unknown) < n:
+        if len(np.unique(self.unknowns, axis=0)) < n:
             raise ValueError("FiniteElementModel: unknowns has a node and direction twice; each has one row")
-        if (lost := next((a for a, _ in self._unknown if a not in self._node), None)) is not None:
-            raise ValueError(
-                f"FiniteElementModel: unknowns has node {lost}, which nodes has not; is it an internal one, "
-                "as of a Lagrange multiplier?"
-            )
+        require_known(OWNER, "unknowns", self.unknowns[:, 0].tolist(), self._node)
         self.sets = _sets({} if sets is None else sets, self._node)
         self.elements = checked_cells(OWNER, {} if elements is None else elements, self._node)
         self.fixed = _held(fixed)
@@ -109,7 +104,8 @@ class FiniteElementModel:
             )
         if heavy.min() < 0.0:
             raise ValueError(f"FiniteElementModel: mass is negative, {heavy.min():g} kg on its diagonal")
-        warn_of_units(OWNER, units, self._diagonals(), self.places, max(self._masses()))
+        moves = self.unknowns[:, 1] < 3
+        warn_of_units(OWNER, units, (own[moves], heavy[moves]), self.places, self._weight())
 
     def _hold(self) -> None:
         """Leave out what is held; (n, 3) inertia forces of unit accelerations, kg, know of it."""
@@ -121,13 +117,11 @@ class FiniteElementModel:
         if not free.all():
             self.mass, self.stiffness = self.mass[free][:, free], self.stiffness[free][:, free]
             self.unknowns = self.unknowns[free]
-            self._unknown = {(int(a), int(d)): k for k, (a, d) in enumerate(self.unknowns)}
+        self._unknown = {(a, d): k for k, (a, d) in enumerate(self.unknowns.tolist())}
 
     def nodal(self, unknowns: np.ndarray) -> np.ndarray:
         """(nodes, 3): displacements at all nodes in the order of `labels`, of (n,) values of the unknowns."""
-        values = real_array("nodal", "unknowns", unknowns, 1)
-        if len(values) != len(self.unknowns):
-            raise ValueError(f"nodal: {len(values)} unknowns are given, {len(self.unknowns)} were expected")
+        values = real_array("nodal", "unknowns", unknowns, (len(self.unknowns),))
         found, moves = np.zeros(self.places.shape), self.unknowns[:, 1] < 3
         rows = [self._node[int(label)] for label in self.unknowns[moves, 0]]
         found[rows, self.unknowns[moves, 1]] = values[moves]
@@ -224,6 +218,7 @@ class FiniteElementModel:
             raise ValueError("contact: a wall needs a normal, from the body to the wall")
         y = x if other is None else self.places[[self._node[a] for a in other]]
         vector = normal_of(x, y) if normal is None else _vector("contact", "normal", normal)
+        self._require_outward(one, vector)
         along = self._slip_direction(law, one + (other or []), vector) if law.rubs else np.zeros(3)
         rows, slips, distance = -self._rows(one, vector), -self._rows(one, along), np.zeros(len(one))
         if other is not None:
@@ -236,14 +231,27 @@ class FiniteElementModel:
             facing = [other[k] for k in met]
             rows = rows + share[:, met] @ self._rows(facing, vector)
             slips = slips + share[:, met] @ self._rows(facing, along)
-            distance = share @ (y @ vector) - x @ vector
-            distance -= offset
-            distance[np.abs(distance) < APART * 1e-6 * np.ptp(x, axis=0).max()] = 0.0
+            distance = share @ (y @ vector) - x @ vector - offset
+            distance[np.abs(distance) < TOGETHER * self._size] = 0.0
         if gap is not None:
             distance = given_gap(gap, x)
         if not interference:
             _require_apart(distance, offset)
         return moving_pairs(one, law, rows, slips, distance)
+
+    def _require_outward(self, labels: list[int], normal: np.ndarray) -> None:
+        """Refuse a normal towards which all elements of a face lie, as far as they are known."""
+        rows, ahead = [self._node[a] for a in labels], np.zeros(0)
+        for cells in self.elements.values():
+            touches = np.isin(cells, rows)
+            cells, own = cells[touches.any(axis=1)], touches[touches.any(axis=1)]
+            height = self.places[cells] @ normal
+            ahead = np.append(ahead, height.mean(axis=1) - np.average(height, axis=1, weights=own))
+        if len(ahead) and ahead.min() > TOGETHER * self._size:
+            raise ValueError(
+                "contact: the normal looks into the elements of the left face; is it from left to right, or "
+                "from the body to the wall?"
+            )
 
     def _triangles(self, face: list[int], normal: np.ndarray) -> np.ndarray:
         """(k, 3) rows of corners of the elements' outer faces that a set of nodes lies on, and that look
@@ -281,13 +289,11 @@ class FiniteElementModel:
 
     def summary(self) -> str:
         """Unknowns, nodes, size, mass and sets, a line each."""
-        size = np.ptp(self.places, axis=0)
-        free = max(self._masses())
         lines = [
             f"{len(self.unknowns)} free unknowns of {len(self.labels)} nodes",
-            f"size {size[0]:.6g} x {size[1]:.6g} x {size[2]:.6g} m",
+            f"size {' x '.join(f'{side:.6g}' for side in np.ptp(self.places, axis=0))} m",
             f"{len(self.fixed)} unknowns held",
-            f"mass {free:.6g} kg of what is free",
+            f"mass {self._weight():.6g} kg of what is free",
         ]
         return "\n".join(lines + [f"set {name}: {len(labels)} nodes" for name, labels in self.sets.items()])
 
@@ -298,43 +304,32 @@ class FiniteElementModel:
         """What tells it from others, the same on all ranks."""
         return self.mass, self.stiffness, self.unknowns
 
-    def _diagonals(self) -> tuple[np.ndarray, np.ndarray]:
-        """Stiffness and mass of the unknowns that are displacements."""
-        moves = self.unknowns[:, 1] < 3
-        return self.stiffness.diagonal()[moves], self.mass.diagonal()[moves]
-
-    def _masses(self) -> list[float]:
-        """kg that moves along x, y and z."""
-        along = (self.unknowns[:, 1] == d for d in range(3))
-        return [float(own @ (self.mass @ own)) for own in map(np.float64, along)]
+    def _weight(self) -> float:
+        """kg that moves along x, y or z."""
+        along = [np.float64(self.unknowns[:, 1] == d) for d in range(3)]
+        return float(max(own @ (self.mass @ own) for own in along))
 
     def _labels_at(self, place: Any) -> list[int]:
-        if isinstance(place, str):
-            return self._face("place", place, "at")
-        if not isinstance(place, (list, tuple, np.ndarray)) or not np.shape(np.asarray(place, object)):
-            return self._face("place", [integer("at", "place", place)], "at")
-        point = real_array("at", "place", place, 1)
-        if len(point) != 3:
-            raise ValueError(f"at: place has {len(point)} coordinates, 3 were expected")
+        if not isinstance(place, (list, tuple)) and not np.ndim(place):
+            label = place if isinstance(place, str) else [integer("at", "place", place)]
+            return self._face("place", label, "at")
+        point = numbers_of("at", "place", place, 3, "x, y and z in m")
         far, nearest = tree_of(self.places).query(point)
-        if far > APART * np.ptp(self.places, axis=0).max():
+        if far > APART * self._size:
             raise ValueError(
                 f"at: the nearest node of {shown(place)} is {self.labels[nearest]}, {far:g} m away; "
                 "coordinates are in m"
             )
-        same = np.flatnonzero(np.linalg.norm(self.places - point, axis=1) <= far * (1.0 + 1e-9))
-        if len(same) > 1:
-            raise ValueError(f"at: {len(same)} nodes lie at {shown(place)}; give the label of one")
+        same = np.linalg.norm(self.places - point, axis=1) <= far + TOGETHER * self._size
+        if same.sum() > 1:
+            raise ValueError(f"at: {same.sum()} nodes lie at {shown(place)}; give the label of one")
         return [int(self.labels[nearest])]
 
     def _face(self, name: str, given: Any, owner: str = "contact") -> list[int]:
-        if isinstance(given, str):
-            if given not in self.sets:
-                raise UnknownName(f"{owner}: set {given!r} does not exist; the body has {listed(self.sets)}")
-            labels = list(dict.fromkeys(self.sets[given]))
-        else:
-            labels = list(dict.fromkeys(_whole(owner, name, given)))
-        if not labels:
+        if isinstance(given, str) and given not in self.sets:
+            raise UnknownName(f"{owner}: set {given!r} does not exist; the body has {listed(self.sets)}")
+        found = self.sets[given] if isinstance(given, str) else _whole(owner, name, given)
+        if not (labels := list(dict.fromkeys(found))):
             raise ValueError(f"{owner}: {name} = {shown(given)} has no nodes")
         if (lost := next((a for a in labels if a not in self._node), None)) is not None:
             raise UnknownName(f"{owner}: {name} has node {lost}, which does not exist in the body")
@@ -359,13 +354,8 @@ class FiniteElementModel:
 
 def nodal_field(body: FiniteElementModel, owner: str, name: str, given: Any) -> np.ndarray:
     """(nodes, 3): m, of an array, a field or a static result, named in errors of a function."""
-    found = real_array(owner, f"fields[{name!r}]", np.asarray(getattr(given, "field", given)), 2, "m")
-    if found.shape != body.places.shape:
-        raise ValueError(
-            f"{owner}: field {name!r} has shape {found.shape}; displacements of all nodes have "
-            f"{body.places.shape}"
-        )
-    return found
+    found = np.asarray(getattr(given, "field", given))
+    return real_array(owner, f"fields[{name!r}]", found, body.places.shape, "m")
 
 
 def _matrix(name: str, value: Any, factor: float) -> sparse.csr_matrix:
@@ -387,9 +377,7 @@ def _matrix(name: str, value: Any, factor: float) -> sparse.csr_matrix:
 
 def _labels(name: str, given: Any, count: int) -> np.ndarray:
     """(count, 2): nodes and directions."""
-    pairs = real_array(OWNER, name, given, 2)
-    if pairs.shape != (count, 2):
-        raise ValueError(f"FiniteElementModel: {name} has shape {pairs.shape}, {(count, 2)} was expected")
+    pairs = real_array(OWNER, name, given, (count, 2))
     whole = np.array(_whole(OWNER, name, pairs.ravel())).reshape(count, 2)
     if (whole[:, 1] < 0).any() or (whole[:, 1] > 5).any():
         raise ValueError(
@@ -404,16 +392,14 @@ def _sets(given: Any, nodes: Mapping[int, int]) -> dict[str, tuple[int, ...]]:
     names_of(OWNER, "sets", list(sets))
     found = {name: _whole(OWNER, f"sets[{name!r}]", labels) for name, labels in sets.items()}
     for name, labels in found.items():
-        if (lost := next((a for a in labels if a not in nodes), None)) is not None:
-            raise ValueError(f"FiniteElementModel: set {name!r} has node {lost}, which nodes has not")
+        require_known(OWNER, f"set {name!r}", labels, nodes)
     return found
 
 
 def _held(given: Any) -> frozenset[tuple[int, int]]:
     """Nodes and directions."""
     instance(OWNER, "fixed", given, (list, tuple, set, frozenset, np.ndarray), "pairs (node, direction)")
-    pairs = list(real_array(OWNER, "fixed", given, 2) if isinstance(given, np.ndarray) else given)
-    held = _labels("fixed", pairs, len(pairs)).tolist() if pairs else []
+    held = _labels("fixed", list(given), len(given)).tolist() if len(given) else []
     return frozenset((int(a), int(d)) for a, d in held)
 
 
@@ -427,9 +413,7 @@ def _whole(owner: str, name: str, given: Any) -> tuple[int, ...]:
 
 def _vector(owner: str, name: str, given: Any) -> np.ndarray:
     if isinstance(given, str):
-        if given not in tuple(AXES):
-            raise ValueError(f"{owner}: {name} = {given!r} is none of 'x', 'y', 'z' and no vector")
-        return np.eye(3)[AXES.index(given)]
+        return np.eye(3)[AXES.index(choice(owner, name, given, tuple(AXES)))]
     vector = real_array(owner, name, given, 1)
     if len(vector) != 3 or not vector.any():
         raise ValueError(f"{owner}: {name} = {shown(given)} must be three numbers that are not all zero")

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from scipy import sparse
 
-from ..checks import shown
+from ..checks import instance
 from .finite_element_model import FiniteElementModel
 
 
@@ -18,7 +16,8 @@ def join(*bodies: FiniteElementModel) -> FiniteElementModel:
     ----------
     *bodies : FiniteElementModel
         Labels of nodes of the first one stay; those of a further one that are in use are moved up by a power
-        of ten. A set's name that is in use gets the body's number: "LEFT" is "LEFT.2" of the second.
+        of ten. A set's name that is in use gets the body's number: "LEFT" is "LEFT.2" of the second, and
+        "LEFT.2.2" where that is in use, too.
 
     Returns
     -------
@@ -30,9 +29,8 @@ def join(*bodies: FiniteElementModel) -> FiniteElementModel:
     TypeError
         If there is none, or one is no body.
     """
-    for k, body in enumerate(bodies):
-        if not isinstance(body, FiniteElementModel):
-            raise TypeError(f"join: body {k + 1} is {shown(body)}, no FiniteElementModel")
+    for k, body in enumerate(bodies, 1):
+        instance("join", f"body {k}", body, FiniteElementModel, "a FiniteElementModel")
     if not bodies:
         raise TypeError("join: no body is given; give two or more")
     nodes: dict[int, np.ndarray] = {}
@@ -40,11 +38,12 @@ def join(*bodies: FiniteElementModel) -> FiniteElementModel:
     unknowns, fixed, cells = [], set[tuple[int, int]](), dict[str, list[np.ndarray]]()
     for number, body in enumerate(bodies, 1):
         own = body.labels.tolist()
-        used = bool({*own} & {*nodes})
-        up = 10 ** len(str(max(map(abs, [*nodes, *own])))) if used else 0
+        up = 10 ** len(str(max(*nodes, *own) - min(0, *own))) if {*own} & {*nodes} else 0
         nodes |= {label + up: place for label, place in zip(own, body.places)}
         for name, labels in body.sets.items():
-            sets[f"{name}.{number}" if name in sets else name] = tuple(label + up for label in labels)
+            while name in sets:
+                name += f".{number}"
+            sets[name] = tuple(label + up for label in labels)
         unknowns.append(body.unknowns + [up, 0])
         fixed |= {(label + up, d) for label, d in body.fixed}
         for kind, rows in body.elements.items():
@@ -53,7 +52,7 @@ def join(*bodies: FiniteElementModel) -> FiniteElementModel:
         sparse.block_diag([getattr(b, name) for b in bodies]) for name in ("mass", "stiffness")
     )
     elements = {kind: np.concatenate(parts) for kind, parts in cells.items()}
-    given: dict[str, Any] = {"sets": sets, "fixed": fixed, "elements": elements}
-    found = FiniteElementModel(mass, stiffness, np.concatenate(unknowns), nodes, **given)
+    whole = mass, stiffness, np.concatenate(unknowns), nodes
+    found = FiniteElementModel(*whole, sets=sets, fixed=fixed, elements=elements)
     found.inertia = np.concatenate([body.inertia for body in bodies])  # of what is held, too
     return found

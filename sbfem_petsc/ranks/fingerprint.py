@@ -42,7 +42,9 @@ class Fingerprint:
     @property
     def digest(self) -> bytes:
         """16 bytes."""
-        return hashlib.blake2b(self.structure + self.numbers.tobytes(), digest_size=16).digest()
+        found = hashlib.blake2b(self.structure, digest_size=16)
+        found.update(self.numbers.data)  # without a copy
+        return found.digest()
 
     def same(self, other: Fingerprint, tolerance: float) -> bool:
         """Whether another one differs by no more than rounding."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import warnings
 from collections.abc import Mapping, Sequence
@@ -163,7 +164,7 @@ def _reduced_body(
             _of_body(item, instance("reduce", item, row, Row, "a Row, of body.at"), n)
     loads, points = named
     assert loads is not None and points is not None
-    return reduce_matrices(
+    return inspect.unwrap(reduce_matrices)(  # ranks have agreed on the body
         body.mass,
         body.stiffness,
         pairs.rows,

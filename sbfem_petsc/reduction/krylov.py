@@ -20,19 +20,17 @@ LOST, ENOUGH = 1e-12, 0.1
 SPACE, BLOCKS = 2, 60
 
 
-def share(comm: MPI.Comm, count: int, rank: int | None = None) -> slice:
-    """A rank's part of so many rows or columns, by default this one's."""
-    rank = comm.rank if rank is None else rank
-    return slice(count * rank // comm.size, count * (rank + 1) // comm.size)
+def share(comm: MPI.Comm, count: int) -> slice:
+    """This rank's part of so many rows or columns."""
+    return slice(count * comm.rank // comm.size, count * (comm.rank + 1) // comm.size)
 
 
 def by_columns(comm: MPI.Comm, rows: np.ndarray, work: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """What `work` makes of columns, of which each rank has its rows, and works on its share of them."""
     if comm.size == 1:
         return work(rows)
-    parts = [rows[:, share(comm, rows.shape[1], rank)] for rank in range(comm.size)]
-    found = work(np.concatenate(comm.alltoall(parts)))
-    return np.hstack(comm.alltoall([found[share(comm, len(found), rank)] for rank in range(comm.size)]))
+    found = work(np.asfortranarray(whole(comm, rows)[:, share(comm, rows.shape[1])]))
+    return whole(comm, found.T)[:, share(comm, len(found))].T
 
 
 def whole(comm: MPI.Comm, own: np.ndarray) -> np.ndarray:

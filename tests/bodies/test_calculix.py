@@ -84,10 +84,10 @@ def test_calculix_itself(job):
 
 # The file that is changed, what is found in it and what takes its place, and the sentence.
 WRONG = [
-    ("sti", None, "", r"blocks.sti cannot be read .* writes .sti, .mas and .dof"),
-    ("mas", None, "", r"blocks.mas cannot be read"),
-    ("dof", None, "", r"blocks.dof cannot be read"),
-    ("inp", None, "", r"blocks.inp cannot be read"),
+    ("sti", None, "", r"blocks.sti: there is no such file; .* writes .sti, .mas and .dof"),
+    ("mas", None, "", r"blocks.mas: there is no such file"),
+    ("dof", None, "", r"blocks.dof: there is no such file"),
+    ("inp", None, "", r"blocks.inp: there is no such file"),
     ("sti", r"\s\S+\n\Z", "\n", r"blocks.sti is cut, or no matrix"),
     ("sti", r"(.* 78 .*\n)+\Z", "", r"has rows 1 to 77, whole numbers from 1 to 78 were expected"),
     ("sti", r".*\n\Z", "", r"as many; one is cut, or of another run"),
@@ -107,7 +107,7 @@ WRONG = [
     ("inp", r"\*STEP", "*tie, name=a\n*STEP", r"has \*TIE, which changes"),
     ("inp", r"\*STEP", "*Rigid  Body, NSET=LEFT\n*STEP", r"has \*RIGID BODY, which changes"),
     ("inp", r"INPUT=\S+", "INPUT=blocks.inp", r"\*INCLUDE is in itself"),
-    ("inp", r"INPUT=\S+", "INPUT=other.inp", r"other.inp cannot be read"),
+    ("inp", r"INPUT=\S+", "INPUT=other.inp", r"other.inp: there is no such file"),
     ("inp", r"NSET=left", "ELSET=left", r"is no line of \*NSET"),
     ("inp", r"\*STEP", "*NODE\n7, a, 0., 0.\n*STEP", r"'7, a, 0., 0.' is no line of \*NODE"),
 ]

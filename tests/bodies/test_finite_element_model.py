@@ -233,7 +233,7 @@ def test_summary(parts, body):
         ({"mass": scipy.sparse.eye(3)}, "mass has shape"),
         ({"mass": np.eye(3)}, "must be a real sparse matrix"),
         ({"unknowns": [[1, 0]]}, "unknowns has shape"),
-        ({"nodes": {1: (0.0, 0.0, 0.0)}}, "which nodes has not"),
+        ({"nodes": {1: (0.0, 0.0, 0.0)}}, "which nodes has not; is it internal"),
         ({"sets": {"A": [99999]}}, "set 'A' has node 99999"),
     ],
 )
@@ -248,13 +248,13 @@ def test_wrong_models(parts, change, sentence):
         (lambda b: b.at("TOP", "x"), "set 'TOP' does not exist"),
         (lambda b: b.at((80, 10, 10), "z"), "coordinates are in m"),
         (lambda b: b.at(10**6, "z"), "place has node 1000000, which does not exist"),
-        (lambda b: b.at("LEFT", "w"), "is none of 'x', 'y', 'z'"),
+        (lambda b: b.at("LEFT", "w"), "direction = 'w' must be one of 'x', 'y', 'z'"),
         (lambda b: b.at((0, 0, 0), "z"), "is held along"),
         (lambda b: b.at((0.04, 0.0, 0.01), "z"), "2 nodes lie at"),
         (lambda b: b.contact("LEFT", "RIGHT"), "do not tell their side"),
         (lambda b: b.contact("LEFT", [5, 6], normal="x"), "have no partner"),
         (lambda b: b.contact("LEFT"), "a wall needs a normal"),
-        (lambda b: b.contact("LEFT", normal="x", gap=[1e-6]), "gap has 1 values"),
+        (lambda b: b.contact("LEFT", normal="x", gap=[1e-6]), r"gap has shape \(1,\), \(2,\) was expected"),
         (lambda b: b.contact("LEFT", normal="x", gap=-1e-6), "overlap"),
         (lambda b: b.contact("LEFT", normal="x", offset=1e-6), "at a wall"),
         (lambda b: b.contact("LEFT", "RIGHT", normal="x", gap=2e-6, offset=1e-6), "beside a gap"),
@@ -283,3 +283,27 @@ def test_a_negative_row_looks_the_other_way(body):
         assert (-1.0 * row).direction == turned.direction
         assert (-2.0 * turned).direction == row.direction == (3.0 * row).direction
         assert (row - row).direction == row.direction
+
+
+def test_rounding_of_places_is_no_gap(body):
+    """A body turned and moved in space: each pair alone has gap 0, and the two nodes of a place are told."""
+    turn = scipy.linalg.expm([[0.0, -0.3, 0.2], [0.3, 0.0, -0.5], [-0.2, 0.5, 0.0]])
+    noise = np.random.default_rng(0).uniform(-1.0, 1.0, body.places.shape) * 1e-15
+    places = dict(zip(body.labels.tolist(), body.places @ turn.T + [1.0, 2.0, 3.0] + noise))
+    parts = body.mass, body.stiffness, body.unknowns, places
+    turned = sb.FiniteElementModel(*parts, sets=body.sets, fixed=body.fixed)
+    for label in body.sets["LEFT"]:
+        assert turned.contact([label], "RIGHT", normal=turn[:, 0]).gap == [0.0]
+        with pytest.raises(ValueError, match="2 nodes lie at"):
+            turned.at(places[label], "z")
+
+
+def test_normals_that_look_into_the_body(body):
+    """Of faces that coincide, and of a wall, the elements tell the side."""
+    for left, normal in (("LEFT", (-1, 0.2, 0)), ("RIGHT", "x")):
+        with pytest.raises(ValueError, match="the normal looks into the elements of the left face"):
+            body.contact(left, "RIGHT" if left == "LEFT" else "LEFT", normal=normal, gap=0.0)
+        with pytest.raises(ValueError, match="from the body to the wall"):
+            body.contact(left, normal=normal, gap=1e-6)
+    crack = body.contact("RIGHT", "LEFT", normal=(-1, 0, 0), gap=0.0)
+    assert crack.rows.shape[0] == len(body.sets["LEFT"])

@@ -234,7 +234,15 @@ def test_join_beside_dense(parts, body):
     )
     assert sb.static(rom, -1e4).contact_resultant == 0.0
     assert both.inertia[:n] == pytest.approx(body.inertia)
-    with pytest.raises(TypeError, match="body 2 is 3, no FiniteElementModel"):
+    three = sb.join(both, body)  # no set is lost, nor a label, of whatever sign
+    assert three.sets["LEFT.2"] == both.sets["LEFT.2"] and len(three.sets) == 3 * len(body.sets)
+    below = sb.FiniteElementModel(
+        *(body.mass, body.stiffness, body.unknowns - [16, 0]),
+        {label - 16: place for label, place in zip(body.labels.tolist(), body.places)},
+        fixed=[(label - 16, d) for label, d in body.fixed],
+    )
+    assert len(set(sb.join(below, below).labels.tolist())) == 2 * len(body.labels)
+    with pytest.raises(TypeError, match="body 2 = 3 must be a FiniteElementModel"):
         sb.join(body, 3)
 
 
@@ -321,7 +329,7 @@ def test_corners_of_eight_node_faces():
     eye = scipy.sparse.identity(20, format="csr")
     body = sb.FiniteElementModel(eye, 1e6 * eye, unknowns, nodes, elements={"hexahedron20": [list(nodes)]})
     with pytest.warns(sb.MeshWarning, match="2 nodes are corners of eight-node faces"):
-        body.contact([2, 3, 10], normal="x", gap=1e-3)
+        body.contact([2, 3, 10], normal=(-1, 0, 0), gap=1e-3)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        body.contact([9, 10], normal="x", gap=1e-3)
+        body.contact([9, 10], normal=(-1, 0, 0), gap=1e-3)
