@@ -353,11 +353,11 @@ def _bubbles(nodes: int, order: int, closed: bool) -> np.ndarray:
 
 
 class _Edges:
-    """Residuals and stiffnesses of further polynomials, summed over the S-elements at each edge."""
+    """Residuals and stiffnesses of further polynomials on the S-elements' edges, by the edges' nodes."""
 
     def __init__(self, statics: Stiffness, modes: int):
         self._layout, self.modes = statics.layout, modes
-        self.found: dict[tuple[int, ...], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+        self.found: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
         # where springs act the S-elements alone are not in balance: nothing is said of these edges
         self._elastic: dict[frozenset[int], np.ndarray] = {}
         for support in statics.supports:
@@ -367,55 +367,55 @@ class _Edges:
                 self._elastic[key] = springs | self._elastic.get(key, np.zeros(2, dtype=bool))
         # nor of those at a support on a point, whose reaction is singular
         points = self._layout.points
-        self._points = {points[s.where][2] for s in statics.supports if s.where in points}
+        self._points = [points[s.where][2] for s in statics.supports if s.where in points]
 
     def add(self, group: Group, residual: np.ndarray, block: np.ndarray) -> None:
         """Add the shares of S-elements, (k, 4 edges, modes) and (4 edges, 4 edges) for MORE_ORDERS of two,
         in the frame of the group's shape.
         """
         part, order, size = self._layout.part, self._layout.order, 2 * MORE_ORDERS
-        chains = _chain(len(group.shape), order, group.closed)
+        chains = np.array(_chain(len(group.shape), order, group.closed))
+        edges = group.nodes[:, chains].reshape(-1, order + 1)
         own = np.stack([block[i : i + size, i : i + size] for i in range(0, len(block), size)])
         turns = np.einsum("ab,kij->kaibj", np.eye(MORE_ORDERS), group.rotations).reshape(-1, 1, size, size)
         back = turns.swapaxes(-1, -2)
-        forces = back @ residual.reshape(len(residual), len(chains), size, -1)
-        blocks = back @ own @ turns
+        forces = (back @ residual.reshape(len(residual), len(chains), size, -1)).reshape(len(edges), size, -1)
+        blocks = (back @ own @ turns).reshape(len(edges), size, size)
         # seen from its other end: odd polynomials change sign
+        nodes = part.nodes[edges]
         odd = np.repeat([(-1.0) ** n for n in range(order + 1, order + MORE_ORDERS + 1)], 2)
-        for nodes, of_element, stiff in zip(group.nodes, forces, blocks):
-            for places, force, stiffness in zip(chains, of_element, stiff):
-                edge = nodes[places]
-                key = tuple(part.nodes[edge].tolist())
-                if key[0] > key[-1]:
-                    key = key[::-1]
-                    force, stiffness = odd[:, None] * force, odd[:, None] * stiffness * odd
-                former = self.found.get(key)
-                if former is None:
-                    self.found[key] = (force, stiffness, self._free(edge, key))
-                else:
-                    self.found[key] = (force + former[0], stiffness + former[1], former[2])
+        from_end = nodes[:, 0] > nodes[:, -1]
+        signs = np.where(from_end[:, None], odd, 1.0)
+        nodes = np.where(from_end[:, None], nodes[:, ::-1], nodes)
+        self.found.append(
+            (nodes, signs[..., None] * forces, signs[..., None] * blocks * signs[:, None], self._free(edges))
+        )
 
-    def _free(self, edge: np.ndarray, key: tuple[int, ...]) -> np.ndarray:
-        """Of the further polynomials' unknowns on an edge, those of which something is said."""
-        free = (self._layout.part.unknowns[edge] >= 0).any(axis=0)
-        free &= self._points.isdisjoint(key)
+    def _free(self, edges: np.ndarray) -> np.ndarray:
+        """(edges, 4): of the further polynomials' unknowns those of which something is said."""
+        part = self._layout.part
+        free = (part.unknowns[edges] >= 0).any(axis=1)
+        free &= ~np.isin(part.nodes[edges], self._points).any(axis=1)[:, None]
         if self._elastic:
-            free &= ~self._elastic.get(frozenset(edge.tolist()), np.zeros(2, dtype=bool))
+            none = np.zeros(2, dtype=bool)
+            free &= ~np.array([self._elastic.get(frozenset(edge), none) for edge in edges.tolist()])
         return np.tile(free, MORE_ORDERS)
 
     def energies(self) -> np.ndarray:
         """(modes,): what the further polynomials take off each mode's energy, edge by edge. Collective."""
         comm = self._layout.comm
-        everywhere = [self.found] if comm.size == 1 else comm.allgather(self.found)
-        merged: dict[tuple[int, ...], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
-        for found in everywhere:
-            for key, (force, stiffness, free) in found.items():
-                if key in merged:
-                    force, stiffness = force + merged[key][0], stiffness + merged[key][1]
-                merged[key] = (force, stiffness, free)
-        total = np.zeros(self.modes)
-        for force, stiffness, free in merged.values():
-            if free.any():
-                force, stiffness = force[free], stiffness[np.ix_(free, free)]
-                total += (force * np.linalg.solve(stiffness, force)).sum(axis=0)
-        return total
+        found = self.found if comm.size == 1 else [part for own in comm.allgather(self.found) for part in own]
+        if not found:
+            return np.zeros(self.modes)
+        nodes, forces, blocks, frees = (np.concatenate(parts) for parts in zip(*found))
+        edges, place = np.unique(nodes, axis=0, return_inverse=True)
+        place = place.ravel()
+        force, stiffness, free = (
+            np.zeros((len(edges), *a.shape[1:]), a.dtype) for a in (forces, blocks, frees)
+        )
+        np.add.at(force, place, forces)
+        np.add.at(stiffness, place, blocks)
+        free[place] = frees
+        force *= free[..., None]
+        stiffness = np.where(free[..., None] & free[:, None], stiffness, np.eye(free.shape[1]))
+        return (force * np.linalg.solve(stiffness, force)).sum(axis=(0, 1))
