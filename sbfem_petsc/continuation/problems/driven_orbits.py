@@ -28,6 +28,8 @@ AHEAD, LEAST = 1e-7, 1e-3
 # Of the linear motion at the ends of the range: where a branch starts from rest its state has no size of its
 # own.
 REST = 1e-3
+# Of updates of derivatives in finer steps, each of which is as dear as some five periods.
+FINER_GAIN = 0.6
 # Parameters along which the derivative of x(T) is exact.
 EXACT = "frequency", "load"
 
@@ -147,6 +149,7 @@ class Orbits(Problem):
         """See `Problem`."""
         if times not in self._finer:
             self._finer[times] = Orbits(self.period.in_steps(times * self.period.steps), self.parameter)
+            self._finer[times].gain = FINER_GAIN
         return self._finer[times]
 
 
