@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from meshing import Beam, VNotch
 from sbfem_petsc.continuation.shooting import shoot
 from sbfem_petsc.motion.excitation import Excitation
 from sbfem_petsc.motion.period_map import Period
@@ -188,3 +189,23 @@ def test_slips_that_stick_make_no_orbits_of_their_own():
     signals = [sb.Harmonic(0.4, 0.15), sb.Constant(-1.0)]
     found = sb.basins(chain, signals, 0.15, [sb.StartAxis([-0.5, 0.5])], steps=128)
     assert len(found.orbits) == 1 and found.orbits[0].sticking
+
+
+@pytest.mark.long
+def test_a_line_of_a_crack():
+    """Of the 75 pairs of a closed notch that leans by 45 degrees, between which there is no length: what
+    doubles its period under one load does so at the same frequency under every other one, and where the curve
+    has located it.
+    """
+    beam = Beam(0.4, 0.005, [VNotch(0.08, 0.0025, 0.0, tilt=45.0)])
+    with sb.Model(
+        beam.mesh(), sb.Material(70e9, 0.33, 2700), damping=0.002, contact_laws={"crack1": sb.Coulomb(0.3)}
+    ) as model:
+        push = sb.PointForce("A", fy=300.0)
+        curve = sb.frequency_response(model, push, 2838.0, 2843.0, modes=80, steps=256)
+        (begin,) = (item for item in curve.bifurcations if item.kind == "period doubling")
+        line = sb.locus(curve, begin, 1.0, 1.01)
+    assert len(line) > 2 and line.value[-1] == 1.01
+    assert line.frequency == pytest.approx(np.full(len(line), line.frequency[0]), rel=1e-8)
+    # the curve's multipliers are those of its steps, which jump
+    assert abs(line.frequency[0] - begin.value) < 2.0 * begin.error < 3e-4 * begin.value
