@@ -20,6 +20,7 @@ __all__ = [
     "frequency",
     "index_of",
     "instance",
+    "instances",
     "integer",
     "names_of",
     "numbers_of",
@@ -72,6 +73,14 @@ def instance(owner: str, name: str, value: Any, kinds: type | tuple[type, ...], 
     if not isinstance(value, kinds):
         raise TypeError(f"{owner}: {name} = {shown(value)} must be {wanted}")
     return value
+
+
+def instances(owner: str, name: str, value: Any, kind: type, wanted: str) -> tuple[Any, ...]:
+    """One of a class, or a sequence of them, `wanted` in words, as a tuple; TypeError otherwise."""
+    several = (value,) if isinstance(value, kind) else value
+    if not isinstance(several, (list, tuple)):
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be {wanted}")
+    return tuple(instance(owner, f"{name}[{k}]", item, kind, wanted) for k, item in enumerate(several))
 
 
 def numbers_of(

@@ -28,11 +28,27 @@ GENERAL = (
 )
 
 
-class Parser(argparse.ArgumentParser):
+class RanksParser(argparse.ArgumentParser):
+    """`argparse` that speaks on rank 0 alone and never abbreviates."""
+
+    def __init__(self, **options: Any):
+        options.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
+        super().__init__(allow_abbrev=False, **options)
+
+    def error(self, message: str) -> NoReturn:
+        """Print usage and message, and exit with code 2."""
+        self._print_message(f"{self.format_usage()}{self.prog}: error: {message}\n", sys.stderr)
+        raise SystemExit(2)
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        if message and _rank() == 0:
+            super()._print_message(message, file)
+
+
+class Parser(RanksParser):
     """`argparse` for a program whose unknown options belong to PETSc.
 
     Only options with two dashes are the program's; everything else is handed to PETSc before it starts.
-    Options are never abbreviated.
     """
 
     def __init__(self, description: str):
@@ -42,13 +58,7 @@ class Parser(argparse.ArgumentParser):
             "-help to list those of the solves that ran, -log_view for timings, -modal_eps_view for an "
             "eigensolver's settings."
         )
-        super().__init__(
-            description=description,
-            epilog=epilog,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-            allow_abbrev=False,
-            add_help=False,
-        )
+        super().__init__(description=description, epilog=epilog, add_help=False)
         # no short options: argparse would read -nep_tol as -n
         self.add_argument("--help", action="help", help="show this help and exit")
 
@@ -103,18 +113,6 @@ class Parser(argparse.ArgumentParser):
             self.error(wrong)
         start_petsc(rest)
         return own
-
-    def error(self, message: str) -> NoReturn:
-        """Print usage and message, once over all ranks, and exit with code 2."""
-        if _rank() == 0:
-            self.print_usage(sys.stderr)
-            sys.stderr.write(f"{self.prog}: error: {message}\n")
-        raise SystemExit(2)
-
-    def print_help(self, file=None) -> None:
-        """Print the help once over all ranks."""
-        if _rank() == 0:
-            super().print_help(file)
 
 
 def wrong_option(words: list[str]) -> str | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .checks import Bounds, real, shown
+from .checks import Bounds, instances, real, shown
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,6 @@ def as_supports(clamped, supports) -> tuple[Support, ...]:
             f"clamped = {shown(clamped)} must be the name of an edge set or a point, several of them, or "
             "None; further supports go to supports="
         )
-    further = (supports,) if isinstance(supports, Support) else () if supports is None else supports
-    if not isinstance(further, (tuple, list)) or not all(isinstance(item, Support) for item in further):
-        raise TypeError(f"supports = {shown(supports)} must be a Support or a sequence of them")
-    return tuple(Support(name) for name in names) + tuple(further)
+    wanted = "a Support or a sequence of them"
+    further = () if supports is None else instances("Model", "supports", supports, Support, wanted)
+    return tuple(Support(name) for name in names) + further

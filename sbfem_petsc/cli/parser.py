@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import re
-import sys
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import sbfem_petsc as sb
 
-from ..command_line import PREFIXES
+from ..command_line import PREFIXES, RanksParser
 from ..study.case.sweep import MOST
 from ..study.starter import KINDS
 
@@ -23,30 +22,11 @@ EXIT_CODES = """exit codes:
 mpiexec may end with a code of its own, 1 for 143 say"""
 
 
-class _Parser(argparse.ArgumentParser):
-    """`argparse` that speaks on rank 0 alone and never abbreviates."""
-
-    def __init__(self, **options: Any):
-        options.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
-        super().__init__(allow_abbrev=False, **options)
-
+class _Parser(RanksParser):
     def error(self, message: str) -> NoReturn:
         if message.startswith("unrecognized arguments"):
             message += "; --help after a command lists its options, PETSc's stand after --"
-        if _first():
-            self.print_usage(sys.stderr)
-            sys.stderr.write(f"{self.prog}: error: {message}\n")
-        raise SystemExit(2)
-
-    def _print_message(self, message: str, file: Any = None) -> None:
-        if message and _first():
-            super()._print_message(message, file)
-
-
-def _first() -> bool:
-    from mpi4py import MPI
-
-    return bool(MPI.COMM_WORLD.rank == 0)
+        super().error(message)
 
 
 def make_parser() -> argparse.ArgumentParser:

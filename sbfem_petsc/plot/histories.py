@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, MaxNLocator
 
 from ..analysis.load_history import LoadHistory
-from ..checks import flag, instance, real, shown
+from ..checks import flag, instances, real, shown
 from ..continuation.orbit import component
 from ..motion.history import Motion
 from ..motion.states import Point
@@ -69,13 +69,13 @@ class Panel:
 
 @picture()
 def plot_histories(
-    panels: Sequence[Panel], *, ax: Any = None, comm: MPI.Comm | None = None
+    panels: Panel | Sequence[Panel], *, ax: Any = None, comm: MPI.Comm | None = None
 ) -> list[Axes] | None:
     """Draw time histories below each other. Collective.
 
     Parameters
     ----------
-    panels : sequence of Panel
+    panels : Panel or sequence of Panel
         On rank 0 at least.
     ax : axes, sequence of axes, figure or subfigure of Matplotlib, optional
         What is drawn on; in fewer axes than there are panels the first of these. Default: a new figure.
@@ -86,13 +86,10 @@ def plot_histories(
     -------
     Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
     """
-    if not isinstance(panels, (list, tuple)):
-        raise TypeError(f"plot_histories: panels = {panels!r} must be a sequence of Panel")
-    for panel in panels:
-        instance("plot_histories", "panels", panel, Panel, "of Panels")
-    if not panels:
+    several = instances("plot_histories", "panels", panels, Panel, "a Panel or a sequence of them")
+    if not several:
         raise ValueError("plot_histories: no panel is given")
-    return _draw(Sheet.of(ax), panels)
+    return _draw(Sheet.of(ax), several)
 
 
 @picture(Motion, direction=optional(CHECKS["direction"]))

@@ -7,7 +7,7 @@ from typing import Any
 
 from matplotlib.axes import Axes
 
-from ..checks import instance
+from ..checks import instances
 from ..continuation.problems.locus import KINDS, Locus
 from ..petsc import MPI
 from .branches import smooth
@@ -55,12 +55,7 @@ def plot_loci(
     TypeError, ValueError
         For something else than loci, and for loci of different second parameters.
     """
-    owner = "plot_loci"
-    if not isinstance(loci, (Locus, list, tuple)):
-        raise TypeError(f"{owner}: loci = {loci!r} must be a Locus, or several")
-    lines = [loci] if isinstance(loci, Locus) else list(loci)
-    for line in lines:
-        instance(owner, "loci", line, Locus, "a Locus, or several")
+    lines = instances("plot_loci", "loci", loci, Locus, "a Locus, or several")
     names = {line.parameter for line in lines}
     if len(names) != 1:
         raise ValueError(

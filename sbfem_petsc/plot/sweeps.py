@@ -7,7 +7,7 @@ from typing import Any
 
 from matplotlib.axes import Axes
 
-from ..checks import instance
+from ..checks import instance, instances
 from ..continuation.branch import Branch
 from ..motion.swept import SweptResponse
 from ..petsc import MPI
@@ -58,11 +58,7 @@ def plot_swept(
         instance("plot_swept", "branch", branch, Branch, "a Branch, or None")
         if branch.parameter != "frequency":
             raise ValueError(f"plot_swept: branch = {branch!r} is over the load; give one over the frequency")
-    if not isinstance(swept, (SweptResponse, list, tuple)):
-        raise TypeError(f"plot_swept: swept = {swept!r} must be a SweptResponse, or several")
-    sweeps = [swept] if isinstance(swept, SweptResponse) else list(swept)
-    for item in sweeps:
-        instance("plot_swept", "swept", item, SweptResponse, "a SweptResponse, or several")
+    sweeps = instances("plot_swept", "swept", swept, SweptResponse, "a SweptResponse, or several")
     shown: list[Branch | SweptResponse] = [*([] if branch is None else [branch]), *sweeps]
     if not shown:
         raise ValueError("plot_swept: swept is empty and there is no branch; give one SweptResponse at least")
