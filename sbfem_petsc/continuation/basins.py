@@ -39,7 +39,7 @@ class StartAxis(Record):
         "SI", "values along the axis", "value", unit_of=lambda axis: axis.unit
     )
     kind: str = quantity(text="what they are of", default="displacement", one_of=KINDS)
-    mode: int = quantity("1", "number of the mode, or of the unit load", default=1, least=1)
+    mode: int = quantity("1", "number of the mode, or of the unit load", called="of", default=1, least=1)
     point: str | None = quantity(text="point in whose displacement they are", default=None)
     direction: str = quantity(text="its direction", default="y", kw_only=True, one_of=("x", "y"))
 

@@ -30,7 +30,9 @@ class Bifurcation(Record):
     value: float = quantity(
         "Hz or 1", "the branch's parameter, extrapolated from the steps to none of their error"
     )
-    multiplier: complex = quantity("1", "the one that passes the unit circle", finite=False)
+    multiplier: complex = quantity(
+        "1", "the one that passes the unit circle", called="own_multiplier", finite=False
+    )
     state: np.ndarray = quantity("m sqrt(kg)/s", "(Omega q, q') at t = 0", "state", detail=True)
     direction: np.ndarray = quantity("m sqrt(kg)/s", "Floquet direction", "state", kinds="fc", detail=True)
     after: int = quantity("1", "index of the point of the branch behind it", least=0, detail=True)
@@ -42,7 +44,9 @@ class Bifurcation(Record):
         "uncertainty of the value, by twice and four times the steps; nan where these tell nothing",
         finite=False,
     )
-    row: int | None = quantity("1", "contact row that begins or ceases to touch", default=None, least=0)
+    row: int | None = quantity(
+        "1", "contact row that begins or ceases to touch", called="contact_row", default=None, least=0
+    )
 
     def __repr__(self) -> str:
         return (

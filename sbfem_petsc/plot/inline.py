@@ -46,8 +46,8 @@ def small_picture(result: Any) -> bytes | None:
 
 
 def _at_first(draw: Callable[..., Any], result: Any) -> Any:
-    """Of the first named point."""
-    return draw(result, next(iter(result.points)))
+    """Of the first named point, where there is one."""
+    return draw(result, result.points[0]) if result.points else None
 
 
 def _modes(result: Any) -> Any:

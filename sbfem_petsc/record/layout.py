@@ -48,6 +48,9 @@ def write(
         array = np.asarray(q.value)
         if array.dtype.kind not in kinds:
             array = array.astype(TYPES[kinds[0]], casting="same_kind")
+        checked = array.dtype.kind in "fc" and q.about.finite and (q.entry.field or q.about.back)
+        if checked and not np.isfinite(array).all():
+            raise ValueError(f"{q.name!r} of {record!r} has values that are not finite")
         for dim, names in q.names.items():
             if not _named(group, dim, names):
                 put(group, dim, texts_of(names), About(text=f"names of {dim}"), "1", (dim,))

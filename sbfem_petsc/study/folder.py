@@ -66,7 +66,7 @@ class Folder:
                 raise ValueError(f"{self.state_file!r} is not what a run has written; {way} overwrite it")
             if any(former.get(key) != mine[key] for key in ("version", "schema")):
                 raise ValueError(
-                    f"{self.path!r} has schema {former.get('schema', 'of before 5')} of version "
+                    f"{self.path!r} has schema {former.get('schema', 'of before 6')} of version "
                     f"{former.get('version')}; version {sb.__version__} goes on with schema {SCHEMA}; {way} "
                     "compute it again"
                 )

@@ -5,6 +5,7 @@ bytes are told, two ranks write what one writes.
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import os
 import shutil
@@ -155,6 +156,16 @@ def test_attributes_in_docstrings():
         assert all(f"\n    {name} : " in kind.__doc__ for name in entries(kind))
 
 
+def test_what_is_not_finite_is_not_written(tmp_path):
+    """It could not be read again; an orbit without points is shown all the same."""
+    orbit = dataclasses.replace(examples.orbit(), residuals=(np.nan,))
+    with pytest.raises(ValueError, match=r"'residuals' of Orbit\(.* has values that are not finite"):
+        sb.save(tmp_path / "orbit.h5", orbit)
+    assert not os.listdir(tmp_path)
+    blind = sb.reduce_matrices(**examples.matrices() | {"sensors": {}})
+    assert "<b>Orbit(" in sb.periodic(blind, 100.0, 20.0, steps=64)._repr_html_()
+
+
 def test_no_quantity_is_named_as_an_axis():
     with pytest.raises(TypeError, match="Closing: pair is named as an axis is"):
 
@@ -214,7 +225,7 @@ def test_what_is_missing_truncated_foreign_or_of_another_version(saved, tmp_path
     with h5py.File(tmp_path / "older.h5", "a") as file:
         file.attrs["schema"] = 2
     with pytest.raises(
-        ValueError, match="has schema 2 of version .*; this program reads schema 5; compute it again"
+        ValueError, match="has schema 2 of version .*; this program reads schema 6; compute it again"
     ):
         sb.read(tmp_path / "older.h5")
     with pytest.raises(TypeError, match="is no result that can be written"):

@@ -54,6 +54,21 @@ def test_each_kind_is_tried():
     assert kinds == {*KINDS, "Estimate", "StartAxis"}  # which stand inside others
 
 
+def test_numbers_have_no_name_of_an_axis(kept):
+    """Of their group or one around it: xarray would take them for the axis' entries."""
+
+    def look(name, item):
+        if isinstance(item, h5py.Dataset) and not item.shape:
+            *around, own = name.split("/")
+            above = ["/".join([*around[:k], own]) for k in range(len(around))]
+            assert not any(
+                isinstance(file.get(place), h5py.Dataset) and file[place].is_scale for place in above
+            )
+
+    with h5py.File(kept[1]) as file:
+        file.visititems(look)
+
+
 def test_what_a_file_holds(kept):
     told, parts = page(), []
 

@@ -169,7 +169,7 @@ def test_another_case_is_refused(folder, tmp_path):
     assert json.loads((out / "summary.json").read_text())["frequencies"]["frequencies"][4] > 0
     state = json.loads((out / "run.json").read_text())
     for change, told in (
-        ({"schema": 4}, "schema 4 of version"),
+        ({"schema": 5}, "schema 5 of version"),
         ({"version": "0.0"}, "of version 0.0; version "),
     ):
         (out / "run.json").write_text(json.dumps(state | change))

@@ -47,7 +47,9 @@ class OwnTone(OfPeriod):
     frequency: float | None = quantity("Hz", "forcing frequency, where another one is the parameter", least=0)
     samples: int = quantity("1", "phases of the motion's own tone", least=3)
     comm: MPI.Comm
-    load: float = quantity("1", "factor on the oscillating loads", default=1.0, least=0.0)
+    load: float = quantity(
+        "1", "factor on the oscillating loads", called="load_factor", default=1.0, least=0.0
+    )
     damping: float = quantity("1", "factor on the damping ratios", default=1.0, least=0.0)
     gap: float = quantity("1", "factor on the initial gaps", default=1.0, least=0.0)
 
