@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from sbfem_petsc.continuation.events import between, find_zero, folds, furthest, place_of, refine
+from sbfem_petsc.continuation.events import between, find_zero, folds, furthest, hides_turns, place_of, refine
 from sbfem_petsc.continuation.follow import CLOSED, Line, Settings, follow
 from sbfem_petsc.continuation.newton import ITERATIONS, TooManyIterations, correct
 from sbfem_petsc.continuation.problem import Lost, Metric, Point, Range
@@ -281,18 +281,32 @@ def test_lengths_and_angles_in_units():
     assert metric.pace(np.zeros(2)) == pytest.approx(0.1, rel=1e-14)
 
 
-def test_units_change_nothing():
-    """Unknowns in units of their own: the same points to rounding, with as many iterations."""
-    plain, factors = Duffing(0.1, 0.5, 0.4), np.array([1024.0, 0.25, 1.0])
+def test_units_and_origin_change_nothing():
+    """Unknowns and the value in units of their own, the value counted from elsewhere: the same points to
+    rounding, with as many iterations.
+    """
+    plain, factors, origin = Duffing(0.1, 0.5, 0.4), np.array([1024.0, 0.25, 4.0]), np.array([0.0, 0.0, 50.0])
     scaled = Equations(
-        lambda u: plain.function(u / factors), lambda u: plain.derivative(u / factors) / factors, factors
+        lambda u: plain.function((u - origin) / factors),
+        lambda u: plain.derivative((u - origin) / factors) / factors,
+        factors,
     )
     one = follow(Line([at(plain, 0.5, 0.0, 0.5)]), Range(0.5, 2.5, 1))
-    start = np.array([512.0, 0.0, 0.5])
-    first = correct(scaled, start, Metric(scaled, start).level(start, 0.5))
-    other = follow(Line([first]), Range(0.5, 2.5, 1))
-    np.testing.assert_allclose([p.u / factors for p in other.points], [p.u for p in one.points], rtol=1e-12)
+    start = np.array([512.0, 0.0, 52.0])
+    first = correct(scaled, start, Metric(scaled, start).level(start, 52.0))
+    other = follow(Line([first]), Range(52.0, 60.0, 1))
+    again = [(p.u - origin) / factors for p in other.points]
+    np.testing.assert_allclose(again, [p.u for p in one.points], rtol=1e-10)
     assert [p.effort for p in other.points] == [p.effort for p in one.points]
+
+
+@pytest.mark.parametrize(("within", "expected"), [(0.01, True), (0.5, False)])
+def test_turns_between_two_points(within, expected):
+    """x^3 - x = v from x = -.8 to .9, where it goes back by .46, over both folds."""
+    problem = Equations(lambda u: u[0] ** 3 - u[0] - u[1], lambda u: [3.0 * u[0] ** 2 - 1.0, -1.0])
+    places = (-1.6, -1.2, -0.8, 0.9, 1.3, 1.6)
+    line = Line([Point.known(problem, np.array([x, x**3 - x])) for x in places])
+    assert [hides_turns(line, k, within) for k in range(5)] == [False, False, expected, False, False]
 
 
 @pytest.mark.parametrize(
