@@ -22,24 +22,33 @@ SPACE, BLOCKS = 2, 60
 
 def share(comm: MPI.Comm, count: int) -> slice:
     """This rank's part of so many rows or columns."""
-    return slice(count * comm.rank // comm.size, count * (comm.rank + 1) // comm.size)
+    return slice(*_bounds(comm, count)[comm.rank : comm.rank + 2])
 
 
-def by_columns(comm: MPI.Comm, rows: np.ndarray, work: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """What `work` makes of columns, of which each rank has its rows, and works on its share of them."""
+def _bounds(comm: MPI.Comm, count: int) -> list[int]:
+    return [count * rank // comm.size for rank in range(comm.size + 1)]
+
+
+def by_columns(
+    comm: MPI.Comm, rows: np.ndarray, count: int, work: Callable[[np.ndarray], np.ndarray]
+) -> np.ndarray:
+    """What `work` makes of columns of so many rows, of which each rank has its share, and works on its share
+    of the columns.
+    """
     if comm.size == 1:
         return work(rows)
-    found = work(np.asfortranarray(whole(comm, rows)[:, share(comm, rows.shape[1])]))
-    return whole(comm, found.T)[:, share(comm, len(found))].T
+    width = rows.shape[1]
+    found = work(np.asfortranarray(whole(comm, rows, count)[:, share(comm, width)]))
+    return whole(comm, found.T, width)[:, share(comm, count)].T
 
 
-def whole(comm: MPI.Comm, own: np.ndarray) -> np.ndarray:
-    """(n, k): the rows of all ranks, of which each has its share."""
+def whole(comm: MPI.Comm, own: np.ndarray, count: int) -> np.ndarray:
+    """(count, k): the rows of all ranks, of which each has its share."""
     if comm.size == 1:
         return own
-    rows = np.array(comm.allgather(len(own)))
-    result = np.empty((rows.sum(), own.shape[1]))
-    comm.Allgatherv(np.ascontiguousarray(own), (result, rows * own.shape[1]))
+    result = np.empty((count, own.shape[1]))
+    sizes = np.diff(_bounds(comm, count)) * own.shape[1]
+    comm.Allgatherv(np.ascontiguousarray(own), (result, sizes))
     return result
 
 
@@ -87,7 +96,8 @@ def lowest(
         excess = (left / (TOLERANCE * np.abs(values[-count:]))).max()
         if excess <= 1.0:
             chosen = np.ascontiguousarray(parts[:, : -count - 1 : -1])
-            vectors, inertia = (whole(comm, part[:, :done] @ chosen) for part in (space.basis, space.inertia))
+            found = (part[:, :done] @ chosen for part in (space.basis, space.inertia))
+            vectors, inertia = (whole(comm, part, mass.shape[0]) for part in found)
             return values[: -count - 1 : -1], vectors, inertia
         due = done + width * int(0.5 * np.log10(excess))  # a block gains two digits at most
 
@@ -120,7 +130,7 @@ class _Space:
         for lost in (LOST, ENOUGH):
             along = self._summed(self.inertia[:, before].T @ rows)
             rows = np.asfortranarray(rows - self.basis[:, before] @ along)
-            heavy = np.asfortranarray(self.mass @ whole(self.comm, rows))
+            heavy = np.asfortranarray(self.mass @ whole(self.comm, rows, self.mass.shape[1]))
             inside += along @ outside
             kept, triangle, least = self._triangle(rows, heavy, (along**2).sum(axis=0), lost)
             rows, heavy, outside = rows[:, kept], heavy[:, kept], triangle @ outside

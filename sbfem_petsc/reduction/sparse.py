@@ -122,7 +122,7 @@ def _solved(
         ):
             raise _not_held(count)
         answers -= vectors @ (inertia.T @ answers)
-        return values, vectors, whole(comm, answers.T).T
+        return values, vectors, whole(comm, answers.T, columns.shape[1]).T
     finally:
         solver.free()
 
@@ -165,7 +165,12 @@ class _Columns:
 
     def shared(self, rows: np.ndarray) -> np.ndarray:
         """Solve for columns of which each rank has its rows, (own, k). Collective."""
-        return by_columns(self.comm, rows, self.own)
+        return by_columns(self.comm, rows, self.csr.shape[0], self.own)
+
+    def of_all(self, right: np.ndarray) -> np.ndarray:
+        """Solve for (n, k) columns that all ranks have. Collective."""
+        found = self.own(right[:, share(self.comm, right.shape[1])])
+        return whole(self.comm, found.T, right.shape[1]).T
 
     def by_slepc(
         self, mass: sparse.csr_matrix, count: int, width: int
@@ -220,7 +225,7 @@ def _none_left_out(
         width = WIDTH << doubled
         if by_options():
             inverse, vectors, inertia = solver.by_slepc(mass, count, width)
-            again = whole(solver.comm, solver.shared(inertia[share(solver.comm, len(inertia))])) / inverse
+            again = solver.of_all(inertia) / inverse
             missed = float(np.sqrt(((again - vectors) * (mass @ (again - vectors))).sum(axis=0)).max())
             if not missed <= RESIDUAL:
                 raise on_all_ranks(
@@ -232,7 +237,7 @@ def _none_left_out(
         else:
             inverse, vectors, inertia = lowest(solver.comm, solver.shared, mass, count, width)
         if mass.diagonal().min() <= 0.0:  # rounding in what has no mass
-            vectors = whole(solver.comm, solver.shared(inertia[share(solver.comm, len(inertia))])) / inverse
+            vectors = solver.of_all(inertia) / inverse
             inertia = mass @ vectors
             lengths = np.sqrt((vectors * inertia).sum(axis=0))
             vectors, inertia = vectors / lengths, inertia / lengths
