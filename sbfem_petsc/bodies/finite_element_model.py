@@ -76,24 +76,24 @@ class FiniteElementModel:
         length, stiff, inert = UNITS[choice(OWNER, "units", units, tuple(UNITS))]
         self.mass = _matrix("mass", mass, inert)
         self.stiffness = _matrix("stiffness", stiffness, stiff)
-        n = self.stiffness.shape[0]
         if self.mass.shape != self.stiffness.shape:
             raise ValueError(
                 f"FiniteElementModel: mass has shape {self.mass.shape}, {self.stiffness.shape} was expected"
             )
-        self.unknowns = _labels("unknowns", unknowns, n)
+        self.unknowns = _labels("unknowns", unknowns, self.mass.shape[0])
         if not isinstance(nodes, Mapping) or not nodes:
             raise TypeError(f"FiniteElementModel: nodes = {shown(nodes)} must be a dict of labels to places")
         self.labels = np.array(_whole(OWNER, "nodes", list(nodes)))
         self.places = length * real_array(OWNER, "nodes", list(nodes.values()), (len(nodes), 3))
-        self._size = float(np.ptp(self.places, axis=0).max())
         self._node = {int(label): k for k, label in enumerate(self.labels)}
-        if len(np.unique(self.unknowns, axis=0)) < n:
+        if len(np.unique(self.unknowns, axis=0)) < len(self.unknowns):
             raise ValueError("FiniteElementModel: unknowns has a node and direction twice; each has one row")
         require_known(OWNER, "unknowns", self.unknowns[:, 0].tolist(), self._node)
         self.sets = _sets({} if sets is None else sets, self._node)
         self.elements = checked_cells(OWNER, {} if elements is None else elements, self._node)
         self.fixed = _held(fixed)
+        moves = np.isin(self.labels, [*self.unknowns[:, 0], *(node for node, _ in self.fixed)])
+        self._sides = np.ptp(self.places[moves], axis=0)
         self._hold()
         own, heavy = self.stiffness.diagonal(), self.mass.diagonal()
         if (idle := own <= 0.0).any():
@@ -232,7 +232,7 @@ class FiniteElementModel:
             rows = rows + share[:, met] @ self._rows(facing, vector)
             slips = slips + share[:, met] @ self._rows(facing, along)
             distance = share @ (y @ vector) - x @ vector - offset
-            distance[np.abs(distance) < TOGETHER * self._size] = 0.0
+            distance[np.abs(distance) < TOGETHER * self._sides.max()] = 0.0
         if gap is not None:
             distance = given_gap(gap, x)
         if not interference:
@@ -247,7 +247,7 @@ class FiniteElementModel:
             cells, own = cells[touches.any(axis=1)], touches[touches.any(axis=1)]
             height = self.places[cells] @ normal
             ahead = np.append(ahead, height.mean(axis=1) - np.average(height, axis=1, weights=own))
-        if len(ahead) and ahead.min() > TOGETHER * self._size:
+        if len(ahead) and ahead.min() > TOGETHER * self._sides.max():
             raise ValueError(
                 "contact: the normal looks into the elements of the left face; is it from left to right, or "
                 "from the body to the wall?"
@@ -291,7 +291,7 @@ class FiniteElementModel:
         """Unknowns, nodes, size, mass and sets, a line each."""
         lines = [
             f"{len(self.unknowns)} free unknowns of {len(self.labels)} nodes",
-            f"size {' x '.join(f'{side:.6g}' for side in np.ptp(self.places, axis=0))} m",
+            f"size {' x '.join(f'{side:.6g}' for side in self._sides)} m",
             f"{len(self.fixed)} unknowns held",
             f"mass {self._weight():.6g} kg of what is free",
         ]
@@ -315,12 +315,12 @@ class FiniteElementModel:
             return self._face("place", label, "at")
         point = numbers_of("at", "place", place, 3, "x, y and z in m")
         far, nearest = tree_of(self.places).query(point)
-        if far > APART * self._size:
+        if far > APART * self._sides.max():
             raise ValueError(
                 f"at: the nearest node of {shown(place)} is {self.labels[nearest]}, {far:g} m away; "
                 "coordinates are in m"
             )
-        same = np.linalg.norm(self.places - point, axis=1) <= far + TOGETHER * self._size
+        same = np.linalg.norm(self.places - point, axis=1) <= far + TOGETHER * self._sides.max()
         if same.sum() > 1:
             raise ValueError(f"at: {same.sum()} nodes lie at {shown(place)}; give the label of one")
         return [int(self.labels[nearest])]

@@ -285,6 +285,15 @@ def test_a_negative_row_looks_the_other_way(body):
         assert (row - row).direction == row.direction
 
 
+def test_nodes_of_nothing_do_not_make_the_body_larger(parts):
+    """A node far off, which no unknown has, does not let `at` take a node beside the place."""
+    far = {**parts, "nodes": {**parts["nodes"], 10_000: (1e6, 0.0, 0.0)}}
+    body = sb.FiniteElementModel(**far)
+    assert "size 0.08 x 0.01 x 0.01 m" in body.summary()
+    with pytest.raises(ValueError, match="the nearest node"):
+        body.at((0.081, 0.01, 0.01), "z")
+
+
 def test_rounding_of_places_is_no_gap(body):
     """A body turned and moved in space: each pair alone has gap 0, and the two nodes of a place are told."""
     turn = scipy.linalg.expm([[0.0, -0.3, 0.2], [0.3, 0.0, -0.5], [-0.2, 0.5, 0.0]])
