@@ -236,12 +236,25 @@ def empty_room(step: StepConstants) -> Room:
     return Room(inverses, members, empty_factor(pairs), known, places, sets, end(), end(), np.empty(rank))
 
 
-def march(step: StepConstants, loads: StepLoads, state: StepState, history: StepHistory) -> Marched:
-    """Advance a reduced model over several steps; the state and the history are written in place."""
+def march(
+    step: StepConstants,
+    loads: StepLoads,
+    state: StepState,
+    history: StepHistory,
+    kept: tuple[Room, Address] | None = None,
+) -> Marched:
+    """Advance a reduced model over several steps; the state and the history are written in place. What is
+    `kept` from call to call is `begun` of these constants.
+    """
     external = loads.external if loads.external.any() else loads.external[:0]
     loads = StepLoads(*map(np.ascontiguousarray, (external, *loads[1:])))
+    return Marched(*_march(step, loads, state, history, *(kept or begun(step))))
+
+
+def begun(step: StepConstants) -> tuple[Room, Address]:
+    """What steps with these constants need beside them: room, and what solves their contact problems."""
     room = empty_room(step)
-    return Marched(*_march(step, loads, state, history, room, contact_kernel(step, state, room)))
+    return room, contact_kernel(step, room)
 
 
 @inner_loops
@@ -295,10 +308,11 @@ typeof_impl.register(Address, lambda address, context: address.kind)
 _addresses: dict[tuple, Address] = {}
 
 
-def contact_kernel(step: StepConstants, state: StepState, room: Room) -> Address:
+def contact_kernel(step: StepConstants, room: Room) -> Address:
     """What solves the contact problems of steps."""
-    gaps, held = (room.after.gap, room.before.gap), (step.laws, step.rubbing, state.rows)
-    given, rubs = (step.flexibility[0], gaps, held, room.sets, state.force), step.rubbing.rows.size > 0
+    one, other = room.before, room.after
+    gaps, held = (other.gap, one.gap), (step.laws, step.rubbing, one.rows)
+    given, rubs = (step.flexibility[0], gaps, held, room.sets, one.force), step.rubbing.rows.size > 0
     layout = (rubs, _layout(given))
     if layout not in _addresses:
         _addresses[layout] = Address(rubbing_forces if rubs else smooth_forces, *given)
@@ -473,7 +487,11 @@ def _march(
                 works[done] += work
             if losses.size > 0:
                 losses[done] += lost
-            before, after = after, before
+            # two structures of arrays that change places take longer than this
+            for j in range(m):
+                before.q[j], before.v[j], before.pull[j] = after.q[j], after.v[j], after.pull[j]
+            for i in range(pairs):
+                before.force[i], before.rows[i], before.gap[i] = after.force[i], after.rows[i], after.gap[i]
             place += size
             if parts.size > 0:
                 parts[taken] = level

@@ -18,8 +18,7 @@ from .marching import (
     StepState,
     _march,
     _sets,
-    contact_kernel,
-    empty_room,
+    begun,
 )
 from .pivoting import add_rows, caught, products
 
@@ -104,14 +103,14 @@ def settle(
     """
     steps, pairs, m, slips = len(free_gap) - 1, step.left.shape[1], len(known.weights), len(known.units)
     told = np.empty((steps, m)), np.empty((steps, m)), np.empty((steps, pairs)), np.empty(steps)
+    stepping, forces_of = begun(step)
     room = _Repetition(
         np.zeros((patience.longest + 1, 2 * m + slips)),
         StepHistory(*told, slips=np.empty((steps, slips))),
-        empty_room(step),
+        stepping,
     )
     moving = StepState(*state[:2], np.zeros(pairs), np.zeros(pairs, dtype=np.int8), state[2])
     loads = StepLoads(np.zeros((0, m)), np.ascontiguousarray(free_gap), np.zeros(steps, dtype=np.int8))
-    forces_of = contact_kernel(step, moving, room.steps)
     return _settle(step, loads, moving, (known, patience), room, forces_of)
 
 

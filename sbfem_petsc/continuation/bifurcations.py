@@ -110,7 +110,7 @@ def follow_multiplier(spectra: dict[float, np.ndarray], start: float, rank: int)
 
 def by_steps(point: Point) -> float:
     """How far the steps of time change the value that belongs to a motion."""
-    period = point.state.driven.period
+    period = point.problem.period
     return float(abs(point.value) * (2.0 * np.pi * period.excitation.periods / period.steps) ** 2 / 12.0)
 
 

@@ -16,6 +16,8 @@ from .problem import Condition, Linear, Lost, Metric, Point, Problem
 # How far along the way between two points a zero is located; the same where the function is steep or pairs
 # begin or cease to touch; evaluations at most.
 FINE, FINER, MOST = 5e-3, 2e-4, 20
+# Where no point is found at a place, so many are tried, each half as far from where the test is small.
+CLOSER = 5
 # Neighbours tell how a branch bends between two points if they are so far beyond them, of their distance.
 APART = 0.2
 # Share of the value's part in the planes that cut a way: where it turns all else tells how far a point is.
@@ -179,9 +181,14 @@ def find_zero(
             break
         slow = len(widths) > 2 and widths[-1] > 0.5 * widths[-3]
         place = 0.5 * sum(bracket) if slow or poor or other else _next_place(expected, *bracket)
-        try:
-            known[place] = between(line, k, place, known)
-        except SolveError:  # the nearer of the points that were found stands for it
+        least = min(bracket, key=lambda end: abs(values[end]))
+        for _ in range(CLOSER):
+            try:
+                known[place] = between(line, k, place, known)
+                break
+            except SolveError:
+                place = 0.5 * (place + least)
+        else:  # the nearer of the points that were found stands for it
             break
         values[place] = test(known[place])
         ahead = values[place] * values[bracket[0]] > 0.0

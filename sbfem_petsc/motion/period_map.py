@@ -223,7 +223,7 @@ class DrivenPeriod:
         self.duration = p.excitation.periods / frequency
         self.step = self.duration / p.steps
         length = p.length(self.step)
-        self.coefficients, self.constants = length.coefficients, length.constants
+        self.length, self.coefficients, self.constants = length, length.coefficients, length.constants
         self.amplitudes, self._slopes = p.excitation.scaled(factor).response(r, frequency)
         self.speeds = 2j * np.pi * p.excitation.orders[:, None] / self.duration
         self.loads, static = p.loaded(factor)
@@ -293,7 +293,8 @@ class DrivenPeriod:
         if settled >= 0:
             loads = StepLoads(np.zeros((0, m)), self.free_gap, np.zeros(steps, dtype=np.int8))
             told = states[1:], velocities[1:], forces[1:], work, np.empty(0, dtype=np.int8), lost
-            reached = march(self.constants, loads, begin, StepHistory(*told, rows[1:], slips[1:])).steps
+            history = StepHistory(*told, rows[1:], slips[1:])
+            reached = march(self.constants, loads, begin, history, self.length.kept).steps
         if reached < steps:
             raise on_all_ranks(
                 SolveError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -12,7 +12,7 @@ from scipy import linalg
 from ..contact.friction import Friction
 from ..contact.held_rows import rubbing_of
 from ..contact.law import RowLaws
-from ..contact.marching import Halving, step_constants
+from ..contact.marching import Address, Halving, Room, begun, step_constants
 from ..contact.tangent import Propagation
 
 # Most terms of the power series of phi_2 for |z| < 1, and what |z|^(n - 2) is to stay below that n of them
@@ -195,6 +195,15 @@ class StepLength:
         if friction is not None:
             rubbing = rubbing_of(friction, residual, len(laws))
             self.constants = self.constants._replace(rubbing=rubbing)
+
+    @functools.cached_property
+    def kept(self) -> tuple[Room, Address]:
+        """For `march`."""
+        return begun(self.constants)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Of what is kept no other process knows the places."""
+        return {name: value for name, value in self.__dict__.items() if name != "kept"}
 
     @functools.cached_property
     def propagation(self) -> Propagation:

@@ -178,7 +178,7 @@ class OrbitState(FixedPoint):
 
     def forget(self) -> None:
         """See `problem.State`."""
-        for name in ("driven", "motion"):
+        for name in ("driven", "motion", "_smooth"):
             self.__dict__.pop(name, None)
 
     @property
@@ -208,12 +208,19 @@ class OrbitState(FixedPoint):
 
     def linear(self, smooth: bool = False) -> Dense:
         """See `problem.State`."""
-        name, size = self.problem.parameter.name, len(self.state)
         if smooth:
-            matrix = np.column_stack([self.monodromy, self.rate])
-        elif name in EXACT:
-            matrix = self.driven.carried(self.motion, np.eye(size), (name,))
-        else:
-            matrix = np.column_stack([self.driven.carried(self.motion, np.eye(size)), self.rate])
-        matrix[:, :-1] -= np.eye(size)
+            return self._smooth
+        name, unit = self.problem.parameter.name, np.eye(len(self.state))
+        if name in EXACT:
+            return self._less_start(self.driven.carried(self.motion, unit, (name,)))
+        return self._less_start(np.column_stack([self.driven.carried(self.motion, unit), self.rate]))
+
+    @functools.cached_property
+    def _smooth(self) -> Dense:
+        return self._less_start(np.column_stack([self.monodromy, self.rate]))
+
+    @staticmethod
+    def _less_start(matrix: np.ndarray) -> Dense:
+        """Of x(T) - x(0), by that of x(T)."""
+        matrix[:, :-1] -= np.eye(len(matrix))
         return Dense(matrix)
