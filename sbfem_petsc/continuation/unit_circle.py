@@ -11,8 +11,9 @@ from .orbit import FLOOR
 
 # Multipliers whose modulus is this near to one are watched for excursions over the unit circle.
 NEAR = 0.05
-# A multiplier that is no further from -1 than this share of its change may have been beyond it.
-HURRIED = 0.25
+# A multiplier that is no further inside the unit circle than this share of its change may have been outside:
+# a real one near -1, and one of a pair, which may run along the circle.
+HURRIED, PAIRED = 0.25, 0.02
 
 
 def outside(found: Multipliers) -> np.ndarray:
@@ -43,14 +44,15 @@ def ambiguous(one: Multipliers, other: Multipliers) -> bool:
 
 
 def hurried(one: Multipliers, other: Multipliers) -> bool:
-    """Whether a multiplier is just inside -1 at one of two points of a branch and far from there at the
-    other: between them it may have passed -1 and come back.
+    """Whether a multiplier is just inside -1 at one of two points of a branch, or a pair inside the unit
+    circle, and far from there at the other: between them it may have been outside and come back.
     """
     for here, there in ((one, other), (other, one)):
         values = here.values
-        near = values[(values.imag == 0.0) & (np.abs(values.real + 1.0) < NEAR) & ~outside(here)]
+        turning = (values.imag > 0.0) | (values.imag == 0.0) & (values.real < 0.0)
+        near = values[turning & (np.abs(values) > 1.0 - NEAR) & ~outside(here)]
         changes = np.abs(there.values[_nearest(there, near)] - near)
-        if (np.abs(near + 1.0) < HURRIED * changes).any():
+        if (1.0 - np.abs(near) < np.where(near.imag > 0.0, PAIRED, HURRIED) * changes).any():
             return True
     return False
 

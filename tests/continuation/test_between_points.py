@@ -54,9 +54,11 @@ def passed(chain: sb.ReducedModel, force: float, start: float, stop: float, **as
             1001, (0.0868, 0.0906), 1024, 2 * ["period doubling"] + 6 * ["fold"], marks=pytest.mark.long
         ),
         # two folds and the end of a doubling between two points whose values are 2e-5 apart
-        (2028, (0.07944, 0.07979), 256, 2 * ["period doubling", "fold"]),
+        pytest.param(2028, (0.07944, 0.07979), 256, 2 * ["period doubling", "fold"], marks=pytest.mark.long),
         # .3 % wide, begins where a stop is met once more in a period
-        (1013, (0.14, 0.157), 256, 2 * ["Neimark-Sacker"]),
+        pytest.param(1013, (0.14, 0.157), 256, 2 * ["Neimark-Sacker"], marks=pytest.mark.long),
+        # .4 % wide, a pair is 8e-5 inside the unit circle at the point behind it
+        (1057, (0.0905, 0.0925), 256, 2 * ["Neimark-Sacker"]),
         # .7 % wide, at its begin a multiplier jumps from -.7 to -1.3
         (1069, (0.0905, 0.0946), 256, 2 * ["period doubling"]),
     ],
@@ -71,3 +73,18 @@ def test_as_of_dense_points(seed, around, steps, expected):
     assert [kind for kind, _ in dense] == [kind for kind, _ in found] == expected
     # what is left of the error of the steps behind its extrapolation
     np.testing.assert_allclose([value for _, value in found], [value for _, value in dense], rtol=5e-6)
+
+
+def test_a_fold_beside_a_corner():
+    """Close to where a stop is met once more Newton's method finds no point where the fold is looked for first:
+    it is where the branch's points turn, and has a multiplier of one.
+    """
+    chain, force = stopped_chain(3012)
+    first = chain.frequencies[0]
+    curve = sb.frequency_response(chain, [force], 0.7 * first, 1.4 * first, steps=256)
+    folds = [item for item in curve.bifurcations if item.kind == "fold"]
+    np.testing.assert_allclose([item.multiplier for item in folds], np.ones(4), atol=1e-4)
+    value = curve.value
+    for item, side in zip(folds, (1.0, -1.0, 1.0, -1.0)):
+        near = value[max(0, item.after - 3) : item.after + 3]
+        assert 0.0 <= side * (item.own_value - (side * near).max() * side) < 2e-4 * item.value
