@@ -76,15 +76,13 @@ def test_as_of_dense_points(seed, around, steps, expected):
 
 
 def test_a_fold_beside_a_corner():
-    """Close to where a stop is met once more Newton's method finds no point where the fold is looked for first:
-    it is where the branch's points turn, and has a multiplier of one.
+    """Close to where a stop is met once more Newton's method finds no point where the fold is looked for
+    first: it has a multiplier of one, and the values of the points beside it are on its side.
     """
     chain, force = stopped_chain(3012)
     first = chain.frequencies[0]
     curve = sb.frequency_response(chain, [force], 0.7 * first, 1.4 * first, steps=256)
     folds = [item for item in curve.bifurcations if item.kind == "fold"]
     np.testing.assert_allclose([item.multiplier for item in folds], np.ones(4), atol=1e-4)
-    value = curve.value
     for item, side in zip(folds, (1.0, -1.0, 1.0, -1.0)):
-        near = value[max(0, item.after - 3) : item.after + 3]
-        assert 0.0 <= side * (item.own_value - (side * near).max() * side) < 2e-4 * item.value
+        assert (side * (item.own_value - curve.value[item.after - 1 : item.after + 1]) >= 0.0).all()
