@@ -146,7 +146,7 @@ def locus(
     ):
         if record is not None:
             told = {"kind": bifurcation.kind, "row": -1 if row is None else row, "parameter": parameter}
-            told |= {"start": limits[0], "stop": limits[1], "factor": factor}
+            told |= {"start": start, "stop": stop, "factor": factor}
             told["largest_step"] = largest_step or "none"
             told["frequency"] = begin.frequency
             period, known = record.begin_period(period, told, begin.packed())
