@@ -23,7 +23,6 @@ try:
         from numba import types as types
         from numba.core import config
         from numba.core.caching import IndexDataCacheFile
-        from numba.extending import get_cython_function_address as get_cython_function_address
         from numba.extending import typeof_impl as typeof_impl
 except OSError as error:  # of the library of its compiler, of which it takes the name for missing
     raise ImportError(

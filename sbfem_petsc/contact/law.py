@@ -310,7 +310,8 @@ class RowLaws(Record):
 
     def touched(self, free_gap: np.ndarray) -> np.ndarray:
         """States of rows without forces; where none is held, no force acts at all."""
-        return self.following(np.zeros(len(self), dtype=np.int8), free_gap, free_gap)
+        low, high = free_gap < self.table.least[FREE], free_gap > self.table.most[FREE]
+        return np.where(low, PRESSED, np.where(high, PULLED, FREE)).astype(np.int8)
 
     def placed(self, state: np.ndarray, gap: np.ndarray) -> np.ndarray:
         """Gaps, of held rows those that are kept."""

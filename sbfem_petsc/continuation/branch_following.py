@@ -20,7 +20,7 @@ from ..motion.unreduced.period import UnreducedPeriod
 from .accuracy import Accuracy
 from .bifurcations import Bifurcation, by_steps, locate, unlocated
 from .branch import Branch
-from .events import bends_back, beside, hides_turns, insert, refine
+from .events import beside, insert, refine, turns_twice
 from .extrapolation import uncertainty_at
 from .follow import CLOSED, Follower, Line, Settings, follow, points_of
 from .line_file import LineFile
@@ -359,11 +359,9 @@ def _unseen(line: Line, k: int, found: list[Multipliers | None]) -> float | None
     one, other = found[k : k + 2]
     assert one is not None and other is not None  # stability is asked for
     passing = passages(one, other)
-    if passing > 1 or ambiguous(one, other) or hides_turns(line, k, by_steps(line.points[k])):
+    if passing > 1 or ambiguous(one, other) or (not passing and hurried(one, other)):
         return 0.5
-    if passing and bends_back(line, k):
-        return 0.5
-    if not passing and hurried(one, other):
+    if turns_twice(line, k, passing > 0, by_steps(line.points[k])):
         return 0.5
     outer = beside(line, k)
     if passing or len(outer) < 2:

@@ -293,27 +293,21 @@ def fold_between(line: Line, k: int) -> Point | None:
     return located(line, k, pace, ends)[1] if ends[0] * ends[1] < 0.0 else None
 
 
-def hides_turns(line: Line, k: int, within: float) -> bool:
-    """Whether the value turns twice between points k and k + 1: by more than `within` it goes back from one
-    to the other, and the tangents at both lead forth.
+def turns_twice(line: Line, k: int, passed: bool, within: float) -> bool:
+    """Whether the value turns twice between points k and k + 1 by the cubic through both with their tangents.
+
+    By more than `within` it goes back from one to the other while it goes on before and behind them, and the
+    tangents lead forth; or it goes on, something has been `passed`, and they lead forth more than three times
+    as steeply as the chord.
     """
     values = np.diff([point.value for point in line.points[max(0, k - 1) : k + 3]])
-    if len(values) < 3 or not values[0] * values[1] < 0.0 or not values[1] * values[2] < 0.0:
-        return False
+    back = (
+        len(values) == 3
+        and abs(values[1]) > within
+        and max(values[0] * values[1], values[1] * values[2]) < 0.0
+    )
     one, other = line.points[k : k + 2]
-    if abs(values[1]) <= within or len(one.u) != len(other.u):
-        return False
-    direction = _direction(one, one, other)
-    (first, begin), (second, end) = direction(one), direction(other)
-    return begin == end and first * values[1] < 0.0 and second * values[1] < 0.0
-
-
-def bends_back(line: Line, k: int) -> bool:
-    """Whether the value, which goes on from point k to point k + 1, turns twice between them by the cubic
-    through both with their tangents: as these lead forth more than three times as steeply as the chord.
-    """
-    one, other = line.points[k : k + 2]
-    if other.leapt or len(one.u) != len(other.u):
+    if not (passed or back) or other.leapt or len(one.u) != len(other.u):
         return False
     metric = Metric(one.problem, one.u)
     way = metric.way(one, other)
@@ -321,7 +315,8 @@ def bends_back(line: Line, k: int) -> bool:
     chord = (other.value - one.value) / max(metric.dot(way, normal), 1e-300)
     direction = _direction(one, one, other)
     (first, begin), (second, end) = direction(one), direction(other)
-    return begin == end and min(first * np.sign(chord), second * np.sign(chord)) > 3.0 * abs(chord)
+    ahead = -np.sign(chord) if back else np.sign(chord)
+    return begin == end and min(first * ahead, second * ahead) > (0.0 if back else 3.0 * abs(chord))
 
 
 def _direction(about: Point, one: Point, other: Point) -> Callable[[Point], tuple[float, float]]:

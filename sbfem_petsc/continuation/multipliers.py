@@ -4,14 +4,11 @@
 
 from __future__ import annotations
 
-import ctypes
-import functools
 from collections.abc import Callable
 
 import numpy as np
 from scipy import linalg
 
-from ..contact.compiled import get_cython_function_address
 from ..errors import SolveError, on_all_ranks
 from ..motion.period_map import DrivenPeriod, FixedPoint
 from ..motion.period_motion import PeriodMotion
@@ -22,8 +19,6 @@ PREFIX = "floquet_"
 # With little damping all multipliers lie near the unit circle: only a large subspace finds those of the
 # largest modulus.
 LARGEST, SUBSPACE = 6, 400
-# Unknowns up to which LAPACK's plain QR iteration is the faster one.
-SMALL = 200
 
 
 class Multipliers:
@@ -87,39 +82,14 @@ def multipliers(
 
 
 def eigenvalues(matrix: np.ndarray) -> np.ndarray:
-    """All eigenvalues of a real matrix by LAPACK, complex.
-
-    Of some hundred unknowns the plain QR iteration (dlahqr) takes two thirds of the time of the one with
-    many shifts that LAPACK's drivers choose. Zero stands by itself for each row or column of zeros, those of
-    slips that are forgotten.
+    """All eigenvalues of a real matrix by LAPACK, complex. Zero stands by itself for each row or column of
+    zeros, those of slips that are forgotten.
     """
     acts = matrix.any(axis=0) & matrix.any(axis=1)
     n = int(acts.sum())
     if n < len(matrix):
         return np.append(eigenvalues(matrix[np.ix_(acts, acts)]), np.zeros(len(matrix) - n))
-    if not 0 < n <= SMALL:
-        return linalg.eigvals(matrix, check_finite=False)
-    reduced, _, _ = linalg.lapack.dgehrd(matrix)
-    reduced = np.asfortranarray(np.triu(reduced, -1))
-    real, imaginary, unused = np.empty(n), np.empty(n), np.empty(1)
-    size, one, no, failed = (ctypes.c_int(k) for k in (n, 1, 0, 0))
-    given = no, no, size, one, size, reduced, size, real, imaginary, one, size, unused, one, failed
-    _plain_iteration()(
-        *(
-            item.ctypes.data_as(ctypes.c_void_p) if isinstance(item, np.ndarray) else ctypes.byref(item)
-            for item in given
-        )
-    )
-    if failed.value:
-        return linalg.eigvals(matrix, check_finite=False)
-    return real + 1j * imaginary
-
-
-@functools.cache
-def _plain_iteration() -> Callable[..., None]:
-    """LAPACK's dlahqr as SciPy brings it."""
-    address = get_cython_function_address("scipy.linalg.cython_lapack", "dlahqr")
-    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 14)(address)
+    return linalg.eigvals(matrix, check_finite=False) if n else np.zeros(0, dtype=complex)
 
 
 def multipliers_of(fixed: FixedPoint) -> Multipliers:

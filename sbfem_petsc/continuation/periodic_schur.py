@@ -19,55 +19,9 @@ SWEEPS, PLAIN = 300, 5
 
 
 @compiled
-def reduce_factors(factors: np.ndarray) -> None:
-    """Bring real factors (n, s, s), by orthogonal transformations in place, to upper triangular form, the
-    last one to upper Hessenberg form.
-    """
-    for k in range(len(factors) - 1):
-        _reflect(factors[k], factors[k + 1])
-    _rotate(factors)
-
-
-@compiled
-def _reflect(factor: np.ndarray, following: np.ndarray) -> None:
-    """Bring a factor to triangular form by Householder reflections, which act on the columns of the next."""
-    size = len(factor)
-    mirror = np.empty(size)
-    for j in range(size - 1):
-        norm = 0.0
-        for i in range(j, size):
-            norm += factor[i, j] ** 2
-        norm = np.sqrt(norm)
-        if norm == 0.0:
-            continue
-        head = factor[j, j]
-        mirror[j] = head + norm if head >= 0.0 else head - norm
-        square = mirror[j] ** 2
-        for i in range(j + 1, size):
-            mirror[i] = factor[i, j]
-            square += mirror[i] ** 2
-        for column in range(j, size):
-            total = 0.0
-            for i in range(j, size):
-                total += mirror[i] * factor[i, column]
-            total *= 2.0 / square
-            for i in range(j, size):
-                factor[i, column] -= total * mirror[i]
-        for i in range(j + 1, size):
-            factor[i, j] = 0.0
-        for row in range(size):
-            total = 0.0
-            for i in range(j, size):
-                total += following[row, i] * mirror[i]
-            total *= 2.0 / square
-            for i in range(j, size):
-                following[row, i] -= total * mirror[i]
-
-
-@compiled
-def _rotate(factors: np.ndarray) -> None:
-    """Bring the last factor to Hessenberg form by rotations of its rows, each chased through the triangular
-    factors.
+def rotate(factors: np.ndarray) -> None:
+    """Bring the last of real factors (n, s, s), in place, to upper Hessenberg form by rotations of its rows,
+    each chased through the triangular others.
     """
     last, size = len(factors) - 1, factors.shape[1]
     for j in range(size - 2):
@@ -103,7 +57,7 @@ def _rotate(factors: np.ndarray) -> None:
 
 @compiled
 def triangulate(factors: np.ndarray) -> bool:
-    """Bring complex factors in the form of `reduce_factors`, in place, to upper triangular form on their
+    """Bring complex factors in the form that `rotate` leaves, in place, to upper triangular form on their
     diagonals and what is needed of them: the entries above are those of windows in which the iteration has
     worked. Returns whether it has ended.
     """
@@ -242,7 +196,10 @@ def product_eigenvalues(factors: np.ndarray) -> np.ndarray:
     if count == 1:
         values = np.linalg.eigvals(blocks[0]).astype(complex) * norms[0]
         return values[np.argsort(-np.abs(values), kind="stable")]
-    reduce_factors(blocks)
+    for k in range(count - 1):
+        turn, blocks[k] = np.linalg.qr(blocks[k])
+        blocks[k + 1] = blocks[k + 1] @ turn
+    rotate(blocks)
     turned = blocks.astype(complex)
     if not triangulate(turned):
         raise on_all_ranks(

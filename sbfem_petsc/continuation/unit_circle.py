@@ -12,7 +12,7 @@ from .orbit import FLOOR
 # Multipliers whose modulus is this near to one are watched for excursions over the unit circle.
 NEAR = 0.05
 # A multiplier that is no further inside the unit circle than this share of its change may have been outside:
-# a real one near -1, and one of a pair, which may run along the circle.
+# a real one near -1, and one of a pair by the change of its modulus.
 HURRIED, PAIRED = 0.25, 0.02
 
 
@@ -51,8 +51,11 @@ def hurried(one: Multipliers, other: Multipliers) -> bool:
         values = here.values
         turning = (values.imag > 0.0) | (values.imag == 0.0) & (values.real < 0.0)
         near = values[turning & (np.abs(values) > 1.0 - NEAR) & ~outside(here)]
-        changes = np.abs(there.values[_nearest(there, near)] - near)
-        if (1.0 - np.abs(near) < np.where(near.imag > 0.0, PAIRED, HURRIED) * changes).any():
+        beside = there.values[_nearest(there, near)]
+        # of a pair what counts is how it nears the circle: without damping all run along it
+        nears = PAIRED * np.abs(np.abs(beside) - np.abs(near))
+        reach = np.where(near.imag > 0.0, nears, HURRIED * np.abs(beside - near))
+        if ((1.0 - np.abs(near) < reach) & (reach > FLOOR)).any():
             return True
     return False
 

@@ -694,6 +694,7 @@ class _Spectrum(Problem):
         monkeypatch.setattr(events, "between", self.between)
         monkeypatch.setattr(bifurcations, "multipliers_of", lambda fixed: self.at(fixed.state[1]))
         monkeypatch.setattr(bifurcations, "fold_between", lambda line, k: None)  # a straight branch
+        self.period = SimpleNamespace(steps=1024, excitation=SimpleNamespace(periods=1))
 
     def units(self, u):
         return np.ones(3), np.ones(3)
@@ -702,12 +703,7 @@ class _Spectrum(Problem):
         return u[-1], np.array([0.0, 0.0, 1.0])
 
     def point(self, place):
-        period = SimpleNamespace(steps=1024, excitation=SimpleNamespace(periods=1))
-        state = SimpleNamespace(
-            state=np.array([1.0, place]),
-            touching=np.zeros(1, dtype=bool),
-            driven=SimpleNamespace(period=period),
-        )
+        state = SimpleNamespace(state=np.array([1.0, place]), touching=np.zeros(1, dtype=bool))
         return Point(self, np.array([1.0, place, place]), state, place)
 
     def between(self, line, k, share, known=None):

@@ -125,12 +125,15 @@ if MPI.COMM_WORLD.rank == 0:
 
 
 @pytest.mark.long
-def test_tori_killed_and_resumed_on_two_ranks(tmp_path):
-    """Tori, whose samples the ranks share: to the same points, 1e-12 of each number."""
+@pytest.mark.parametrize("kind", ["tori", "backbone"])
+def test_killed_and_resumed_by_two_ranks(kind, tmp_path):
+    """Tori, whose samples the ranks share, and lines that both follow: to the same points, 1e-12 of each
+    number.
+    """
     path = str(tmp_path / "line.h5")
-    assert on_ranks(2, SHARED + RESUMED, "tori", path, "killed", check=False).returncode
-    begun = sb.read(path)
-    found = answer(on_ranks(2, SHARED + RESUMED, "tori", path))
+    assert on_ranks(2, SHARED + RESUMED, kind, path, "killed", check=False).returncode
+    begun = values(path)
+    found = answer(on_ranks(2, SHARED + RESUMED, kind, path))
     assert 0 < len(begun) < len(found["one"]) == len(found["other"])
     np.testing.assert_allclose(found["one"], found["other"], rtol=1e-12)
 
