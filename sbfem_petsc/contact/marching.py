@@ -412,6 +412,15 @@ def _push(step: StepConstants, level: int, before: _End, after: _End, room: Room
         v[j] += coefficients[9, j] * pull[j]
 
 
+@inner_loops
+def _follow(before: _End, after: _End) -> None:
+    """The next step begins where this one ends: structures of arrays that change places take longer."""
+    for j in range(after.q.size):
+        before.q[j], before.v[j], before.pull[j] = after.q[j], after.v[j], after.pull[j]
+    for i in range(after.gap.size):
+        before.force[i], before.rows[i], before.gap[i] = after.force[i], after.rows[i], after.gap[i]
+
+
 @inner_sums
 def _work(before: _End, after: _End) -> float:
     """Of contact in a step: mean of the forces times change of the gaps."""
@@ -487,11 +496,7 @@ def _march(
                 works[done] += work
             if losses.size > 0:
                 losses[done] += lost
-            # two structures of arrays that change places take longer than this
-            for j in range(m):
-                before.q[j], before.v[j], before.pull[j] = after.q[j], after.v[j], after.pull[j]
-            for i in range(pairs):
-                before.force[i], before.rows[i], before.gap[i] = after.force[i], after.rows[i], after.gap[i]
+            _follow(before, after)
             place += size
             if parts.size > 0:
                 parts[taken] = level
