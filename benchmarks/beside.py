@@ -108,8 +108,8 @@ def environment(root: pathlib.Path, compiled: str) -> dict[str, str]:
 
 def compile_kernels(root: pathlib.Path, compiled: str) -> None:
     names = ("cli", "contact")
-    name = next(n for n in names if (root / "sbfem_petsc" / n / "ahead.py").exists())
-    command = [sys.executable, "-m", f"sbfem_petsc.{name}.ahead"]
+    name = next(n for n in names if (root / "sbfem_petsc" / n / "precompile.py").exists())
+    command = [sys.executable, "-m", f"sbfem_petsc.{name}.precompile"]
     subprocess.run(command, cwd=root, env=environment(root, compiled), check=True)
 
 

@@ -47,7 +47,7 @@ class LogLines(Watch):
     def __init__(self, stream: TextIO, pause: float = PAUSE):
         self.stream, self.pause = stream, pause
         self.text, self.done, self.began = "", None, time.monotonic()  # type: str, float | None, float
-        self.told = self.began
+        self.last_line = self.began
         self.lock, self.over = threading.Lock(), threading.Event()
         # a thread, because some work tells no fraction
         self.thread = threading.Thread(target=self._beat, daemon=True)
@@ -63,7 +63,7 @@ class LogLines(Watch):
 
     def say(self, text: str) -> None:
         with self.lock:
-            self.told = time.monotonic()
+            self.last_line = time.monotonic()
             self.stream.write(f"{text}\n")
             self.stream.flush()
 
@@ -74,7 +74,7 @@ class LogLines(Watch):
     def _beat(self) -> None:
         while not self.over.wait(min(1.0, self.pause / 4)):
             now = time.monotonic()
-            if self.text and now - self.told >= self.pause - min(1.0, self.pause / 4):
+            if self.text and now - self.last_line >= self.pause - min(1.0, self.pause / 4):
                 share = "" if self.done is None else f" {100 * self.done:.0f} %,"
                 self.say(f"{self.text}:{share} {now - self.began:.0f} s")
 

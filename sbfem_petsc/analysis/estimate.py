@@ -273,12 +273,12 @@ def refined(
     try:
         while True:
             if model is None:
-                with _told_once(done):
+                with _warned_once(done):
                     model = _made(owner, make_model, mesh, options)
                 if not done:  # the ranks of a function's models are known from here on
                     asked = {"quantity": sought.solve, "accuracy": accuracy, "levels": levels}
                     agree(model.comm, owner, asked)
-            with _told_once(done):
+            with _warned_once(done):
                 warnings.simplefilter("ignore", MeshWarning)  # that is what the levels are for
                 result = sought.solve(model)
             value = _finite(owner, sought.quantity(result), mesh)
@@ -316,7 +316,7 @@ def refined(
 
 
 @contextlib.contextmanager
-def _told_once(done: Sequence[Level]) -> Iterator[None]:
+def _warned_once(done: Sequence[Level]) -> Iterator[None]:
     """What warnings say of the first level is not said of finer ones again."""
     with warnings.catch_warnings():
         for kind in (UnitWarning, LargeDisplacementWarning) if done else ():

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..checks import instance
 from ..continuation.accuracy import Accuracy, TooInaccurate
-from ..continuation.orbit import Orbit, make_orbit, orbit_stability, told_errors
+from ..continuation.orbit import Orbit, harmonic_error_estimates, make_orbit, orbit_stability
 from ..continuation.problems.driven_orbits import ParameterRange
 from ..continuation.problems.segments import at_segments, segmented_stability, shoot_segments
 from ..continuation.problems.unreduced import UnreducedOrbits, UnreducedSteady
@@ -185,7 +185,7 @@ def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
         return _in_segments(task, settings.segments, period, guess, most * period.steps)
     state = period.begun(period.at(task.frequency).linear_state if guess is None else guess.state)
     fixed, path = _found(task, settings, period, state)
-    errors = told_errors(fixed)
+    errors = harmonic_error_estimates(fixed)
     if settings.accuracy is not None:
         fixed, errors = _accurate(task, settings, guess, fixed, errors)
     told = errors.sum(axis=0)

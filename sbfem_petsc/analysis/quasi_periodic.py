@@ -21,7 +21,7 @@ from ..continuation.orbit import LOWEST
 from ..continuation.problem import Point
 from ..continuation.problems.curve_system import require_room, resampled
 from ..continuation.problems.own_tone import OwnTone, curve_near
-from ..continuation.problems.tone_errors import told_tone_errors
+from ..continuation.problems.tone_errors import line_error_estimates
 from ..continuation.problems.tones import (
     EXPONENTS,
     TURNS,
@@ -207,7 +207,7 @@ class _TwoTones(NamedTuple):
             steps = torus.period.steps
             if accuracy is None:
                 return torus, point, np.full(LOWEST, np.nan)
-            errors = told_tone_errors(torus, point, functools.partial(make, 2 * steps))
+            errors = line_error_estimates(torus, point, functools.partial(make, 2 * steps))
             if (more := accuracy.further(reduced, steps, errors)) is None:
                 accuracy.tell(reduced, steps, errors)
                 return torus, point, errors.sum(axis=0)

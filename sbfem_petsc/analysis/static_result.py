@@ -25,7 +25,7 @@ from ..system.model import Model
 from ..system.solve.equilibrium import Equilibrium
 
 # Tips whose factors are printed.
-TOLD = 4
+SHOWN = 4
 
 
 @described
@@ -259,7 +259,7 @@ class Static(Record):
 
     def _tips_in_words(self) -> Iterator[str]:
         """K, G and T of the first tips, those that they have."""
-        for name, (first, second) in list(self.stress_intensity.items())[:TOLD]:
+        for name, (first, second) in list(self.stress_intensity.items())[:SHOWN]:
             text = f"{name}: K = ({first:.6g}, {second:.6g}) {self.tip_facts.unit(name)}"
             for letter, values, unit in (
                 ("G", self.energy_release_rate, "J/m^2"),
@@ -267,5 +267,5 @@ class Static(Record):
             ):
                 text += "" if math.isnan(values[name]) else f", {letter} = {values[name]:.6g} {unit}"
             yield text
-        if len(self.stress_intensity) > TOLD:
-            yield f"{len(self.stress_intensity) - TOLD} more tips"
+        if len(self.stress_intensity) > SHOWN:
+            yield f"{len(self.stress_intensity) - SHOWN} more tips"

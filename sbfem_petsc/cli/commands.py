@@ -47,14 +47,14 @@ def new(options: Options, comm: Any) -> int:
 
 def check(options: Options, comm: Any) -> int:
     """Validate a case and say what it takes."""
-    from ..study.estimates import estimate, told
+    from ..study.estimates import as_text, estimate
 
     case = _case(options, comm)
     facts = estimate(case, comm)
     if options.json:
         _answer(comm, facts)
     else:
-        _say(options, comm, told(case, facts))
+        _say(options, comm, as_text(case, facts))
     return 0
 
 
@@ -167,13 +167,13 @@ def export(options: Options, comm: Any) -> int:
 
 def doctor(options: Options, comm: Any) -> int:
     """Say versions and what is missing."""
-    from .doctor import examine, told
+    from .doctor import as_text, examine
 
     findings = examine(comm)
     if options.json:
         _answer(comm, findings)
     else:
-        _say(options, comm, told(findings))
+        _say(options, comm, as_text(findings))
     return 1 if findings["faults"] else 0
 
 

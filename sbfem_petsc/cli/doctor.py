@@ -99,7 +99,7 @@ def _petsc(found: dict[str, Any], faults: list[str]) -> None:
         )
 
 
-def told(findings: dict[str, Any]) -> str:
+def as_text(findings: dict[str, Any]) -> str:
     """Findings as text."""
     lines = []
     for name, value in findings.items():

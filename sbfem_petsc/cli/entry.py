@@ -68,14 +68,14 @@ def _no_signal_lost() -> Iterator[None]:
     """
     former = sys.unraisablehook
 
-    def told(dropped: Any) -> None:
+    def send_again(dropped: Any) -> None:
         number = {KeyboardInterrupt: signal.SIGINT, _Terminated: signal.SIGTERM}.get(dropped.exc_type)
         if number is None:
             former(dropped)
         else:
             threading.Timer(AGAIN, os.kill, (os.getpid(), number)).start()
 
-    sys.unraisablehook = told
+    sys.unraisablehook = send_again
     try:
         yield
     finally:

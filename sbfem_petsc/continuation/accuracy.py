@@ -21,7 +21,7 @@ from ..motion.preparation import PeriodSettings
 from ..reduction.build import modes_beyond, most_modes
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
-from .orbit import largest_error, told_errors
+from .orbit import harmonic_error_estimates, largest_error
 from .problems.driven_orbits import ParameterRange
 from .search import NEWTON_ALONE, find_steady_state
 
@@ -69,7 +69,7 @@ class Accuracy:
         self._most_steps = MOST * settings.least if settings.steps is None else 0
 
     def met(self, errors: np.ndarray) -> bool:
-        """Whether told errors, see `told_errors`, are within it."""
+        """Whether told errors, see `harmonic_error_estimates`, are within it."""
         return largest_error(errors.sum(axis=0)) <= self.value
 
     def further(self, reduced: ReducedModel, steps: int, errors: np.ndarray) -> tuple[int | None, int] | None:
@@ -127,7 +127,7 @@ class Accuracy:
         while True:
             period = prepared(error.settings)
             fixed = found(period, added(error.fixed, period))
-            errors = told_errors(fixed)
+            errors = harmonic_error_estimates(fixed)
             try:
                 self.require(fixed, errors)
                 return fixed, errors
@@ -151,7 +151,7 @@ class Accuracy:
                     driven, driven.linear_state, multiples=False, search=NEWTON_ALONE
                 )
                 try:
-                    self.require(fixed, told_errors(fixed), place)
+                    self.require(fixed, harmonic_error_estimates(fixed), place)
                 except TooInaccurate as error:
                     period = self.more(over, error, prepared)
         return period

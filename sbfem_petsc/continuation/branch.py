@@ -32,8 +32,8 @@ from .orbit import (
     make_orbit,
     multiplier_error,
     run_again,
-    untold,
     verdict_of,
+    why_undecided,
 )
 from .problems.driven_orbits import ParameterRange
 
@@ -137,7 +137,7 @@ class Branch(Orbits, OfPeriod):
         if any(item.after > len(self.value) or len(item.state) != size for item in self.bifurcations):
             raise ValueError("its bifurcations are not those of its points")
 
-    def _told(self, path: str) -> None:
+    def _warn_incomplete(self, path: str) -> None:
         """Warn of a branch that has not reached the end of its range."""
         if self.complete:
             return
@@ -207,20 +207,20 @@ class Branch(Orbits, OfPeriod):
         return np.abs(self.multipliers[:, 0]) <= 1.0 + FLOOR
 
     @property
-    def told(self) -> bool:
+    def stability_known(self) -> bool:
         """Whether stability is known: there are multipliers, or no contact."""
         return bool(self.multipliers.shape[1]) or not self.contact
 
     @property
     def unstable(self) -> np.ndarray:
         """(n,) bool: some multiplier is outside the unit circle; False throughout where there are none."""
-        return ~self.stable & self.told
+        return ~self.stable & self.stability_known
 
     @derived("1", "whether the uncertainty leaves that open", "point", kinds="b")
     def undecided(self) -> np.ndarray:
         """(n,) bool: where the multipliers' uncertainty does not allow a verdict, or there are none."""
         if not self.multipliers.shape[1]:
-            return np.full(len(self.value), not self.told)
+            return np.full(len(self.value), not self.stability_known)
         largest, error = np.abs(self.multipliers[:, 0]), np.nan_to_num(self.multiplier_error, posinf=np.inf)
         return np.array([verdict_of(*both) is None for both in zip(largest, error)])
 
@@ -252,11 +252,11 @@ class Branch(Orbits, OfPeriod):
 
     def __repr__(self) -> str:
         unit = " Hz" if self.parameter == "frequency" else ""
-        if self.told:
+        if self.stability_known:
             verdict = f"{int(self.unstable.sum())} unstable"
             verdict += f", {int(self.undecided.sum())} undecided" if self.undecided.any() else ""
         else:
-            verdict = untold(self.reduced)
+            verdict = why_undecided(self.reduced)
         return (
             f"Branch({points_of(len(self))} over {self.parameter} {self.value.min():.6g} to "
             f"{self.value.max():.6g}{unit}, {verdict}, "

@@ -20,12 +20,12 @@ from ..motion.unreduced.period import UnreducedPeriod
 from .accuracy import Accuracy
 from .bifurcations import Bifurcation, by_steps, locate, unlocated
 from .branch import Branch
-from .events import beside, insert, refine, turns_twice
+from .events import insert, neighbours, refine, turns_twice
 from .extrapolation import uncertainty_at
 from .follow import CLOSED, Follower, Line, Settings, follow, points_of
 from .line_file import LineFile
 from .multipliers import Multipliers, multipliers_of
-from .orbit import FLOOR, LOWEST, NEAR, largest_error, told_errors
+from .orbit import FLOOR, LOWEST, NEAR, harmonic_error_estimates, largest_error
 from .problem import Point, Range
 from .problems.driven_orbits import Orbits, ParameterRange
 from .problems.several_periods import distances, minimal_periods
@@ -39,7 +39,7 @@ EVEN, ABOUT = 201, 41
 # A stretch with a period doubling and a fold in it is halved so often at most.
 HALVINGS = 8
 # Step along a branch, relative to the state, by which its distance from shorter motions is differentiated.
-AHEAD = 1e-4
+DIFFERENCE = 1e-4
 # The multipliers' uncertainty is measured at every so many points, and where the largest modulus is off 1 by
 # no more than so many times that of its neighbours.
 SPARSE, FAR = 32, 5.0
@@ -199,9 +199,9 @@ def led_away(line: Line, within: Range) -> Range:
     if not before or minimal_periods(fixed) < orbits.period.excitation.periods:
         return within
     tangent = Follower(Line([first]), within, Settings()).tangent()
-    ahead = first.u + AHEAD * orbits.units(first.u)[0] * tangent
-    driven = orbits.driven(float(ahead[-1]))
-    after = distances(driven, driven.run(ahead[:-1]))
+    next_point = first.u + DIFFERENCE * orbits.units(first.u)[0] * tangent
+    driven = orbits.driven(float(next_point[-1]))
+    after = distances(driven, driven.run(next_point[:-1]))
     nearest = min(before, key=lambda fewer: before[fewer])
     if after[nearest] >= before[nearest]:
         return within
@@ -232,7 +232,7 @@ def _branch(line: Line, rows: PointRows, problem: Orbits | UnreducedOrbits, fini
         problem.period.points,
         problem.map,
         parameter.frequency,
-        rows.told,
+        rows.errors_found,
         "" if located or not asked else unlocated(line, found, rows.missing),
     )
 
@@ -251,8 +251,8 @@ class PointRows:
     ----------
     work : float
         The most that contact does at any point, see `contact_work`.
-    told : (5,) array
-        The largest errors of harmonics, nan before they are known, see `told_errors`.
+    errors_found : (5,) array
+        The largest errors of harmonics, nan before they are known, see `harmonic_error_estimates`.
     missing : str
         What they mean where they are above the accuracy that was asked for.
     """
@@ -262,7 +262,7 @@ class PointRows:
         self.rows: list[tuple] = []
         self.found: list[Multipliers | None] = []
         self.meetings: list[np.ndarray] = []
-        self.told, self.missing = np.full(LOWEST, np.nan), ""
+        self.errors_found, self.missing = np.full(LOWEST, np.nan), ""
 
     def judge(self, line: Line, accuracy: Accuracy | None) -> None:
         """Errors of the harmonics at the ends and at the point of the largest amplitude.
@@ -281,8 +281,8 @@ class PointRows:
             return
         peak = int(np.argmax([np.linalg.norm(row[1]) for row in self.rows]))
         points = [line.points[k] for k in sorted({0, peak, len(line.points) - 1})]
-        found = [told_errors(point.state) for point in points]
-        self.told = np.max([errors.sum(axis=0) for errors in found], axis=0)
+        found = [harmonic_error_estimates(point.state) for point in points]
+        self.errors_found = np.max([errors.sum(axis=0) for errors in found], axis=0)
         if accuracy is not None:
             worst = int(np.argmax([largest_error(errors.sum(axis=0)) for errors in found]))
             accuracy.require(points[worst].state, found[worst], points[worst].value)
@@ -363,7 +363,7 @@ def _unseen(line: Line, k: int, found: list[Multipliers | None]) -> float | None
         return 0.5
     if turns_twice(line, k, passing > 0, by_steps(line.points[k])):
         return 0.5
-    outer = beside(line, k)
+    outer = neighbours(line, k)
     if passing or len(outer) < 2:
         return None
     before, behind = found[k - 1], found[k + 2]
@@ -397,8 +397,8 @@ def _uncertainty(line: Line, found: list[Multipliers], bifurcations: tuple[Bifur
         if not np.isnan(result[k]) or off[k] > NEAR:
             continue
         result[k] = uncertainty_at(line, k, largest)
-        beside = {max(k - 1, 0), min(k + 1, len(found) - 1)}
-        asked |= {n for n in beside if result[k] > FLOOR and off[n] < FAR * result[k]}
+        neighbours = {max(k - 1, 0), min(k + 1, len(found) - 1)}
+        asked |= {n for n in neighbours if result[k] > FLOOR and off[n] < FAR * result[k]}
     return result
 
 
@@ -440,5 +440,5 @@ def linear_branch(period: Period, start: float, stop: float, accuracy: Accuracy 
         period.excitation.periods,
         period.points,
         period,
-        mode_error=rows.told,
+        mode_error=rows.errors_found,
     )

@@ -65,7 +65,7 @@ class Way:
         there = self.metric.way(self.one, point)
         return self.metric.dot(there, self.normal) / self.metric.dot(self.step, self.normal)
 
-    def beside(self) -> Places:
+    def neighbours(self) -> Places:
         """The points before and behind the two by their fractions of the way between these."""
         result = {}
         for n in (self.k - 1, self.k + 2):
@@ -104,7 +104,7 @@ def between(line: Line, k: int, fraction: float, known: Places | None = None) ->
     points by their fractions.
     """
     way = Way(line, k)
-    ends = {0.0: way.one, 1.0: way.other, **way.beside()}
+    ends = {0.0: way.one, 1.0: way.other, **way.neighbours()}
     places, weights = _weights(ends, fraction)
     near = way.other.linear.mixed([ends[place].linear for place in places], list(weights))
     found = {**ends, **(known or {})}
@@ -126,9 +126,9 @@ def place_of(line: Line, k: int, point: Point) -> float:
     return Way(line, k).place_of(point)
 
 
-def beside(line: Line, k: int) -> Places:
+def neighbours(line: Line, k: int) -> Places:
     """The points before and behind points k and k + 1 by their fractions of the way between these."""
-    return Way(line, k).beside()
+    return Way(line, k).neighbours()
 
 
 def _weights(known: Places, fraction: float) -> tuple[list[float], np.ndarray]:
@@ -168,7 +168,7 @@ def find_zero(
     alike = line.points[k + 1].problem.alike
     known: Places = dict(zip((0.0, 1.0), line.points[k : k + 2]))
     values = dict(zip((0.0, 1.0), ends))
-    around = beside(line, k) if smooth is not None else {}
+    around = neighbours(line, k) if smooth is not None else {}
     bracket, place, widths, poor = (0.0, 1.0), 0.0, [1.0], False
     while len(widths) <= MOST:
         near = min(abs(values[end]) for end in bracket) <= small
@@ -458,6 +458,6 @@ def coarse_chords(value: np.ndarray, height: np.ndarray) -> np.ndarray:
     coarse = (off > CHORD * height * flatness) & (length > SHORT)
     inner = heights[1:-1]
     peaks = 1 + np.flatnonzero((inner >= heights[:-2]) & (inner >= heights[2:]) & (turn > BEND))
-    beside = np.unique(np.concatenate([peaks - 1, peaks]))
-    coarse[beside[length[beside] > PEAK]] = True
+    neighbours = np.unique(np.concatenate([peaks - 1, peaks]))
+    coarse[neighbours[length[neighbours] > PEAK]] = True
     return np.flatnonzero(coarse)

@@ -51,8 +51,8 @@ def uncertainty_at(line: Line, k: int, largest: np.ndarray) -> float:
         abs(finer.value - point.value),
     )
     if moved:
-        beside = [n for n in (k - 1, k + 1) if 0 <= n < len(points) and points[n].value != point.value]
-        rates = [abs((largest[n] - largest[k]) / (points[n].value - point.value)) for n in beside]
+        neighbours = [n for n in (k - 1, k + 1) if 0 <= n < len(points) and points[n].value != point.value]
+        rates = [abs((largest[n] - largest[k]) / (points[n].value - point.value)) for n in neighbours]
         change += moved * max(rates, default=math.inf)
     return uncertainty_of(change)
 

@@ -44,7 +44,7 @@ SAME = 1e-6
 # Of the range: the value of a branch that goes no further does not change.
 STILL = 1e-9
 # Points before a line may close, and how far it may pass beside its first point, of its step.
-FEWEST, BESIDE = 6, 0.2
+FEWEST, MISS = 6, 0.2
 # The reason of one that has closed.
 CLOSED = "it is closed"
 # Length of the first step beyond a leap.
@@ -228,7 +228,7 @@ class Follower:
         return (
             0.0 < share <= 1.0
             and metric.dot(step, metric.way(points[0], points[1])) > 0.0
-            and metric.length(there - share * step) < BESIDE * length
+            and metric.length(there - share * step) < MISS * length
         )
 
     # ------------------------------------------------------------------ one step
@@ -288,15 +288,15 @@ class Follower:
 
     def _found(self, tangent: np.ndarray) -> Point | None:
         """The next point by steps, or beyond what stops or turns the branch by a leap."""
-        problem, ahead, last, point = self.problem, self.within.direction, self.points[-1], None
-        furthest = max(ahead * point.value for point in self.points)
+        problem, predicted, last, point = self.problem, self.within.direction, self.points[-1], None
+        furthest = max(predicted * point.value for point in self.points)
         # behind the furthest value the branch is in a tongue that could not be passed over
-        if problem.narrow and ahead * last.value >= furthest:
+        if problem.narrow and predicted * last.value >= furthest:
             point = self._searched(problem, tangent, problem.narrow)
-            turned = point is not None and ahead * (point.value - last.value) < 0.0
+            turned = point is not None and predicted * (point.value - last.value) < 0.0
             if (point is None or turned) and self.tried != len(self.points):
                 self.tried = len(self.points)
-                beyond = problem.leap(self.points, ahead)
+                beyond = problem.leap(self.points, predicted)
                 if beyond is not None:
                     self.line.sign, self.line.length, beyond.leapt = None, LANDED, True
                     return beyond
@@ -409,8 +409,8 @@ class Follower:
         most = TOO_MANY if length > CORNER else math.inf
         held = landed or abs(pace) > HELD * metric.pace(last.u)
         condition = metric.level(last.u, target) if held else metric.plane(tangent, flat)
-        ahead = self._ahead(problem, length)
-        point = correct(problem, begin, condition, ahead, most)
+        predicted = self._predicted(problem, length)
+        point = correct(problem, begin, condition, predicted, most)
         if held:
             point.value = target
         elif (goal := self._allowed(point.value)) != point.value:
@@ -419,7 +419,7 @@ class Follower:
                 return None
             share = (goal - last.value) / (point.value - last.value)
             start = problem.placed(last.u + share * (point.u - last.u), goal)
-            point = correct(problem, start, metric.level(last.u, goal), ahead, most)
+            point = correct(problem, start, metric.level(last.u, goal), predicted, most)
             point.value = goal
         return point
 
@@ -441,7 +441,7 @@ class Follower:
             return np.zeros(len(tangent))
         return (length / reach) ** 2 * (back + reach * tangent)
 
-    def _ahead(self, problem: Problem, length: float) -> Linear | None:
+    def _predicted(self, problem: Problem, length: float) -> Linear | None:
         """Linearised equations that are expected after a step, by those of the last two points; None where
         these are of another problem, as those outside of a subspace lead out of it.
         """

@@ -46,7 +46,7 @@ class LineFile(RunFile):
     def __init__(self, comm: MPI.Comm, path: Any, kept: str = "result", *, resume: bool = False):
         super().__init__(comm, path, kept, resume=resume)
         self._head, self._lines = dict[str, Any](), list[Frame]()
-        self._told: list[tuple[list[Point], tuple]] = []
+        self._recorded: list[tuple[list[Point], tuple]] = []
         self._begun, self._written = False, -np.inf
         self._model: ReducedModel | None = None  # that of the head, on rank 0
         self._layouts: dict[str, np.ndarray] = {}  # those that are to stand in the next frame; on rank 0
@@ -117,8 +117,8 @@ class LineFile(RunFile):
             former = self._former
             found = on_root(self.comm, lambda: steps if former is None else former.head["steps"])
             steps = self.comm.bcast(found)
-        told = {**conditions, "steps": steps, **conditions_of(period.excitation)}
-        reduced, start = self.begin(period.reduced, {**told, "contact": period.pairs > 0}, start)
+        recorded = {**conditions, "steps": steps, **conditions_of(period.excitation)}
+        reduced, start = self.begin(period.reduced, {**recorded, "contact": period.pairs > 0}, start)
         return Period(reduced, period.excitation, steps, period.pairs > 0), start
 
     def anew(self, period: Period) -> Period:
@@ -127,7 +127,7 @@ class LineFile(RunFile):
         if self.comm.rank == 0:
             self._head |= {"steps": period.steps, "model": image(period.reduced)}
         self._begun, self._written = False, -np.inf
-        self._lines, self._told, self._layouts = [], [], {}
+        self._lines, self._recorded, self._layouts = [], [], {}
         if self._journal is not None:
             self._journal.former = None
         return period
@@ -181,7 +181,7 @@ class LineFile(RunFile):
             )
             for line in self._lines
         ]
-        self._told = [(list(line.points), _facts(line)) for line in found]
+        self._recorded = [(list(line.points), _facts(line)) for line in found]
         return found
 
     def update(self, result: Callable[[], Record], lines: Sequence[Line], last: bool = False) -> None:
@@ -208,11 +208,11 @@ class LineFile(RunFile):
 
     def _new(self, number: int, line: Line) -> Frame | None:
         """A frame of what is new of a line; None if nothing is. Collective."""
-        told, facts = self._told[number] if number < len(self._told) else ([], None)
-        same = [one is other for one, other in zip(told, line.points)]
+        recorded, facts = self._recorded[number] if number < len(self._recorded) else ([], None)
+        same = [one is other for one, other in zip(recorded, line.points)]
         first = same.index(False) if False in same else len(same)
         new = line.points[first:]
-        if not new and len(told) == len(line.points) and facts == _facts(line):
+        if not new and len(recorded) == len(line.points) and facts == _facts(line):
             return None
         frame: Frame = {"line": number, "first": first, "value": np.array([point.value for point in new])}
         frame |= dict(zip(("length", "sign", "reason", "complete"), _facts(line)))
@@ -221,7 +221,7 @@ class LineFile(RunFile):
         for name, parts in zip(_PARTS, (unknowns, memories)):
             frame[name] = np.concatenate([*parts, np.zeros(0)])
             frame[f"{name} sizes"] = np.array([len(part) for part in parts], dtype=int)
-        self._told[number : number + 1] = [(list(line.points), _facts(line))]
+        self._recorded[number : number + 1] = [(list(line.points), _facts(line))]
         return frame
 
 

@@ -141,7 +141,7 @@ class KrylovBorder:
         return float(self.comm.allreduce(local))
 
     @functools.cached_property
-    def _beside(self) -> tuple[np.ndarray, float]:
+    def _bordering(self) -> tuple[np.ndarray, float]:
         """What stands for the last unknown in the inverse nearby, and the border's value of it."""
         column = self.linear.nearby(self.linear.column)
         return column, self.last - self._total(float(self.row @ column))
@@ -165,7 +165,7 @@ class KrylovBorder:
         """The inverse nearby."""
         if self.alone:
             return self.linear.nearby(right)
-        x, (column, beside) = self.linear.nearby(right[:-1]), self._beside
+        x, (column, beside) = self.linear.nearby(right[:-1]), self._bordering
         last = (right[-1] - self._total(float(self.row @ x))) / beside
         return np.append(x - last * column, last)
 

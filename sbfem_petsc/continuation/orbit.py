@@ -44,7 +44,7 @@ SECOND = 4.0 / 3.0
 PARTS = 1.0, 0.2, 0.01
 # Of the motions that these have what Newton's next step would add, of how far they are; iterations with
 # derivatives of their own, and the residual relative to the first one.
-TOLD, NEWTON, BESIDE = 0.1, 16, 1e-3
+ACCURATE_ENOUGH, NEWTON, RELATIVE = 0.1, 16, 1e-3
 # Harmonics that are kept in files and tables beside the motion itself.
 HARMONICS = 41
 
@@ -98,8 +98,8 @@ class Orbit(Motion):
 
     mode_error: np.ndarray = quantity(
         "1",
-        "error of harmonics 0 to 4 of the named points by left-out modes and the steps, as `told_errors` has "
-        "it; inf where it is not found, nan where it is not told",
+        "error of harmonics 0 to 4 of the named points by left-out modes and the steps, as "
+        "`harmonic_error_estimates` has it; inf where it is not found, nan where it is not told",
         "low_harmonic",
         finite=False,
         default_factory=lambda: np.full(LOWEST, np.nan),
@@ -199,7 +199,7 @@ class Orbit(Motion):
         return 0.5 * float(np.ptp(component(self.states.displacement(point), direction)))
 
     def __repr__(self) -> str:
-        verdict = untold(self.reduced)
+        verdict = why_undecided(self.reduced)
         if len(self.multipliers):
             verdict = {True: "stable", False: "unstable", None: "stability undecided"}[self.stable]
             verdict += f" (largest multiplier {np.abs(self.multipliers[0]):.7f})"
@@ -219,7 +219,7 @@ class Orbit(Motion):
         )
 
 
-def untold(reduced: ReducedModel | None) -> str:
+def why_undecided(reduced: ReducedModel | None) -> str:
     """Why motions of a model tell no multipliers, in words."""
     if reduced is None:
         return "stability not computed"
@@ -312,7 +312,7 @@ def uncertainty_of(change: float) -> float:
     return max(FLOOR, SAFETY * abs(change))
 
 
-def told_errors(fixed: FixedPoint) -> np.ndarray:
+def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
     """(2, 5): errors by left-out modes and by the steps of harmonics 0 to 4 of the displacements of all named
     points, relative to each of them or to 1e-3 of the largest that oscillates.
 
@@ -348,7 +348,7 @@ def _nearby(fixed: FixedPoint, driven: DrivenPeriod) -> FixedPoint | None:
     if driven.period.unknowns > WHOLE:
         return None
     try:
-        return shoot_nearby(driven, fixed.state, fixed.monodromy, TOLD)
+        return shoot_nearby(driven, fixed.state, fixed.monodromy, ACCURATE_ENOUGH)
     except SolveError:
         return None
 
@@ -356,7 +356,7 @@ def _nearby(fixed: FixedPoint, driven: DrivenPeriod) -> FixedPoint | None:
 def _by_newton(fixed: FixedPoint, driven: DrivenPeriod) -> FixedPoint | None:
     """The same with derivatives of that map."""
     shooting = Shooting(driven, "updated" if driven.period.unknowns <= WHOLE else "matrix-free", NEWTON)
-    shooting.hurries, shooting.relative = True, BESIDE
+    shooting.hurries, shooting.relative = True, RELATIVE
     try:
         return shooting.solve(fixed.state)
     except SolveError:

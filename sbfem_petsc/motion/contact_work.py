@@ -22,7 +22,7 @@ from .period_map import DrivenPeriod
 from .period_motion import PeriodMotion
 
 # More than this, and default steps are halved; and the user is told of it where they are not.
-LARGEST, TOLD = 1e-3, 1e-2
+LARGEST, REPORTED = 1e-3, 1e-2
 # Steps that are halved become this many at most.
 MOST = 32
 
@@ -68,7 +68,7 @@ def times_more(work: float, steps: int, most: int) -> int:
 
 def warn_of_contact_work(owner: str, work: float, steps: int) -> None:
     """Warn the owner's caller of a motion or a branch in whose steps contact does much work."""
-    if work > TOLD:
+    if work > REPORTED:
         warnings.warn(
             f"{owner}: contact, which does no work between smooth faces, does {work:.1g} of what the loads "
             f"exchange with the body in {steps} steps a period; displacements may be as much off: give more "

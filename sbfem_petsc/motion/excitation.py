@@ -104,8 +104,8 @@ class Excitation(Record):
 
         result = replace(self, amplitudes=above(self.amplitudes.real) + 1j * above(self.amplitudes.imag))
         # a line that is none may be one beside the jumps
-        beside = np.abs(self.smooth) > noise
-        return result._lines(((result.amplitudes != 0.0) | beside).any(axis=1))
+        further_values = np.abs(self.smooth) > noise
+        return result._lines(((result.amplitudes != 0.0) | further_values).any(axis=1))
 
     def repeated(self, times: int) -> Excitation:
         """The same loads with `times` their common period."""
@@ -161,9 +161,9 @@ class Excitation(Record):
 
     def loads(self, count: int) -> np.ndarray:
         """(count + 1, loads) values at equal steps from 0 to T, both ends; where they jump, the mean."""
-        return self.over_time(self.smooth, count) + self.beside(count)
+        return self.over_time(self.smooth, count) + self.further_values(count)
 
-    def beside(self, count: int) -> np.ndarray | float:
+    def further_values(self, count: int) -> np.ndarray | float:
         """What jumps and further lines have in the loads at equal steps from 0 to T, both ends."""
         values: np.ndarray | float = 0.0
         if self.jumps is not None:

@@ -22,7 +22,7 @@ from .energy import Energy
 from .states import ModalStates, Point, SampledStates
 
 # Supports whose forces are printed.
-TOLD = 4
+SHOWN = 4
 
 
 @described
@@ -195,7 +195,7 @@ class Motion(Record):
             return []
         peaks = zip(self.supports, np.abs(table).max(axis=0))
         told = [f"{name}: ({x:.6g}, {y:.6g})" for name, (x, y) in peaks]
-        return [f"peak reactions {', '.join(told[:TOLD])} N"]
+        return [f"peak reactions {', '.join(told[:SHOWN])} N"]
 
     def _furthest(self, least: float = 0.0) -> float:
         """Largest displacement of a named point, m; less than `least` where that is known to be so."""
@@ -247,7 +247,7 @@ class History(Motion):
         supplied = float(np.abs(self.energy.external).max(initial=0.0))
         return float(np.abs(self.energy.balance).max()) / supplied if supplied > 0.0 else 0.0
 
-    def _told(self, path: str) -> None:
+    def _warn_incomplete(self, path: str) -> None:
         """Warn of a run that has not ended."""
         if not self.complete:
             warnings.warn(

@@ -142,7 +142,7 @@ class Period:
                 self._loaded.clear()
             r = self.reduced
             scaled = self.excitation.scaled(factor)
-            loads = self.over_time(scaled.smooth) + scaled.beside(self.steps)
+            loads = self.over_time(scaled.smooth) + scaled.further_values(self.steps)
             gaps = loads @ r.gap.loads[: self.pairs].T + r.initial_gap[: self.pairs]
             self._loaded[factor] = loads, gaps
         return self._loaded[factor]

@@ -34,7 +34,7 @@ LABELS = {
 # Share of the area whose stresses the colours tell apart: those of crack tips have no bound.
 SHARE = 0.99
 # Inches beside a body.
-BESIDE = 1.7
+MARGIN = 1.7
 # Of the body's largest side: what the largest displacement is drawn as.
 DRAWN = 0.05
 
@@ -92,9 +92,9 @@ def plot_field(
             return (places + factor * moved + (factor - 1.0) * opened) * scale
 
         # beside labels and the colour bar, whose own label takes more than a slender body
-        tall = min((WIDTH - BESIDE) * height / width, 4.5)
+        tall = min((WIDTH - MARGIN) * height / width, 4.5)
         total = max(len(found) * (tall + 0.7), 1.6)
-        wide = min(WIDTH, tall * width / height + BESIDE)
+        wide = min(WIDTH, tall * width / height + MARGIN)
         panels = Sheet.of(ax).panels((len(found), 1), total, wide, sharex=True)
         for row, (axes, (name, region)) in enumerate(zip(panels, found.items())):
             furthest = float(np.linalg.norm(region.displacements, axis=1).max())

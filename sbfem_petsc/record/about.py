@@ -77,8 +77,8 @@ class About:
 
     def units(self, record: Any) -> Mapping[str, str]:
         """Units of a record's entries by their names, that of all by ""."""
-        told = self.unit if self.unit_of is None else self.unit_of(record)
-        return {"": told} if isinstance(told, str) else told
+        annotated = self.unit if self.unit_of is None else self.unit_of(record)
+        return {"": annotated} if isinstance(annotated, str) else annotated
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,9 +148,9 @@ class Quantity:
         """Of rows of a body, which have a direction each: without an axis of x and y and the word u_y."""
         if "xy" in self.dims and self.value.shape[k := self.dims.index("xy")] == 1:
             return self.only(k).of_points(rows)
-        return self.told(text=self.about.text.replace("u_y", "u")) if rows else self
+        return self.annotated(text=self.about.text.replace("u_y", "u")) if rows else self
 
-    def told(self, **about: Any) -> Quantity:
+    def annotated(self, **about: Any) -> Quantity:
         """The same, of which something else is said."""
         entry = dataclasses.replace(self.entry, about=dataclasses.replace(self.about, **about))
         return dataclasses.replace(self, entry=entry)

@@ -176,7 +176,7 @@ def read(path: Any, *, in_memory: bool = True) -> Any:
     for part in (
         found.values() if isinstance(found, dict) else found if isinstance(found, tuple) else (found,)
     ):
-        part._told(name)
+        part._warn_incomplete(name)
     return found
 
 
@@ -202,7 +202,7 @@ def _kept(path: str, in_memory: bool) -> Any:
         else:
             beside = {MODEL: from_image(kept.head["model"])} if "model" in kept.head else {}
             found = from_image(kept.state["result"], beside)
-    found._told(path)
+    found._warn_incomplete(path)
     return found
 
 

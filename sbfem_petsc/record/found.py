@@ -18,7 +18,7 @@ from .views import Views
 Axis = tuple[str, tuple[str, ...]]
 
 
-def told(
+def labelled(
     name: str,
     value: Any,
     unit: str = "1",
@@ -46,7 +46,7 @@ def of_points(
         return None
     first, *others = dims.split() or [""]
     found = np.stack([np.asarray(value(point)) for point in points], axis=1 if first else 0)
-    return told(name, found, unit, text, " ".join([first, "place", *others]), {"place": points})
+    return labelled(name, found, unit, text, " ".join([first, "place", *others]), {"place": points})
 
 
 class Found(Views):
@@ -70,7 +70,8 @@ class Found(Views):
         found = {q.name: q for q in quantities if q is not None}
         # axes before what lies along them
         self.found = dict(sorted(found.items(), key=lambda item: item[1].dims != (item[0],)))
-        self.inner, self.coordinates = dict(parts or {}), coordinates
+        self.inner = dict(parts or {})
+        self.coordinates = coordinates  # type: ignore[misc]  # each has its own
 
     @classmethod
     def of(
@@ -78,7 +79,7 @@ class Found(Views):
     ) -> Found:
         """What a record says of some of its points and more, but for details that are not named."""
         own = [
-            q.among("place", points).told(detail=q.name in details)
+            q.among("place", points).annotated(detail=q.name in details)
             for q in record._presented(lambda about: not about.distributed)
             if q.name in details or (q.about.stored and not q.about.detail)
         ]
@@ -87,7 +88,7 @@ class Found(Views):
             if not about.detail:
                 several = tuple(cls.of(one, points) for one in (part if isinstance(part, tuple) else (part,)))
                 parts[name] = several if isinstance(part, tuple) else several[0]
-        added = (q and q.of_points(record.of_rows).told(detail=q.name in details) for q in more)
+        added = (q and q.of_points(record.of_rows).annotated(detail=q.name in details) for q in more)
         return cls([*own, *added], parts, record.coordinates)
 
     def quantities(
@@ -178,8 +179,8 @@ def _quantity(name: str, data: h5py.Dataset, axes: list[Axis]) -> Quantity:
     unit, words = text(data.attrs["units"]), text(data.attrs["long_name"])
     value = None if "none" in marks else value_of(data)
     dims = " ".join(dim for dim, _ in axes)
-    found = told(name, value, unit, words, dims, {dim: names for dim, names in axes if names})
-    found = found.told(detail=True) if "detail" in marks else found
+    found = labelled(name, value, unit, words, dims, {dim: names for dim, names in axes if names})
+    found = found.annotated(detail=True) if "detail" in marks else found
     if "units_of_each" not in marks:
         return found
     each = map(text, data.attrs["units_of_each"])

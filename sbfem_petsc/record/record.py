@@ -116,7 +116,7 @@ class Record(Views):
         """On rank 0 the whole of what is distributed, by name; empty for what was read. Collective."""
         return {}
 
-    def _told(self, path: str) -> None:
+    def _warn_incomplete(self, path: str) -> None:
         """Warn of what a file does not hold."""
 
     # ------------------------------------------------------------------ what is read from the class

@@ -7,7 +7,7 @@ import importlib
 import math
 import os
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -33,7 +33,7 @@ class Views:
         Quantities that tell where along an axis the others are: they come first in its table.
     """
 
-    coordinates: Sequence[str] = ()
+    coordinates: ClassVar[Sequence[str]] = ()
     # of points that are rows of a body or of matrices, and their directions
     of_rows: Any = False
     point_directions: Any = {}

@@ -18,7 +18,7 @@ from ..record.record import Record, derived, described, quantity
 from .reduced_model import ReducedModel
 
 # Frequencies that are printed.
-TOLD = 6
+SHOWN = 6
 _ALONG = "displacement along the own direction of each point"
 _directions = functools.partial(
     quantity, text="directions of the points of a body", dims="place", kinds="U", default_factory=dict
@@ -56,10 +56,10 @@ class ReducedModal(Record):
         return self.body.nodal(self.shapes[:, integer("nodal", "mode", mode, least=0, most=most)])
 
     def __repr__(self) -> str:
-        shown = ", ".join(f"{f:.6g}" for f in self.frequencies[:TOLD])
+        shown = ", ".join(f"{f:.6g}" for f in self.frequencies[:SHOWN])
         return (
             f"ReducedModal({len(self.frequencies)} frequencies: "
-            f"{shown}{', ...' * (len(self.frequencies) > TOLD)} Hz)"
+            f"{shown}{', ...' * (len(self.frequencies) > SHOWN)} Hz)"
         )
 
 

@@ -95,7 +95,7 @@ def _sweep(case: Case, unknowns: int, costs: dict[str, Cost]) -> dict[str, Any]:
     }
 
 
-def told(case: Case, facts: dict[str, Any]) -> str:
+def as_text(case: Case, facts: dict[str, Any]) -> str:
     """Estimates as text."""
     listed = [*lines_of(facts), ("points", ", ".join(facts["points"]) or "none")]
     names = {"cracks": "cracks", "edge_sets": "edge sets", "regions": "regions"}

@@ -171,11 +171,11 @@ class _Run:
             self.watch.stage(f"{title}: pictures and files")
             folder, model = os.path.join(self.path, PICTURES), self.structure.model
             pictures.draw(case, name, result, model, folder, pictures=self.lack is None)
-        told = kind.told(result)
+        line = kind.summary_line(result)
         self.structure.release(result)
         if self.folder is not None:
             self.folder.record(name, "finished", seconds=seconds)
-        self.watch.say(f"{name}: {told} ({seconds:.1f} s)")
+        self.watch.say(f"{name}: {line} ({seconds:.1f} s)")
 
     def _require_disk(self, name: str) -> None:
         """Refuse an analysis whose results would not fit on the disk. Collective."""

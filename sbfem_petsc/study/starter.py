@@ -9,7 +9,7 @@ from meshing.whole_file import replaced
 
 KINDS = ("beam", "plate", "gmsh", "body", "modulation", "nonlinear", "sweep")
 # Files that a starter needs beside it.
-_BESIDE = {"gmsh": ("part.geo",), "body": ("bar.inp", "bar.sti", "bar.mas", "bar.dof")}
+_COMPANIONS = {"gmsh": ("part.geo",), "body": ("bar.inp", "bar.sti", "bar.mas", "bar.dof")}
 
 
 def write_starter(kind: str, path: str | os.PathLike[str], *, replace: bool = False) -> list[str]:
@@ -40,7 +40,7 @@ def write_starter(kind: str, path: str | os.PathLike[str], *, replace: bool = Fa
     path = os.fspath(path)
     folder = os.path.dirname(path)
     texts = {path: starter_text(f"{kind}.toml")}
-    texts |= {os.path.join(folder, name): starter_text(name) for name in _BESIDE.get(kind, ())}
+    texts |= {os.path.join(folder, name): starter_text(name) for name in _COMPANIONS.get(kind, ())}
     for name in texts:
         if os.path.lexists(name) and not replace:
             raise ValueError(f"{name!r} exists; name another file, or give --replace to overwrite it")

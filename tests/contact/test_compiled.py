@@ -8,10 +8,10 @@ import sys
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.contact.ahead import compile_kernels
 from sbfem_petsc.contact.compiled import KernelFiles
 from sbfem_petsc.contact.marching import Address
 from sbfem_petsc.contact.pivoting import contact_forces
+from sbfem_petsc.contact.precompile import compile_kernels
 from sbfem_petsc.system import model as model_module
 from tests.parallel import ROOT
 from tests.reference import paper_beam
@@ -167,7 +167,7 @@ def test_the_kind_of_an_address_is_not_looked_for_again(monkeypatch):
 def test_compiled_ahead(tmp_path):
     """What is compiled after an installation is all that analyses need."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path)}
-    subprocess.run([sys.executable, "-m", "sbfem_petsc.cli.ahead"], env=environment, check=True)
+    subprocess.run([sys.executable, "-m", "sbfem_petsc.cli.precompile"], env=environment, check=True)
     done = subprocess.run(
         [sys.executable, "-c", KERNELS + OTHERS], env=environment, capture_output=True, text=True
     )

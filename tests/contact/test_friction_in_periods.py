@@ -204,7 +204,7 @@ def test_curves_that_tell_no_stability():
         reduced = slider(modes=1, damping=0.02, contact_laws=sb.Coulomb(FRICTION, static * FRICTION))
         drive, ends = [1.0, sb.Constant(-2.0)], (FREQUENCY, 1.01 * FREQUENCY)
         curve = sb.frequency_response(reduced, drive, *ends, steps=128, points=3, stability=asked)
-        assert len(curve.value) > 1 and not curve.told and curve.undecided.all()
+        assert len(curve.value) > 1 and not curve.stability_known and curve.undecided.all()
         assert not curve.stable.any() and not curve.unstable.any() and said in repr(curve)
 
 
@@ -467,8 +467,8 @@ def test_a_slider_that_steps_do_not_resolve():
         sb.SolveError, match="1 of 1 rows that rub give way by as little as 7.12e-12"
     ) as caught:
         sb.periodic(body, load, frequency, steps=512, search=steady.NEWTON_ALONE)
-    told = float(str(caught.value).split("give them ")[1].split()[0])
-    softer = pressed(*beam(), 4, sb.Coulomb(1.0), tangent_compliance=[told], **options)
+    needed = float(str(caught.value).split("give them ")[1].split()[0])
+    softer = pressed(*beam(), 4, sb.Coulomb(1.0), tangent_compliance=[needed], **options)
     assert sb.periodic(softer, load, frequency, steps=512).friction_loss == pytest.approx(38.82, rel=2e-2)
 
 

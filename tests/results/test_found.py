@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from sbfem_petsc.record.found import Found, of_points, told
+from sbfem_petsc.record.found import Found, labelled, of_points
 
 # of u(t) = Re sum c_k exp(i k t)
 HARMONICS = np.array([0.5, 2.0 * np.exp(0.7j), 0.3 * np.exp(-2.1j)])
@@ -17,17 +17,17 @@ HARMONICS = np.array([0.5, 2.0 * np.exp(0.7j), 0.3 * np.exp(-2.1j)])
 def found():
     """Notes of a steady state that has none, harmonics of two points, a verdict that is not known."""
     harmonics = {"tip": HARMONICS, "mouth": 2.0 * HARMONICS}
-    peak = Found([told("frequency", 3.0, "Hz", "of the largest amplitude")])
+    peak = Found([labelled("frequency", 3.0, "Hz", "of the largest amplitude")])
     quantities = [
-        told("notes", np.zeros(0, str), dims="note"),
+        labelled("notes", np.zeros(0, str), dims="note"),
         of_points("harmonics", list(harmonics), harmonics.get, "m", "of u_y", "harmonic"),
         dataclasses.replace(
-            told("factor", np.ones((2, 2)), "SI", "K", "tip component", {"tip": ("one", "two")}),
+            labelled("factor", np.ones((2, 2)), "SI", "K", "tip component", {"tip": ("one", "two")}),
             units={"": "SI", "two": "Pa m^(1/2)"},
         ),
-        told("stable", None, text="whether it is"),
-        told("gap", np.arange(3.0), "m", "over time", "time").told(detail=True),
-        told("time", np.arange(3.0), "s", "instants", "time"),
+        labelled("stable", None, text="whether it is"),
+        labelled("gap", np.arange(3.0), "m", "over time", "time").annotated(detail=True),
+        labelled("time", np.arange(3.0), "s", "instants", "time"),
     ]
     return Found(quantities, {"peak": peak, "ways": (peak, peak)}, ["time"])
 

@@ -37,7 +37,7 @@ RESOLVED = 0.01
 # Of the states, harmonics that are rounding.
 ROUNDING = 1e-9
 # Difference of the parameter by which the map's rate with it is found.
-AHEAD = 1e-7
+DIFFERENCE = 1e-7
 
 
 def spectral_tail(states: np.ndarray) -> float:
@@ -152,7 +152,7 @@ class CurveState:
         What a result says of the curve beside its unknowns, as numbers for a file.
     """
 
-    told: np.ndarray | None = None
+    recorded: np.ndarray | None = None
 
     def __init__(self, problem: InvariantCurves, u: np.ndarray):
         self.problem, self.u, self.scale = problem, u, problem.unit
@@ -265,8 +265,8 @@ class CurveState:
 
     def _rate(self) -> np.ndarray:
         """(N, 2 m): derivative of the images along the value, by differences."""
-        ahead = AHEAD * abs(self.value)
-        return (self.problem.images(self.states, self.value + ahead)[0] - self.ends) / ahead
+        difference = DIFFERENCE * abs(self.value)
+        return (self.problem.images(self.states, self.value + difference)[0] - self.ends) / difference
 
 
 class CurveLinear:

@@ -16,7 +16,7 @@ from ..follow import CLOSED, Follower, Line, Settings, points_of, ran_out
 from ..line_file import LineFile
 from ..problem import Point, Range
 from .own_tone import beginning
-from .tones import QuasiPeriodic, attracts, own_motion, told_motion
+from .tones import QuasiPeriodic, attracts, own_motion, recorded_motion
 
 # How a branch is followed; the first step is so long, relative to the first curve's swing.
 PACE, FIRST = Settings(points=60, largest=0.2, smallest=1e-4, growth=1.5), 0.5
@@ -196,7 +196,7 @@ class _Branch:
     def __init__(self, line: Line, stop: float, stability: bool):
         self.line, self.stop, self.stability = line, stop, stability
         self.motions = [
-            own_motion(point, stability) if point.state.told is None else told_motion(point)
+            own_motion(point, stability) if point.state.recorded is None else recorded_motion(point)
             for point in line.points
         ]
         first = line.points[0].value

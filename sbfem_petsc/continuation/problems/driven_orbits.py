@@ -24,7 +24,7 @@ from .several_periods import minimal_periods, passes_shorter
 SPAN = 10.0
 # Difference of a parameter by which a motion's rate with it is found, relative to the parameter, and the
 # least factor that it is relative to.
-AHEAD, LEAST = 1e-7, 1e-3
+DIFFERENCE, LEAST = 1e-7, 1e-3
 # Of the linear motion at the ends of the range: where a branch starts from rest its state has no size of its
 # own.
 REST = 1e-3
@@ -203,7 +203,7 @@ class OrbitState(FixedPoint):
         """dx(T) along the parameter, (2 m,), as a difference of two periods: a third of the work of its exact
         derivative.
         """
-        step = AHEAD * max(abs(self.value), self.problem.smallest)
+        step = DIFFERENCE * max(abs(self.value), self.problem.smallest)
         return (self.problem.driven(self.value + step).run(self.state).residual - self.residual) / step
 
     def linear(self, smooth: bool = False) -> Dense:

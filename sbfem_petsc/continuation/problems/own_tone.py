@@ -215,7 +215,7 @@ class Curves(InvariantCurves):
     def memory(self, point: Point) -> np.ndarray:
         """See `Problem`: how the branch begins there, if it does, and what is told of the curve."""
         begins = np.zeros(0) if self.begins is None else self.begins
-        return np.concatenate([[len(begins)], begins, point.state.told])
+        return np.concatenate([[len(begins)], begins, point.state.recorded])
 
     def recalled(self, u: np.ndarray, value: float, memory: np.ndarray) -> Point:
         """See `Problem`."""
@@ -223,7 +223,7 @@ class Curves(InvariantCurves):
         finer = [item for item in self.finer_maps if item.samples > samples]
         problem = Curves(replace(self.tone, samples=samples), u, finer)
         point = beginning(Point(problem, u, problem.at(u), value), memory[1:known] if known > 1 else None)
-        point.state.told = memory[known:]
+        point.state.recorded = memory[known:]
         return point
 
 

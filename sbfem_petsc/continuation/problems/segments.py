@@ -19,7 +19,7 @@ from ..newton import correct
 from ..orbit import Orbit, uncertainty_of
 from ..periodic_schur import product_eigenvalues
 from ..problem import Metric, Point
-from .driven_orbits import AHEAD, Orbits, ParameterRange
+from .driven_orbits import DIFFERENCE, Orbits, ParameterRange
 
 
 class SegmentedOrbits(Orbits):
@@ -105,7 +105,7 @@ class Segments:
 
     def linear(self, smooth: bool = False) -> Cyclic:
         """See `problem.State`."""
-        step = AHEAD * max(abs(self.value), self.problem.smallest)
+        step = DIFFERENCE * max(abs(self.value), self.problem.smallest)
         column = (self._run(self.value + step)[0] - self._residual) / step
         return Cyclic(self.derivatives(smooth), column)
 

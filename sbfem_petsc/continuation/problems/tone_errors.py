@@ -15,10 +15,10 @@ from .tones import LINES, tone_lines
 from .torus import Torus
 
 
-def told_tone_errors(torus: Torus, point: Point, finer: Callable[[], Torus]) -> np.ndarray:
+def line_error_estimates(torus: Torus, point: Point, finer: Callable[[], Torus]) -> np.ndarray:
     """(2, 5): errors by left-out modes and by the steps of the lines m f1 + n f2 of all named points, the
     largest of each order |m| + |n| = 0 to 4, relative to the line or to 1e-3 of the largest that oscillates;
-    as `told_errors` has those of one tone. Collective.
+    as `harmonic_error_estimates` has those of one tone. Collective.
 
     Parameters
     ----------
@@ -37,12 +37,12 @@ def told_tone_errors(torus: Torus, point: Point, finer: Callable[[], Torus]) -> 
     if not point.state.peak:
         return np.stack([_by_order(beyond, own), np.zeros(LOWEST)])
     for part in PARTS:  # of hard blows the whole may be too far
-        inert = _beside(torus.with_gaps(part * gaps), states)
+        inert = _nearby(torus.with_gaps(part * gaps), states)
         if inert is not None:
             errors[0] = _by_order((inert - own) / part + beyond, own)
             break
     double = finer()
-    other = _beside(double, states - torus.linear + double.linear)
+    other = _nearby(double, states - torus.linear + double.linear)
     if other is not None:
         errors[1] = SECOND * _by_order(other - own, own)
     return errors
@@ -85,7 +85,7 @@ def _left_out(torus: Torus, point: Point) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([gaps, gaps[:, :1]], axis=1) * turned, lines
 
 
-def _beside(torus: Torus, states: np.ndarray) -> np.ndarray | None:
+def _nearby(torus: Torus, states: np.ndarray) -> np.ndarray | None:
     """Lines of an invariant curve beside another one; None if there is none. Collective."""
     try:
         return _lines(torus, torus.solve(states))

@@ -338,8 +338,8 @@ def own_motion(point: Point, stability: bool) -> QuasiPeriodic:
     rubbed = state.rubbed(1.0 / driven.duration).values()
     numbers = [state.peak, float(refuted), *rubbed], np.zeros(len(growth)) if refuted else growth
     parts = (point.residuals, *numbers, np.ascontiguousarray(lines).view(float).ravel())
-    state.told = np.concatenate([[len(part) for part in parts], *parts])
-    return told_motion(point)
+    state.recorded = np.concatenate([[len(part) for part in parts], *parts])
+    return recorded_motion(point)
 
 
 def attracts(motion: QuasiPeriodic) -> bool:
@@ -347,12 +347,12 @@ def attracts(motion: QuasiPeriodic) -> bool:
     return bool(len(motion.exponents) and motion.exponents[0] * TURNS < -motion.frequencies[0])
 
 
-def told_motion(point: Point) -> QuasiPeriodic:
-    """The same of what is told of it already (`CurveState.told`)."""
+def recorded_motion(point: Point) -> QuasiPeriodic:
+    """The same of what is told of it already (`CurveState.recorded`)."""
     state, own = point.state, point.problem.tone
     driven = own.driven(state.value)
-    sizes, first = state.told[:4].astype(int), 1.0 / driven.duration
-    residuals, (peak, refuted, *rubbed), growth, lines = np.split(state.told[4:], np.cumsum(sizes)[:-1])
+    sizes, first = state.recorded[:4].astype(int), 1.0 / driven.duration
+    residuals, (peak, refuted, *rubbed), growth, lines = np.split(state.recorded[4:], np.cumsum(sizes)[:-1])
     seen = own.period.reduced.points.modes.shape[:2]
     return QuasiPeriodic(
         (first, state.rotation * first),

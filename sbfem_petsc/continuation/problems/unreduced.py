@@ -25,7 +25,7 @@ RELATIVE, LINEAR, ITERATIONS = 1e-8, 1e-4, 20
 NEAR, ROUNDED = 1e-3, 10.0
 EPSILON = float(np.finfo(float).eps)
 # Difference of a parameter, relative, by which a motion's rate with it is found.
-AHEAD = 1e-5
+DIFFERENCE = 1e-5
 # Periods integrated before another search, where Newton's method fails from the linear steady state: bodies
 # that overlap in it are thrown apart, and no iterate shows how the motion settles.
 SETTLING = (10, 40)
@@ -170,7 +170,7 @@ class UnreducedLinear(Krylov):
     def rate(self) -> np.ndarray:
         """See `Krylov`."""
         state = self.state
-        step = AHEAD * max(abs(state.value), LEAST)
+        step = DIFFERENCE * max(abs(state.value), LEAST)
         ahead = state.problem.driven(state.value + step).run(state.state)
         return (ahead.end - state.state - state.residual) / step
 
@@ -219,7 +219,7 @@ class UnreducedSteady:
         snes.setTolerances(
             rtol=RELATIVE, atol=finite(EPSILON * max(norm, 1e-300)), stol=0.0, max_it=ITERATIONS
         )
-        snes.setMonitor(self._told)
+        snes.setMonitor(self._monitor)
         try:
             with solving(owner), scripted(matrix, pc):
                 configure(snes)
@@ -248,7 +248,7 @@ class UnreducedSteady:
         finally:
             free(comm, snes, ksp, pc, x, f, matrix)
 
-    def _told(self, snes: PETSc.SNES, iteration: int, residual: float) -> None:
+    def _monitor(self, snes: PETSc.SNES, iteration: int, residual: float) -> None:
         """The share is that of the digits the residual is to lose."""
         self.residuals.append(float(residual))
         if self._report is not None:

@@ -12,7 +12,7 @@ import sbfem_petsc as sb
 
 from ...analysis.options import BasinsOptions
 from ...options import item
-from ...record.found import Found, of_points, told
+from ...record.found import Found, labelled, of_points
 from ..case.parameters import grid
 from ..case.sweep import Times
 from ..case.tables import Name, Path, Problem, Table
@@ -92,15 +92,15 @@ class Basins(BasinsOptions, Loaded):
         found.inner["orbits"] = tuple(
             Found(
                 [
-                    told("periods", int(orbit.periods), text="forcing periods in its period"),
-                    told("largest_multiplier", complex(orbit.multipliers[0]), text="of largest modulus"),
-                    told(
+                    labelled("periods", int(orbit.periods), text="forcing periods in its period"),
+                    labelled("largest_multiplier", complex(orbit.multipliers[0]), text="of largest modulus"),
+                    labelled(
                         "contact_peak",
                         float(orbit.contact_resultant.max(initial=0.0)),
                         "N",
                         "largest resultant",
                     ),
-                    told(
+                    labelled(
                         "integrity",
                         result.integrity(k),
                         "J",

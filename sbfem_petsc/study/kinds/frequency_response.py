@@ -11,7 +11,7 @@ import sbfem_petsc as sb
 
 from ...analysis.options import FrequencyResponseOptions
 from ...options import item
-from ...record.found import Found, told
+from ...record.found import Found, labelled
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
 from .kind import Drawn, Kind, Loaded, Run, Values, Wanted
 
@@ -61,7 +61,7 @@ class Curve(Kind):
         if result.parameter == "frequency":
             peaks = {point: result.peak(point) for point in points}
             own = {
-                point: Found([told(name, getattr(peak, name), *about) for name, about in _PEAK.items()])
+                point: Found([labelled(name, getattr(peak, name), *about) for name, about in _PEAK.items()])
                 for point, peak in peaks.items()
             }
             found.inner["peak"] = Found([], own)
@@ -71,7 +71,7 @@ class Curve(Kind):
         values: Values = {
             **super().row(result, wanted),
             "curve_points": (float(len(result)), "1"),
-            "unstable_points": (float(result.unstable.sum()) if result.told else math.nan, "1"),
+            "unstable_points": (float(result.unstable.sum()) if result.stability_known else math.nan, "1"),
             "bifurcations": (float(len(result.bifurcations)), "1"),
         }
         for point in wanted.points:

@@ -263,7 +263,7 @@ class Kind(Table):
         if self.saved:
             sb.save(part(self.saved), result)
 
-    def told(self, result: Any) -> str:
+    def summary_line(self, result: Any) -> str:
         """A line about a result."""
         return repr(result)
 

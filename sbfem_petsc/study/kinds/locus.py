@@ -10,7 +10,7 @@ import sbfem_petsc as sb
 
 from ...analysis.options import FrequencyRange, LineOptions
 from ...options import item
-from ...record.found import Found, told
+from ...record.found import Found, labelled
 from ..case.tables import Problem
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
 from .kind import Drawn, Loaded, Run, Values, Wanted
@@ -62,7 +62,7 @@ class Locus(LineOptions, FrequencyRange, Loaded):
             f"{f' at {self.factor:g} times the load' if self.factor != 1.0 else ''}"
         )
 
-    def told(self, result: Any) -> str:
+    def summary_line(self, result: Any) -> str:
         return repr(result) if result else self._none()
 
     def save(self, result: Any, part: Callable[[str], str]) -> None:
@@ -70,8 +70,8 @@ class Locus(LineOptions, FrequencyRange, Loaded):
             super().save(result, part)
 
     def found(self, result: Any, points: Sequence[str]) -> Found:
-        count = told("count", len(result), text="number of lines")
-        reason = None if result else told("reason", self._none(), text="why there is none")
+        count = labelled("count", len(result), text="number of lines")
+        reason = None if result else labelled("reason", self._none(), text="why there is none")
         return Found([count, reason], {"loci": tuple(Found.of(line, points) for line in result)})
 
     def row(self, result: Any, wanted: Wanted) -> Values:

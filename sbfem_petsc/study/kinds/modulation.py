@@ -15,7 +15,7 @@ import sbfem_petsc as sb
 from ...indicators.lines import Sidebands, sidebands
 from ...options import item
 from ...record.about import Quantity
-from ...record.found import Found, told
+from ...record.found import Found, labelled
 from ..case.objects import located, signals_of
 from ..case.tables import Name, Names, Path
 from ..costs import Cost, Size
@@ -102,19 +102,21 @@ class Modulation(Steady, TwoTones):
 
     def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
         yield from super().more(result, points)
-        yield told("common_period", self._period(), "s", "common period of both tones")
+        yield labelled("common_period", self._period(), "s", "common period of both tones")
 
     def found(self, result: Any, points: Sequence[str]) -> Found:
         found, bands = super().found(result, points), self._sidebands(result)
         found.inner["sidebands"] = Found(
             [
-                told("carrier", bands.carrier, "Hz", "high tone"),
-                told("modulation", bands.modulation, "Hz", "low tone"),
-                told("centre", complex(bands.centre), "m", "complex amplitude at the high tone"),
-                told("lower", bands.lower, "m", "complex amplitudes at high - n low", "pair"),
-                told("upper", bands.upper, "m", "complex amplitudes at high + n low", "pair"),
-                told("indices", bands.indices, "1", "(|lower| + |upper|) / |centre| of each pair", "pair"),
-                told("modulation_index", bands.modulation_index, "1", "that of the first pair"),
+                labelled("carrier", bands.carrier, "Hz", "high tone"),
+                labelled("modulation", bands.modulation, "Hz", "low tone"),
+                labelled("centre", complex(bands.centre), "m", "complex amplitude at the high tone"),
+                labelled("lower", bands.lower, "m", "complex amplitudes at high - n low", "pair"),
+                labelled("upper", bands.upper, "m", "complex amplitudes at high + n low", "pair"),
+                labelled(
+                    "indices", bands.indices, "1", "(|lower| + |upper|) / |centre| of each pair", "pair"
+                ),
+                labelled("modulation_index", bands.modulation_index, "1", "that of the first pair"),
             ]
         )
         return found

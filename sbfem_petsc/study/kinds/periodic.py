@@ -14,7 +14,7 @@ from ...analysis.options import PeriodicOptions
 from ...indicators.lines import harmonic_ratios
 from ...options import item
 from ...record.about import Quantity
-from ...record.found import Found, of_points, told
+from ...record.found import Found, labelled, of_points
 from ..case import objects
 from ..case.objects import located
 from ..case.tables import Path
@@ -48,9 +48,9 @@ class Steady(Kind):
         if not result.point_directions:
             yield harmonics("harmonics_x", "x")
         text = "stability, None if it was not asked for or is not known"
-        yield told("stable", result.stable, text=text)
-        yield told("iterations", int(result.iterations), text="Newton iterations")
-        yield told("friction_loss", result.friction_loss, "J", "lost to friction over the period")
+        yield labelled("stable", result.stable, text=text)
+        yield labelled("iterations", int(result.iterations), text="Newton iterations")
+        yield labelled("friction_loss", result.friction_loss, "J", "lost to friction over the period")
         if result.periods > 1:
             text = "complex amplitudes of u_y at j f / periods"
             yield of_points("subharmonics", points, result.subharmonics, "m", text, "subharmonic")

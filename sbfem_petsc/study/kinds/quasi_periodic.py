@@ -12,7 +12,7 @@ import sbfem_petsc as sb
 from ...analysis.options import QuasiPeriodicOptions
 from ...options import item
 from ...record.about import Quantity
-from ...record.found import Found, of_points, told
+from ...record.found import Found, labelled, of_points
 from ..case.objects import located, signals_of
 from ..case.tables import Names, Path
 from ..costs import STEPS, Cost, Size
@@ -63,11 +63,11 @@ class QuasiPeriodic(QuasiPeriodicOptions, TwoTones):
 
     def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
         named = lines_of(result.frequencies, self.order)
-        yield told("probe_frequency", float(result.frequencies[0]), "Hz", "first tone")
-        yield told("pump_frequency", float(result.frequencies[1]), "Hz", "second tone")
-        yield told("line", named, "1", "m, n of each line", "kept_line number")
+        yield labelled("probe_frequency", float(result.frequencies[0]), "Hz", "first tone")
+        yield labelled("pump_frequency", float(result.frequencies[1]), "Hz", "second tone")
+        yield labelled("line", named, "1", "m, n of each line", "kept_line number")
         frequencies = np.abs(named @ np.array(result.frequencies))
-        yield told("frequency", frequencies, "Hz", "of each line, |m probe + n pump|", "kept_line")
+        yield labelled("frequency", frequencies, "Hz", "of each line, |m probe + n pump|", "kept_line")
 
         def lines(name: str, direction: str) -> Quantity | None:
             text = f"complex amplitudes of u_{direction} by line"
@@ -79,7 +79,9 @@ class QuasiPeriodic(QuasiPeriodicOptions, TwoTones):
             yield lines("lines_x", "x")
         text = "(|c_1,1| + |c_1,-1|) / |c_1,0| of u_y"
         yield of_points("modulation_index", points, result.modulation_index, "1", text)
-        yield told("stable", result.stable, text="stability, None if it was not asked for or is not known")
+        yield labelled(
+            "stable", result.stable, text="stability, None if it was not asked for or is not known"
+        )
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         named = lines_of(result.frequencies, self.order)

@@ -13,7 +13,7 @@ from ...analysis.options import FrequencyRange, SwitchOptions, TorusCurveOptions
 from ...errors import SolveError
 from ...options import item
 from ...record.about import Quantity
-from ...record.found import of_points, told
+from ...record.found import labelled, of_points
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
 from .kind import Drawn, Loaded, Run, Values, Wanted
 from .quasi_periodic import curve_memory, line_values, lines_of, unresolved
@@ -62,9 +62,9 @@ class QuasiPeriodicResponse(TorusCurveOptions, SwitchOptions, FrequencyRange, Lo
         def lines(point: str) -> np.ndarray:
             return np.array([line_values(motion, named, point) for motion in result.motions])
 
-        yield told("own_frequency", result.frequencies[:, 1], "Hz", "of the motion's own tone", "point")
+        yield labelled("own_frequency", result.frequencies[:, 1], "Hz", "of the motion's own tone", "point")
         text = "m, n of each line, in order of frequency at the first motion"
-        yield told("line_tones", named, "1", text, "kept_line number")
+        yield labelled("line_tones", named, "1", text, "kept_line number")
         text = "complex amplitudes of u_y at m f1 + n f2, by motion and line"
         yield of_points("lines", points, lines, "m", text, "point kept_line")
 

@@ -12,7 +12,7 @@ import sbfem_petsc as sb
 from ...analysis.options import StaticOptions
 from ...options import Pair, item
 from ...record.about import Quantity
-from ...record.found import told
+from ...record.found import labelled
 from ..case.problems import filed
 from ..case.tables import Name, Path, Problem
 from ..costs import Cost, Size
@@ -60,7 +60,7 @@ class Static(StaticOptions, Loaded):
         found = self._stresses(result)
         if found:
             stresses = np.array([*found.values()])
-            yield told("stress", stresses, "Pa", "stress xx, yy, xy", "at tensor", {"at": found})
+            yield labelled("stress", stresses, "Pa", "stress xx, yy, xy", "at tensor", {"at": found})
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values = super().row(result, wanted)

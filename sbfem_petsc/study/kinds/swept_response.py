@@ -12,7 +12,7 @@ import sbfem_petsc as sb
 
 from ...analysis.options import SweptOptions
 from ...options import item
-from ...record.found import Found, told
+from ...record.found import Found, labelled
 from ..costs import Cost, Size
 from .kind import Drawn, Loaded, Run, Values, Wanted
 
@@ -46,7 +46,10 @@ class SweptResponse(SweptOptions, Loaded):
         for swept in result:
             way = ways["up" if swept.upwards else "down"] = super().found(swept, points)
             way.inner["jump"] = Found(
-                [told(point, self._jumps(swept, point), "Hz", text, f"jump_of_{point}") for point in points]
+                [
+                    labelled(point, self._jumps(swept, point), "Hz", text, f"jump_of_{point}")
+                    for point in points
+                ]
             )
         return Found([], ways)
 

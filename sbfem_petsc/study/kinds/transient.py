@@ -13,7 +13,7 @@ import sbfem_petsc as sb
 from ...analysis.options import TransientOptions
 from ...options import item
 from ...record.about import Quantity
-from ...record.found import of_points, told
+from ...record.found import labelled, of_points
 from ..costs import Cost, Size
 from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted, along, peak_contact, recorded
 
@@ -48,7 +48,7 @@ class Transient(TransientOptions, Loaded):
         energies = {q.name: q.value for q in result.energy.quantities()}
         text = "energies, work of loads and contact, and what damping and friction take"
         table = np.stack([*energies.values()], axis=1)
-        yield told("energy", table, "J", text, "time kind", {"kind": energies})
+        yield labelled("energy", table, "J", text, "time kind", {"kind": energies})
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values = super().row(result, wanted) | peak_contact(result)

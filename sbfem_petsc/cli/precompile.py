@@ -1,5 +1,5 @@
-"""Compiles all kernels before an analysis asks for them: ``python -m sbfem_petsc.cli.ahead``, once after an
-installation; they are kept where `contact.compiled.compiled` says.
+"""Compiles all kernels before an analysis asks for them: ``python -m sbfem_petsc.cli.precompile``, once after
+an installation; they are kept where `contact.compiled.compiled` says.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from meshing.shapes.features import VNotch
 from ..analysis.basins import basins
 from ..analysis.response import load_response
 from ..analysis.transient import transient
-from ..contact.ahead import compile_kernels
 from ..contact.law import Coulomb
+from ..contact.precompile import compile_kernels
 from ..continuation.periodic_schur import product_eigenvalues
 from ..loads import PointForce
 from ..material import Material

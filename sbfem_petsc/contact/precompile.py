@@ -1,5 +1,5 @@
 """Compiles the kernels of the time steps alone, where PETSc may still be missing: ``python -m
-sbfem_petsc.contact.ahead``, which `./run` waits for. `cli.ahead` compiles all.
+sbfem_petsc.contact.precompile``, which `./run` waits for. `cli.precompile` compiles all.
 """
 
 from __future__ import annotations
