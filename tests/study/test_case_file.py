@@ -1,5 +1,6 @@
 """Reading a case: lines, hashes, objects; documentation and schema in sync; starter cases."""
 
+import importlib.util
 import inspect
 import json
 import pathlib
@@ -10,7 +11,6 @@ import pytest
 from mpi4py import MPI
 
 import sbfem_petsc as sb
-from sbfem_petsc.study import documentation
 from sbfem_petsc.study.case import geometry, laws, loads, objects
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.locations import parse
@@ -18,6 +18,10 @@ from sbfem_petsc.study.starter import KINDS, starter_text
 from sbfem_petsc.study.structure import Structure
 from tests.parallel import ROOT
 from tests.study.small_case import CASE, SWEEP, sbfem
+
+_spec = importlib.util.spec_from_file_location("make_pages", pathlib.Path(ROOT) / "docs/make_pages.py")
+documentation = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(documentation)
 
 TOML = '''\
 # a comment with [brackets] and "quotes"
@@ -159,7 +163,7 @@ def test_measured_damping(written, damping):
 
 
 def test_documentation_in_sync():
-    """The pages are what the classes say; python -m sbfem_petsc.study.documentation."""
+    """The pages are what the classes say; python docs/make_pages.py."""
     assert "results.md" in documentation.PAGES and "case_file.schema.json" in documentation.PAGES
     for path in (pathlib.Path(ROOT) / "docs" / name for name in documentation.PAGES):
         assert path.read_text() == documentation.page(path), path

@@ -1,8 +1,7 @@
 """Reference of the case file, its JSON Schema, words of the analyses and what results hold, made from the
 classes themselves.
 
-python -m sbfem_petsc.study.documentation     writes docs/case_file.md, its schema, docs/words.md and
-                                              docs/results.md
+python docs/make_pages.py     writes docs/case_file.md, its schema, docs/words.md and docs/results.md
 """
 
 from __future__ import annotations
@@ -11,6 +10,7 @@ import inspect
 import json
 import pathlib
 import re
+import sys
 import types
 import typing
 from collections.abc import Iterator
@@ -19,16 +19,17 @@ from typing import Annotated, Any
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-import sbfem_petsc as sb
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
-from ..options import unit_of
-from ..record.about import Entry
-from ..record.body import Body
-from ..record.record import Record, entries, record_class
-from .case.analyses import KINDS
-from .case.body import BODIES, BodyContact, BodyPoint
-from .case.case import CaseTables
-from .case.geometry import (
+import sbfem_petsc as sb
+from sbfem_petsc.options import unit_of
+from sbfem_petsc.record.about import Entry
+from sbfem_petsc.record.body import Body
+from sbfem_petsc.record.record import Record, entries, record_class
+from sbfem_petsc.study.case.analyses import KINDS
+from sbfem_petsc.study.case.body import BODIES, BodyContact, BodyPoint
+from sbfem_petsc.study.case.case import CaseTables
+from sbfem_petsc.study.case.geometry import (
     GEOMETRIES,
     BeamGeometry,
     CrackLine,
@@ -44,13 +45,13 @@ from .case.geometry import (
     RayleighBand,
     Support,
 )
-from .case.given import Output
-from .case.laws import LAWS
-from .case.loads import EdgeLoad, EdgeMotion, Force, PointForce, SupportMotion
-from .case.signals import SIGNALS
-from .case.sweep import Noise, Range, SweepTable
-from .case.tables import kind_name
-from .kinds.basins import StartAxis
+from sbfem_petsc.study.case.given import Output
+from sbfem_petsc.study.case.laws import LAWS
+from sbfem_petsc.study.case.loads import EdgeLoad, EdgeMotion, Force, PointForce, SupportMotion
+from sbfem_petsc.study.case.signals import SIGNALS
+from sbfem_petsc.study.case.sweep import Noise, Range, SweepTable
+from sbfem_petsc.study.case.tables import kind_name
+from sbfem_petsc.study.kinds.basins import StartAxis
 
 _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     (
@@ -297,7 +298,7 @@ def _kinds(annotation: Any) -> Iterator[str]:
 
 
 PAGES = {"results.md": results, "words.md": words, "case_file.md": markdown, "case_file.schema.json": schema}
-MARK = "<!-- Made by python -m sbfem_petsc.study.documentation from here on -->\n\n"
+MARK = "<!-- Made by python docs/make_pages.py from here on -->\n\n"
 
 
 def page(path: pathlib.Path) -> str:
@@ -307,8 +308,8 @@ def page(path: pathlib.Path) -> str:
 
 
 def main() -> None:
-    """Write the files in the folder docs of the working directory anew."""
-    for path in (pathlib.Path("docs", name) for name in PAGES):
+    """Write the files beside this one anew."""
+    for path in (pathlib.Path(__file__).with_name(name) for name in PAGES):
         path.write_text(page(path), encoding="utf-8")
 
 
