@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from sbfem_petsc.continuation.events import between, find_zero, folds, furthest, hides_turns, place_of, refine
+from sbfem_petsc.continuation.events import between, find_zero, folds, furthest, place_of, refine, turns_twice
 from sbfem_petsc.continuation.follow import CLOSED, Line, Settings, follow
 from sbfem_petsc.continuation.newton import ITERATIONS, TooManyIterations, correct
 from sbfem_petsc.continuation.problem import Lost, Metric, Point, Range
@@ -306,7 +306,7 @@ def test_turns_between_two_points(within, expected):
     problem = Equations(lambda u: u[0] ** 3 - u[0] - u[1], lambda u: [3.0 * u[0] ** 2 - 1.0, -1.0])
     places = (-1.6, -1.2, -0.8, 0.9, 1.3, 1.6)
     line = Line([Point.known(problem, np.array([x, x**3 - x])) for x in places])
-    assert [hides_turns(line, k, within) for k in range(5)] == [False, False, expected, False, False]
+    assert [turns_twice(line, k, False, within) for k in range(5)] == [False, False, expected, False, False]
 
 
 @pytest.mark.parametrize(
