@@ -8,7 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from .about import About
+from .about import About, Quantity
 from .record import Record, entries, expanded, record_class
 
 # Bytes up to which data stand in a header; of a chunk of others.
@@ -44,13 +44,7 @@ def write(
         if isinstance(q.value, str):
             group.attrs[q.name] = text_of(q.value)
             continue
-        kinds = q.entry.kinds
-        array = np.asarray(q.value)
-        if array.dtype.kind not in kinds:
-            array = array.astype(TYPES[kinds[0]], casting="same_kind")
-        checked = array.dtype.kind in "fc" and q.about.finite and (q.entry.field or q.about.back)
-        if checked and not np.isfinite(array).all():
-            raise ValueError(f"{q.name!r} of {record!r} has values that are not finite")
+        array = _array(record, q)
         for dim, names in q.names.items():
             if not _named(group, dim, names):
                 put(group, dim, texts_of(names), About(text=f"names of {dim}"), "1", (dim,))
@@ -72,6 +66,23 @@ def write(
                 write(within(own, f"{k:04d}"), item, whole, seen=seen)
         else:
             write(own, part, whole, expanded(about.dims, given), seen)
+
+
+def _array(record: Record, q: Quantity) -> np.ndarray:
+    """The numbers or texts of a quantity, of the type that its class says.
+
+    Raises
+    ------
+    ValueError
+        If they could not be read again.
+    """
+    array = np.asarray(q.value)
+    if array.dtype.kind not in q.entry.kinds:
+        array = array.astype(TYPES[q.entry.kinds[0]], casting="same_kind")
+    checked = array.dtype.kind in "fc" and q.about.finite and (q.entry.field or q.about.back)
+    if checked and not np.isfinite(array).all():
+        raise ValueError(f"{q.name!r} of {record!r} has values that are not finite")
+    return array
 
 
 def within(group: h5py.Group, name: str) -> h5py.Group:
