@@ -11,7 +11,8 @@ import numpy as np
 
 from ..checks import instance
 from ..continuation.accuracy import Accuracy, TooInaccurate
-from ..continuation.orbit import Orbit, harmonic_error_estimates, make_orbit, orbit_stability
+from ..continuation.harmonic_errors import harmonic_error_estimates
+from ..continuation.orbit import Orbit, make_orbit, orbit_stability
 from ..continuation.problems.driven_orbits import ParameterRange
 from ..continuation.problems.segments import at_segments, segmented_stability, shoot_segments
 from ..continuation.problems.unreduced import UnreducedOrbits, UnreducedSteady
@@ -103,10 +104,11 @@ def periodic(
         The steps are doubled until the displacements of all named points change by less than this, relative
         L2 over the period; the change is `step_error`.
     accuracy : float, optional
-        Of harmonics 1 to 4 of the named points, `largest_mode_error`: modes and steps that are not given are
-        as many as that needs. To begin with modes up to 16 sqrt(1e-3 / accuracy) times the loads' highest
-        frequency, at least 12, in 64 ceil(8 sqrt(1e-3 / accuracy)) steps or what modes and loads ask for;
-        more of them, from the motion found on, where its told error is above.
+        Of harmonics 1 to 4 of the named points and of the contact resultant, `largest_mode_error`: modes and
+        steps that are not given are as many as that needs. To begin with modes up to 16 sqrt(1e-3 /
+        accuracy) times the loads' highest frequency, at least 12, in 64 ceil(8 sqrt(1e-3 /
+        accuracy)) steps or what modes and loads ask for; more of them, from the motion found on, where its
+        told error is above.
     search : continuation.search.Search, optional
         How far a motion is looked for where Newton's method does not converge from the first guess.
     segments : int
@@ -136,7 +138,9 @@ def periodic(
         If contact does more than 1e-2 of what the loads exchange with the modes, in given steps or in 32
         times the default ones.
     """
-    settings = PeriodSettings(periods, steps, modes, contact, jacobian, longest, segments, accuracy=accuracy)
+    settings = PeriodSettings(
+        periods, steps, modes, contact, jacobian, longest, segments, accuracy=accuracy, told=segments == 1
+    )
     with collective(communicator(model)):
         check_reduction("periodic", reduction)
         if guess is not None:

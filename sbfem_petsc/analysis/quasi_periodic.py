@@ -16,7 +16,8 @@ import numpy as np
 from meshing.warnings import StepWarning
 
 from ..checks import Bounds, instance, numbers_of, real
-from ..continuation.accuracy import Accuracy, in_modes
+from ..continuation.accuracy import Accuracy
+from ..continuation.harmonic_errors import in_modes
 from ..continuation.orbit import LOWEST
 from ..continuation.problem import Point
 from ..continuation.problems.curve_system import require_room, resampled
@@ -35,7 +36,7 @@ from ..continuation.problems.torus import Torus, exponents
 from ..errors import SolveError, caller_level, on_all_ranks
 from ..motion.contact_work import MOST, times_more, warn_of_contact_work
 from ..motion.excitation import Excitation
-from ..motion.loading import Loading, communicator, loading, serving
+from ..motion.loading import Loading, Wanted, communicator, loading, serving
 from ..motion.preparation import FAST_STEPS, PeriodSettings, prepare, refuse_falling
 from ..motion.step_plan import contact_steps, warn_if_coarse
 from ..motion.two_tones import drives, highest, tone
@@ -196,18 +197,18 @@ class _TwoTones(NamedTuple):
         accuracy = None if settings.accuracy is None else Accuracy(what, self.model, settings, begun)
         fastest, most = highest(self.driven, self.frequencies), MOST if settings.steps is None else 1
         while True:
-            reduced = serving(what, self.model, self.loads, settings.modes, fastest, settings.accuracy)
+            wanted = Wanted(settings.modes, settings.accuracy, accuracy is not None)
+            reduced = serving(what, self.model, self.loads, wanted, fastest)
             refuse_falling(what, reduced.friction)
             with collective(comm):
                 states = None if former is None else self._begin(*former, reduced)
             steps = _steps(reduced, self.driven, self.frequencies, self.samples, settings)
             require_compiler(what, comm)
-            make = functools.partial(self._torus, reduced)
-            torus, point = _solved(make, states, (steps, most * steps))
+            torus, point = _solved(functools.partial(self._torus, reduced), states, (steps, most * steps))
             steps = torus.period.steps
             if accuracy is None:
                 return torus, point, np.full(LOWEST, np.nan)
-            errors = line_error_estimates(torus, point, functools.partial(make, 2 * steps))
+            errors = line_error_estimates(torus, point, self._torus)
             if (more := accuracy.further(reduced, steps, errors)) is None:
                 accuracy.tell(reduced, steps, errors)
                 return torus, point, errors.sum(axis=0)

@@ -97,9 +97,9 @@ def frequency_response(
         Compute Floquet multipliers and bifurcations. Default: of a reduced model; those of an unreduced one
         are not computed.
     accuracy : float, optional
-        Of harmonics 1 to 4 of the named points, `largest_mode_error`, for which modes and steps that are not
-        given are as many as it needs, see `periodic`. The curve is followed again where its told error is
-        above at an end or the peak; where it stays so bifurcations are not located (`unlocated`).
+        Of harmonics 1 to 4 of the points and the resultant, `largest_mode_error`, for which modes and steps
+        that are not given are as many as it needs, see `periodic`. The curve is followed again where its told
+        error is above at an end or the peak; where it stays so bifurcations are not located (`unlocated`).
     reduction : "modes" or None
         None: motions of the unreduced model, as `periodic` finds them.
     file : str, optional
@@ -131,7 +131,7 @@ def frequency_response(
             )
         amplitudes_only("frequency_response", load)
     highest = max(start, stop)
-    settings = PeriodSettings(periods, steps, modes, contact, band=highest, accuracy=accuracy)
+    settings = PeriodSettings(periods, steps, modes, contact, band=highest, accuracy=accuracy, told=True)
     if not contact:
         settings = replace(settings, steps=INSTANTS, periods=periods or 1)
         aim = None if accuracy is None else Accuracy(over.owner, model, settings, False)
@@ -186,7 +186,7 @@ def load_response(
         See `frequency_response`; `guess` is an orbit at the factor `start`.
     """
     over = ParameterRange(parameter, start, stop, frequency)
-    settings = PeriodSettings(periods, steps, modes, accuracy=accuracy)
+    settings = PeriodSettings(periods, steps, modes, accuracy=accuracy, told=True)
     asked = BranchSettings(points, largest_step or math.inf, stability is not False)
     run = _Run(model, load, settings, guess, asked, file, resume, progress)
     return run.followed(over, reduction, stability)

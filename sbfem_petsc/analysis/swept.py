@@ -10,7 +10,7 @@ from ..checks import instance
 from ..continuation.orbit import Orbit
 from ..errors import on_all_ranks
 from ..motion.integration import Steps
-from ..motion.loading import amplitudes_only, communicator, loading, serving
+from ..motion.loading import Wanted, amplitudes_only, communicator, loading, serving
 from ..motion.preparation import check_guess
 from ..motion.reduced_history import ReducedIntegrator
 from ..motion.states import ModalStates
@@ -92,7 +92,7 @@ def swept_response(
         if not any(isinstance(signal, Chirp) and signal.amplitude for signal in loads.signals):
             raise ValueError(f"{what}: no load oscillates; give a number, the amplitude of the swept sine")
     highest = max(start, stop)
-    reduced = serving(what, model, loads, modes, highest)
+    reduced = serving(what, model, loads, Wanted(modes), highest)
     if steps is None:
         steps = STEPS
         if len(reduced.initial_gap):

@@ -19,7 +19,7 @@ from ..motion.files.history_file import HistoryFile
 from ..motion.history import History
 from ..motion.initial import modal_start
 from ..motion.integration import FormerRun, Steps, integrate, row_size
-from ..motion.loading import Loading, communicator, loading, moved_up_to, serving, warn_of_unreduced
+from ..motion.loading import Loading, Wanted, communicator, loading, moved_up_to, serving, warn_of_unreduced
 from ..motion.preparation import check_reduction
 from ..motion.reduced_history import ReducedIntegrator, reduced_columns
 from ..motion.step_plan import COARSE, CONTACT_STEP, default_step, plan_steps, require_room
@@ -155,7 +155,7 @@ def transient(
         if isinstance(model, Model) and unreduced:
             problem = _Unreduced.of(model, loads, initial, modes, contact, step is not None)
         else:
-            reduced = serving("transient", model, loads, modes, loads.highest_frequency)
+            reduced = serving("transient", model, loads, Wanted(modes), loads.highest_frequency)
             reduced = reduced if record is None else record.adopt(reduced)
             problem = _Reduced.of(reduced, loads, initial, contact, scheme)
         former = None if record is None else record.former

@@ -21,7 +21,8 @@ from ..motion.preparation import PeriodSettings
 from ..reduction.build import modes_beyond, most_modes
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
-from .orbit import harmonic_error_estimates, largest_error
+from .harmonic_errors import added, harmonic_error_estimates
+from .orbit import largest_error
 from .problems.driven_orbits import ParameterRange
 from .search import NEWTON_ALONE, find_steady_state
 
@@ -65,6 +66,7 @@ class Accuracy:
     def __init__(self, owner: str, system: Model | ReducedModel, settings: PeriodSettings, begun: bool):
         assert settings.accuracy is not None  # the caller has asked
         self.owner, self.value, self.settings = owner, settings.accuracy, settings
+        self._begun = begun and isinstance(system, Model)
         self._model = system if isinstance(system, Model) and settings.modes is None and not begun else None
         self._most_steps = MOST * settings.least if settings.steps is None else 0
 
@@ -195,6 +197,8 @@ class Accuracy:
             cause, remedy = f"left out beyond {modes} modes", f"give more than modes = {modes}"
             if self._model is not None:
                 remedy = "refine the mesh, which has no further ones, or ask for less"
+            elif self._begun:
+                remedy = "leave guess out, whose modes these are, or give one in more modes"
             elif self.settings.modes is None:
                 remedy = "reduce the model to more modes"
         else:
@@ -212,24 +216,3 @@ class Accuracy:
         if missing:
             warnings.warn(f"{self.owner}: {missing}", AccuracyWarning, stacklevel=caller_level())
         return missing
-
-
-def added(fixed: FixedPoint, period: Period) -> np.ndarray:
-    """What contact adds to the linear response in a motion's state, in the modes of another map."""
-    old = fixed.driven.period.reduced
-    return in_modes(fixed.state - fixed.driven.linear_state, old, period.reduced)
-
-
-def in_modes(states: np.ndarray, old: ReducedModel, new: ReducedModel) -> np.ndarray:
-    """(..., 2 m + k) differences of states in the modes of another model of the same structure: those are the
-    same but for their signs, further ones rest.
-    """
-    m, n = len(old.omega), len(new.omega)
-    count = min(m, n)
-    seen = [np.concatenate([r.gap.modes[:, :count], r.load_modes[:count].T]) for r in (old, new)]
-    signs = np.where((seen[0] * seen[1]).sum(axis=0) < 0.0, -1.0, 1.0)
-    result = np.zeros((*states.shape[:-1], states.shape[-1] - 2 * m + 2 * n))
-    result[..., :count] = signs * states[..., :count]
-    result[..., n : n + count] = signs * states[..., m : m + count]
-    result[..., 2 * n :] = states[..., 2 * m :]
-    return result

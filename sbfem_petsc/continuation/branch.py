@@ -101,8 +101,9 @@ class Branch(Orbits, OfPeriod):
     fixed_frequency: float | None = quantity("Hz", "if it is not the parameter", default=None, least=0.0)
     mode_error: np.ndarray = quantity(
         "1",
-        "error of harmonics 0 to 4 of the named points by left-out modes and the steps, the largest of both "
-        "ends and the peak; inf where it is not found, nan where it is not told",
+        "error of harmonics 0 to 4 of the named points and of the contact resultant by left-out modes and "
+        "the steps, the largest of both ends and the peak; inf where it is not found, nan where it is not "
+        "told",
         "low_harmonic",
         finite=False,
         default_factory=lambda: np.full(LOWEST, np.nan),

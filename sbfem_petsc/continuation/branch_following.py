@@ -23,9 +23,10 @@ from .branch import Branch
 from .events import insert, neighbours, refine, turns_twice
 from .extrapolation import uncertainty_at
 from .follow import CLOSED, Follower, Line, Settings, follow, points_of
+from .harmonic_errors import harmonic_error_estimates
 from .line_file import LineFile
 from .multipliers import Multipliers, multipliers_of
-from .orbit import FLOOR, LOWEST, NEAR, harmonic_error_estimates, largest_error
+from .orbit import FLOOR, LOWEST, NEAR, largest_error
 from .problem import Point, Range
 from .problems.driven_orbits import Orbits, ParameterRange
 from .problems.several_periods import distances, minimal_periods

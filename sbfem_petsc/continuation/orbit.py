@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import itertools
 import math
 from collections.abc import Callable
 from dataclasses import field
@@ -13,17 +12,16 @@ import numpy as np
 
 from ..checks import choice
 from ..errors import SolveError, at_point, called, on_all_ranks
-from ..motion.excitation import one_sided, over_steps
+from ..motion.excitation import one_sided
 from ..motion.history import Motion
 from ..motion.period_map import DrivenPeriod, FixedPoint
 from ..motion.period_motion import PeriodMotion
 from ..motion.states import ModalStates, Point
 from ..record.record import derived, described, quantity
-from ..reduction.left_out import LeftOut
 from ..reduction.reduced_model import ReducedModel
 from ..system.elements.plausibility import furthest_of_lines
 from .multipliers import multipliers_of
-from .shooting import WHOLE, Shooting, shoot, shoot_nearby
+from .shooting import WHOLE, shoot, shoot_nearby
 
 # Uncertainty of multipliers below which rounding is all there is.
 FLOOR = 1e-9
@@ -34,17 +32,8 @@ NEAR = 0.05
 # more for where in a step pairs switch, which scatters. Of those motions it was between half and ten times
 # the error in all but two.
 SAFETY = 5.0 / 3.0
-# Of a body at rest all that oscillates is rounding, below this share of the mean.
-RESTING = 1e-9
-# Harmonics whose error is told, the mean among them; each beside itself, or this share of the largest.
-LOWEST, FAINT = 5, 1e-3
-# The same of their change in twice the steps, of second order.
-SECOND = 4.0 / 3.0
-# Parts of what left-out modes add to the gaps, of which the first that leads to a motion counts.
-PARTS = 1.0, 0.2, 0.01
-# Of the motions that these have what Newton's next step would add, of how far they are; iterations with
-# derivatives of their own, and the residual relative to the first one.
-ACCURATE_ENOUGH, NEWTON, RELATIVE = 0.1, 16, 1e-3
+# Harmonics whose error is told, the mean among them.
+LOWEST = 5
 # Harmonics that are kept in files and tables beside the motion itself.
 HARMONICS = 41
 
@@ -98,8 +87,8 @@ class Orbit(Motion):
 
     mode_error: np.ndarray = quantity(
         "1",
-        "error of harmonics 0 to 4 of the named points by left-out modes and the steps, as "
-        "`harmonic_error_estimates` has it; inf where it is not found, nan where it is not told",
+        "error of harmonics 0 to 4 of the named points and of the contact resultant by left-out modes and "
+        "the steps, see `harmonic_error_estimates`; inf where it is not found, nan where it is not told",
         "low_harmonic",
         finite=False,
         default_factory=lambda: np.full(LOWEST, np.nan),
@@ -312,72 +301,6 @@ def uncertainty_of(change: float) -> float:
     return max(FLOOR, SAFETY * abs(change))
 
 
-def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
-    """(2, 5): errors by left-out modes and by the steps of harmonics 0 to 4 of the displacements of all named
-    points, relative to each of them or to 1e-3 of the largest that oscillates.
-
-    What the left-out modes' inertia does to the gaps under the motion's contact forces and loads (`LeftOut`)
-    is added to the free gaps, and the motion is found again beside itself; so it is in twice the steps. inf
-    where it is not found; nan where nothing is known of the left-out modes, or there is no named point.
-    """
-    driven, motion, r = fixed.driven, fixed.motion, fixed.driven.period.reduced
-    if r.massless is None or not len(r.points.names):
-        return np.full((2, LOWEST), np.nan)
-    p = driven.period
-    lines = one_sided(motion.forces[:-1]), one_sided(driven.loads[:-1])
-    omega = 2.0 * np.pi / driven.duration * np.arange(len(lines[0]))
-    left, own = LeftOut(r, p.pairs, omega), _lowest(fixed)
-    beyond, scale = left.displacements(*lines)[:: p.excitation.periods][:LOWEST], _sizes(own)
-    least = max(FAINT * scale[1:].max(initial=0.0), RESTING * scale[0], np.finfo(float).tiny)
-    scale = np.maximum(scale, least)
-    if not fixed.touching.any():
-        return np.stack([_sizes(beyond), np.zeros(LOWEST)]) / scale
-    errors, added = np.full((2, LOWEST), np.inf), over_steps(left.gaps(*lines), p.steps)
-    for find, part in itertools.product((_nearby, _by_newton), PARTS):  # of blows the whole may be too far
-        if (inert := find(fixed, driven.with_gaps(part * added))) is not None:
-            errors[0] = _sizes((_lowest(inert) - own) / part + beyond) / scale
-            break
-    double = driven.in_steps(2 * p.steps)
-    if (finer := _nearby(fixed, double) or _by_newton(fixed, double)) is not None:
-        errors[1] = SECOND * _sizes(_lowest(finer) - own) / scale
-    return errors
-
-
-def _nearby(fixed: FixedPoint, driven: DrivenPeriod) -> FixedPoint | None:
-    """A motion beside another one, of a map that is a little different, to what an error is told to."""
-    if driven.period.unknowns > WHOLE:
-        return None
-    try:
-        return shoot_nearby(driven, fixed.state, fixed.monodromy, ACCURATE_ENOUGH)
-    except SolveError:
-        return None
-
-
-def _by_newton(fixed: FixedPoint, driven: DrivenPeriod) -> FixedPoint | None:
-    """The same with derivatives of that map."""
-    shooting = Shooting(driven, "updated" if driven.period.unknowns <= WHOLE else "matrix-free", NEWTON)
-    shooting.hurries, shooting.relative = True, RELATIVE
-    try:
-        return shooting.solve(fixed.state)
-    except SolveError:
-        return None
-
-
-def _lowest(fixed: FixedPoint) -> np.ndarray:
-    """(5, points, xy): harmonics 0 to 4 of the displacements of the named points."""
-    driven, motion, p, r = fixed.driven, fixed.motion, fixed.driven.period, fixed.driven.period.reduced
-    forces = np.zeros((p.steps, len(r.initial_gap)))
-    forces[:, : p.pairs] = motion.forces[:-1]
-    u = r.points(modal_motion(driven, motion)[0][:-1], driven.loads[:-1], forces)
-    return one_sided(u)[:: p.excitation.periods][:LOWEST]
-
-
-def _sizes(harmonics: np.ndarray) -> np.ndarray:
-    """Norms over all points and directions."""
-    size: np.ndarray = np.linalg.norm(harmonics, axis=(1, 2))
-    return size
-
-
 def largest_error(error: np.ndarray) -> float:
     """What of the errors of harmonics 1, 2, ... is compared with an accuracy: the largest of them, each
     divided by its order.
@@ -389,9 +312,7 @@ def in_words(error: np.ndarray) -> str:
     """That in a result's text."""
     largest = largest_error(error)
     if math.isinf(largest):
-        return (
-            "error of harmonics not found, as twice the steps or left-out modes lead elsewhere: take more, "
-        )
+        return "error of harmonics not found, as twice the steps or more modes lead elsewhere: take more, "
     return "" if math.isnan(largest) else f"error of harmonics {largest:.2g}, "
 
 

@@ -334,16 +334,6 @@ def one_sided(values: np.ndarray) -> np.ndarray:
     return result
 
 
-def over_steps(lines: np.ndarray, count: int) -> np.ndarray:
-    """(count + 1, ...): the values of which `one_sided` makes these lines, both ends of the period."""
-    whole = 0.5 * lines
-    whole[0] *= 2.0
-    if count % 2 == 0:
-        whole[-1] *= 2.0
-    values = np.fft.irfft(whole, count, axis=0, norm="forward")
-    return np.concatenate([values, values[:1]])
-
-
 def parts_of(signal: Signal) -> Sequence[Signal]:
     """The signals that a sum consists of, or the signal itself."""
     return signal.parts if isinstance(signal, Sum) else (signal,)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from numbers import Real
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,8 @@ from ..errors import on_all_ranks
 from ..loads import EdgeMotion, Load, Loads, as_loads, separate
 from ..petsc import MPI
 from ..ranks.parallel import collective
-from ..reduction.build import default_modes, modes_for, reduced
-from ..reduction.reduced_model import ReducedModel
+from ..reduction.build import ACCURATE_LEAST, LEAST_MODES, default_modes, modes_for, reduced
+from ..reduction.reduced_model import ReducedModel, wider_count
 from ..signals.sampling import known
 from ..signals.signal import Constant, Signal, as_signal
 from ..system.fields.resolution import warn_of_band, warn_of_jumps
@@ -237,26 +237,41 @@ def _varies(value: Any) -> bool:
     return isinstance(value, Signal) and not isinstance(value, Constant)
 
 
+class Wanted(NamedTuple):
+    """Modes that an analysis asks for.
+
+    Attributes
+    ----------
+    modes : int or None
+        None: by default all modes up to 8 times the loads' highest frequency, at least 80.
+    accuracy : float or None
+        Of the lowest harmonics, which then tells the default number of modes.
+    told : bool
+        Whether their errors are told, for which modes are computed at once that `wider` takes.
+    """
+
+    modes: int | None
+    accuracy: float | None = None
+    told: bool = False
+
+
 def serving(
     owner: str,
     system: Model | ReducedModel,
     loads: Loading,
-    modes: int | None,
+    wanted: Wanted,
     highest: float,
-    accuracy: float | None = None,
 ) -> ReducedModel:
     """The reduced model for an analysis: the system itself, or one made of the model and kept there.
     Collective.
 
     Parameters
     ----------
-    modes : int or None
-        None: by default all modes up to 8 times `highest`, at least 80.
+    wanted : Wanted
     highest : float
         Highest load frequency, Hz.
-    accuracy : float, optional
-        Of the lowest harmonics, which then tells the default number of modes.
     """
+    modes, accuracy, told = wanted
     if isinstance(system, ReducedModel):
         if modes is not None:
             raise on_all_ranks(
@@ -270,6 +285,9 @@ def serving(
     with collective(system.comm):
         modes = optional_integer(owner, "modes", modes, least=1, most=system.boundary_unknowns // 2)
     system.require_support(f"{owner} of the reduced model")
+    if told:
+        least = LEAST_MODES if accuracy is None else ACCURATE_LEAST
+        system.modes(min(wider_count(modes or least), system.boundary_unknowns // 2))
     if modes is None and accuracy is not None:
         known = all(signal.highest_frequency is not None for signal in loads.signals)
         modes = modes_for(system, highest if known else 0.0, accuracy)

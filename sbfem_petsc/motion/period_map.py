@@ -249,12 +249,6 @@ class DrivenPeriod:
         """The same in so many steps."""
         return self.period.in_steps(steps).at(self.frequency, self.factor)
 
-    def with_gaps(self, added: np.ndarray) -> DrivenPeriod:
-        """The same with something added to the free gaps, (n + 1, pairs), m."""
-        result = copy.copy(self)
-        result._kept, result.free_gap = None, self.free_gap + added
-        return result
-
     def part(self, short: Period, begin: int) -> DrivenPeriod:
         """The map over the steps of `short` from the instant `begin` on, of states that are differences to
         the linear steady state.

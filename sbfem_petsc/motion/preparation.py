@@ -17,7 +17,7 @@ from ..reduction.reduced_model import ReducedModel
 from ..signals.waves import Harmonic
 from ..system.model import Model
 from .excitation import LINES, Excitation
-from .loading import Loading, communicator, loading, serving
+from .loading import Loading, Wanted, communicator, loading, serving
 from .period_map import Period
 from .step_plan import contact_steps, warn_if_coarse
 
@@ -63,6 +63,8 @@ class PeriodSettings:
         Of harmonics 1 to 4: tells how many modes there are to begin with where they are not given.
     least : int
         Steps a forcing period at least where they are not given; 0: by default or as the accuracy asks for.
+    told : bool
+        Whether the errors of harmonics are told, which takes more modes.
     """
 
     periods: int | None = None
@@ -75,6 +77,7 @@ class PeriodSettings:
     band: float | None = None
     accuracy: float | None = None
     least: int = 0
+    told: bool = False
 
     def __post_init__(self) -> None:
         if not self.least:
@@ -118,7 +121,8 @@ def prepare(
     modes = settings.modes
     if modes is None and guess is not None and guess.reduced is not None and isinstance(system, Model):
         modes = len(guess.reduced.omega)
-    reduced = serving(owner, system, loads, modes, highest, settings.accuracy)
+    wanted = Wanted(modes, settings.accuracy, settings.told)
+    reduced = serving(owner, system, loads, wanted, highest)
     with collective(communicator(system)):
         if guess is not None:
             check_guess(owner, guess, reduced)

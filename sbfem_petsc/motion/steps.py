@@ -140,6 +140,17 @@ def _newmark(omega: np.ndarray, damping: np.ndarray, step: float) -> np.ndarray:
     )
 
 
+def free_motion(
+    modes: tuple[np.ndarray, np.ndarray], step: float, weights: np.ndarray, size: int
+) -> np.ndarray:
+    """(size, size): where a step takes states without contact, as of `free_resolvent`, and 0 behind them."""
+    a, b, _, _, _, c, d, _, _, _ = step_coefficients(*modes, step, "exact")
+    result, m = np.zeros((size, size)), len(weights)
+    q, v = np.arange(m), np.arange(m, 2 * m)
+    result[q, q], result[q, v], result[v, q], result[v, v] = a, weights * b, c / weights, d
+    return result
+
+
 def free_resolvent(
     modes: tuple[np.ndarray, np.ndarray], step: float, weights: np.ndarray, vectors: np.ndarray
 ) -> np.ndarray:

@@ -28,7 +28,7 @@ from ..system.solve.modal_result import Modal
 from ..system.solve.static_solver import block_width
 from .matrices import reduce_matrices
 from .outputs import LinearOutput
-from .reduced_model import ReducedModel
+from .reduced_model import ReducedModel, wider_count
 from .supports import Supports
 
 # Modes by default: all up to this multiple of the highest load frequency, and at least so many.
@@ -247,12 +247,28 @@ def modes_up_to(model: Model, frequency: float, least: int) -> int:
 def reduced(model: Model, units: tuple[Load, ...], modes: int) -> ReducedModel:
     """The reduced model for some unit loads and a number of modes, made once. Collective."""
     warn_of_idle_loads("reduce", model, units)
+    warn_of_tips("reduce", model.tips)
+    return _kept(model, units, modes)
+
+
+def wider(system: ReducedModel) -> ReducedModel | None:
+    """The same structure in half as many modes again, and the same signs of those it has: what is found in it
+    tells what modes that are left out do. The system itself where none are; None where nothing is known of
+    them. Collective.
+    """
+    if system.model is None or system.model.layout.freed:
+        return None if system.wider is None else system.wider()
+    most = system.model.boundary_unknowns // 2
+    count = min(wider_count(len(system.omega)), most)
+    return None if count <= len(system.omega) else _kept(system.model, system.loads, count)
+
+
+def _kept(model: Model, units: tuple[Load, ...], modes: int) -> ReducedModel:
     return model.keep(("reduced", units, modes), lambda: _reduce(model, units, model.modes(modes)))
 
 
 def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel:
     model.require_support("the reduction")
-    warn_of_tips("reduce", model.tips)
     gap, tips, compliance = model.contact, model.tips.intensities, model.compliance
     gap_modes = gap.rows(found.shapes)
     point_modes = model.layout.point_rows(found.shapes).reshape(len(model.points), 2, len(found.frequencies))
@@ -319,7 +335,6 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
         model.tips.intensities.facts,
         gap.friction,
         supports=supports,
-        massless=gap.flexibility.toarray(),
     )
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,11 +26,11 @@ from ..damping import (
     modal_ratios,
     rayleigh_ratios,
 )
-from ..errors import caller_level
+from ..errors import SolveError, caller_level
 from ..petsc import MPI
 from ..ranks.parallel import agreed, checked_communicator
 from .outputs import LinearOutput
-from .reduced_model import ReducedModel
+from .reduced_model import ReducedModel, wider_count
 from .sparse import sparse_modes
 
 # Relative asymmetry of a matrix that rounding explains.
@@ -119,14 +122,7 @@ def reduce_matrices(
     ):
         if array.shape != shape:
             raise ValueError(f"reduce_matrices: {name} has shape {array.shape}, {shape} was expected")
-    if n == 0:
-        raise ValueError("reduce_matrices: mass is empty; give at least one unknown")
-    _check_symmetric("mass", mass)
-    _check_symmetric("stiffness", stiffness)
-    if (stops < 0.0).any():
-        raise ValueError(f"reduce_matrices: compliance {stops.min():g} m/N is negative")
-    if (idle := np.flatnonzero(contact_rows.getnnz(axis=1) == 0)).size:
-        raise ValueError(f"reduce_matrices: contact_rows[{idle[0]}] is zero; no displacement moves its gap")
+    _check_system(mass, stiffness, contact_rows, stops)
     laws = row_laws(contact_laws, pairs, "reduce_matrices")
     slips, slack, friction = _sliding(laws, tangent_rows, tangent_compliance, n)
     contact_rows, stops = sparse.vstack([contact_rows, slips]).tocsr(), np.append(stops, slack)
@@ -138,54 +134,78 @@ def reduce_matrices(
     given, factors = _damping(damping, n), checked_rayleigh("reduce_matrices", rayleigh)
 
     columns = sparse.hstack([contact_rows.T, loads]).tocsr()
-    found = (
-        sparse_modes(mass, stiffness, columns, modes, comm)
-        if large
-        else _dense_modes(mass, stiffness, columns.toarray(), modes)
-    )
-    values, kept, flexibility = found
-    omega = np.sqrt(values)
+    rigid = bool((stops <= 0.0).any())
+    lowest = _modes(mass, stiffness, columns, comm)
+    found = lowest(modes)
+    omega = np.sqrt(found[0])
     _warn_of_superelement(mass, stiffness, omega)
     if factors[0] > 0.0 and not omega.all():
         raise ValueError(
             f"reduce_matrices: rayleigh = {rayleigh} damps a rigid-body motion, which has no damping ratio; "
             "hold the system by a weak spring, or give a = 0"
         )
-    ratios = _ratios(given, kept, omega) + rayleigh_ratios(factors, omega)
-    by_contact, by_loads = np.split(flexibility, [len(stops)], axis=1)
-    gaps = LinearOutput(
-        (), contact_rows @ kept, contact_rows @ by_loads, contact_rows @ by_contact + np.diag(stops)
-    )
-    _require_compliance(gaps, contact_rows, pairs)
 
     def at_sensors(array: np.ndarray) -> np.ndarray:
         result = np.zeros((len(sensors), 1 if along else 2, array.shape[1]))
         result[:, -1] = seen @ array
         return result
 
-    return ReducedModel(
-        omega / (2.0 * np.pi),
-        ratios,
-        gaps,
-        np.append(RowLaws.of(laws).rest(gap), np.zeros(len(stops) - pairs)),
-        pairs,
-        kept.T @ loads,
-        loads.T @ by_loads,
-        LinearOutput(tuple(sensors), at_sensors(kept), at_sensors(by_loads), at_sensors(by_contact)),
-        LinearOutput((), *(np.zeros((0, 2, k)) for k in (modes, loads.shape[1], len(stops)))),
-        np.zeros((modes, 2)),
-        contact_laws=RowLaws.of(laws),
-        friction=friction,
-        directions=along or None,
-        ranks=comm if large else None,
-        whole=LinearOutput((), kept, by_loads, by_contact),
-        massless=np.diag(stops),
-    )
+    def made(
+        found: tuple[np.ndarray, np.ndarray, np.ndarray],
+        wider: Callable[[], ReducedModel | None] | None = None,
+    ) -> ReducedModel:
+        values, shapes, flexibility = found
+        omega, kept = np.sqrt(values), len(values)
+        ratios = _ratios(given, shapes, omega, modes) + rayleigh_ratios(factors, omega)
+        by_contact, by_loads = np.split(flexibility, [len(stops)], axis=1)
+        gaps = LinearOutput(
+            (), contact_rows @ shapes, contact_rows @ by_loads, contact_rows @ by_contact + np.diag(stops)
+        )
+        return ReducedModel(
+            omega / (2.0 * np.pi),
+            ratios,
+            gaps,
+            np.append(RowLaws.of(laws).rest(gap), np.zeros(len(stops) - pairs)),
+            pairs,
+            shapes.T @ loads,
+            loads.T @ by_loads,
+            LinearOutput(tuple(sensors), at_sensors(shapes), at_sensors(by_loads), at_sensors(by_contact)),
+            LinearOutput((), *(np.zeros((0, 2, k)) for k in (kept, loads.shape[1], len(stops)))),
+            np.zeros((kept, 2)),
+            contact_laws=RowLaws.of(laws),
+            friction=friction,
+            directions=along or None,
+            ranks=comm if large else None,
+            whole=LinearOutput((), shapes, by_loads, by_contact),
+            wider=wider,
+        )
+
+    # a rigid stop gives way by modes that are left out alone
+    last = min(most - int(rigid and not large), heavy)
+    count = min(wider_count(modes), last)
+
+    @functools.cache
+    def wider() -> ReducedModel | None:
+        if count <= modes < n + rigid:
+            return None
+        with contextlib.suppress(SolveError):
+            wide = made(lowest(count))
+            return None if _stiff(wide.gap, contact_rows).size else replace(wide, whole=None)
+        return None
+
+    result = made(found, wider)
+    _require_compliance(result.gap, contact_rows, pairs)
+    return result
+
+
+def _stiff(gaps: LinearOutput, contact_rows: sparse.csr_matrix) -> np.ndarray:
+    """Rows whose gap or slip nothing but kept modes moves."""
+    return np.flatnonzero((np.diag(gaps.contact) <= 0.0) & (contact_rows.getnnz(axis=1) > 0))
 
 
 def _require_compliance(gaps: LinearOutput, contact_rows: sparse.csr_matrix, pairs: int) -> None:
-    """Refuse a row whose gap or slip nothing but kept modes moves."""
-    weak = np.flatnonzero((np.diag(gaps.contact) <= 0.0) & (contact_rows.getnnz(axis=1) > 0))
+    """Refuse them."""
+    weak = _stiff(gaps, contact_rows)
     if len(weak):
         what, mend = ("slip", "tangent_compliance") if weak[0] >= pairs else ("stop", "compliance")
         raise ValueError(
@@ -244,10 +264,28 @@ def _sliding(
     )
 
 
-def _dense_modes(
-    mass: np.ndarray, stiffness: np.ndarray, columns: np.ndarray, modes: int
+def _modes(
+    mass: Any, stiffness: Any, columns: sparse.csr_matrix, comm: MPI.Comm
+) -> Callable[[int], tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """What finds so many of the lowest modes, and the flexibility of the others, see `sparse_modes`."""
+    if sparse.issparse(mass):
+        return functools.partial(sparse_modes, mass, stiffness, columns, comm=comm)
+    return functools.partial(_lowest, _dense_modes(mass, stiffness), columns)
+
+
+def _lowest(
+    system: tuple[np.ndarray, np.ndarray], columns: sparse.csr_matrix, modes: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The lowest modes and the flexibility of the others under the columns, see `sparse_modes`."""
+    """The lowest of all modes and the flexibility of the others under the columns, see `sparse_modes`."""
+    values, vectors = system
+    if not values[modes:].all():
+        raise ValueError(f"reduce_matrices: modes = {modes} leaves out rigid-body motions; keep more modes")
+    left = vectors[:, modes:]
+    return values[:modes], vectors[:, :modes], (left / values[modes:]) @ (left.T @ columns.toarray())
+
+
+def _dense_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """All eigenvalues, rising, and mass-normalised vectors."""
     if linalg.eigvalsh(mass)[0] <= 0.0:
         raise ValueError(
             "reduce_matrices: mass is not positive definite; give each unknown a mass or condense it"
@@ -265,10 +303,7 @@ def _dense_modes(
         raise ValueError(
             f"reduce_matrices: stiffness is indefinite (least eigenvalue {values[0]:g} of M^-1 K)"
         )
-    if modes < len(mass) and values[modes] == 0.0:
-        raise ValueError(f"reduce_matrices: modes = {modes} leaves out rigid-body motions; keep more modes")
-    left = vectors[:, modes:]
-    return values[:modes], vectors[:, :modes], (left / values[modes:]) @ (left.T @ columns)
+    return values, vectors
 
 
 def _held(stiffness: np.ndarray) -> bool:
@@ -299,6 +334,18 @@ def _rows(name: str, value: Any) -> sparse.csr_matrix:
     rows = sparse.csr_matrix(_matrix(name, value))
     rows.eliminate_zeros()
     return rows
+
+
+def _check_system(mass: Any, stiffness: Any, contact_rows: sparse.csr_matrix, stops: np.ndarray) -> None:
+    """Refuse what makes no system."""
+    if mass.shape[0] == 0:
+        raise ValueError("reduce_matrices: mass is empty; give at least one unknown")
+    _check_symmetric("mass", mass)
+    _check_symmetric("stiffness", stiffness)
+    if (stops < 0.0).any():
+        raise ValueError(f"reduce_matrices: compliance {stops.min():g} m/N is negative")
+    if (idle := np.flatnonzero(contact_rows.getnnz(axis=1) == 0)).size:
+        raise ValueError(f"reduce_matrices: contact_rows[{idle[0]}] is zero; no displacement moves its gap")
 
 
 def _check_symmetric(name: str, matrix: np.ndarray | sparse.csr_matrix) -> None:
@@ -353,12 +400,15 @@ def _damping(value: Any, count: int) -> ModalDamping | np.ndarray:
     return matrix
 
 
-def _ratios(damping: ModalDamping | np.ndarray, modes: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """Modal damping ratios of checked damping."""
+def _ratios(
+    damping: ModalDamping | np.ndarray, shapes: np.ndarray, omega: np.ndarray, modes: int
+) -> np.ndarray:
+    """Modal damping ratios of checked damping, a matrix of which is to be diagonal in so many modes."""
     if not isinstance(damping, np.ndarray):
         return modal_ratios(damping, omega)
-    modal = modes.T @ damping @ modes
-    own = np.diag(modal)
+    modal = shapes.T @ damping @ shapes
+    every, modal = np.diag(modal), modal[:modes, :modes]
+    own = every[:modes]
     coupling = np.abs(modal - np.diag(own)).max(initial=0.0)
     if coupling > 1e-9 * np.abs(own).max():
         raise ValueError(
@@ -370,7 +420,7 @@ def _ratios(damping: ModalDamping | np.ndarray, modes: np.ndarray, omega: np.nda
         raise ValueError(
             "reduce_matrices: the damping matrix feeds energy into a mode; its diagonal must not be negative"
         )
-    own = np.maximum(own, 0.0)
+    own = np.maximum(every, 0.0)
     rigid = omega == 0.0
     if (np.abs(own[rigid]) > 1e-9 * np.abs(own).max()).any():
         raise ValueError(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+import math
+from collections.abc import Callable
 from dataclasses import field
 from typing import Any
 
@@ -24,6 +26,14 @@ from ..system.solve.modal_result import Modal
 from .outputs import LinearOutput
 from .supports import Supports
 
+# Modes, and two more, of the model that tells what those do which are left out.
+WIDER = 1.5
+
+
+def wider_count(modes: int) -> int:
+    """Modes of the model that tells what those beyond so many do."""
+    return math.ceil(WIDER * modes) + 2
+
 
 @described
 class ReducedModel(Record):
@@ -43,7 +53,7 @@ class ReducedModel(Record):
     `loads` are the unit loads it was made for, none for a system of matrices; `model` and `modal`, the modes
     themselves, distributed, are None for such a system and for one read from a file. `whole` are the
     displacements of all unknowns of a system of matrices, `body` and `contact` the body that has them and its
-    contact.
+    contact; `wider` makes such a system in more modes, see `build.wider`, None in files.
     """
 
     frequencies: np.ndarray = quantity("Hz", "natural frequencies", "mode", least=0.0)
@@ -93,14 +103,7 @@ class ReducedModel(Record):
         default=None,
         repr=False,
     )
-    massless: np.ndarray | None = quantity(
-        "m/N",
-        "what of the contact rows' flexibility has no inertia: of layers, stops, faces inside tip elements; "
-        "None in older files",
-        "row force",
-        default=None,
-        repr=False,
-    )
+    wider: Callable[[], ReducedModel | None] | None = field(default=None, repr=False)
 
     @derived(text="the unit loads", dims="load", kinds="U", detail=True)
     def unit_loads(self) -> np.ndarray | None:
@@ -130,10 +133,12 @@ class ReducedModel(Record):
         if self.gaps < self.pairs or (self.friction is not None and (self.friction.rows >= self.gaps).any()):
             raise ValueError(f"its slips are not those of {self.gaps} contact rows")
         shape = (len(self.omega), self.load_modes.shape[1], len(self.initial_gap))
-        if self.massless is not None and self.massless.shape != self.gap.contact.shape:
-            raise ValueError(f"its flexibility without inertia is not that of {shape[2]} contact rows")
         if self.supports is not None and self.supports.sizes != shape:
             raise ValueError(f"its supports' modes, loads and contact rows are not {shape}")
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is pickled or copied: without what makes a wider one."""
+        return self.__dict__ | {"wider": None}
 
     def __post_init__(self) -> None:
         if self.contact_laws is None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.continuation.orbit import FAINT
+from sbfem_petsc.continuation.harmonic_errors import FAINT
 from tests.analysis.test_mode_error import TURN, rod, true_error
 from tests.systems import coarse_beam, one_mass, two_masses
 
@@ -13,13 +13,13 @@ PUSH = sb.PointForce("A", fy=300.0)
 
 @pytest.mark.parametrize("accuracy", [1e-2, 1e-3])
 def test_modes_and_steps_of_an_orbit(accuracy):
-    """Harmonics 1 to 4 beside 120 modes, each by its order, with a quarter of the modes of the default."""
+    """Harmonics 1 to 4 beside 120 modes, each by its order, with a third of the modes of the default."""
     beam = coarse_beam(0.002)
     found = sb.periodic(beam, PUSH, 433.0, accuracy=accuracy, stability=False)
     true = true_error(found, sb.periodic(beam, PUSH, 433.0, modes=120, steps=1024, stability=False))
     orders = np.arange(1, 5)
     assert (true[1:] / orders).max() <= found.largest_mode_error <= accuracy, (true, found.mode_error)
-    assert len(found.reduced.omega) <= 25 and len(found.time) <= 512
+    assert len(found.reduced.omega) <= 30 and len(found.time) <= 512
 
 
 def test_more_modes_where_the_rule_has_few():
@@ -35,6 +35,8 @@ def test_what_is_given_rules():
     ):
         found = sb.periodic(coarse_beam(0.002), PUSH, 433.0, modes=12, accuracy=1e-4, stability=False)
     assert len(found.reduced.omega) == 12 and len(found.time) == 1664
+    with pytest.warns(sb.AccuracyWarning, match="beyond 12 modes; leave guess out, whose modes these are"):
+        sb.periodic(coarse_beam(0.002), PUSH, 433.0, guess=found, accuracy=1e-4, stability=False)
     with pytest.warns(
         sb.AccuracyWarning, match="lost in 64 steps a forcing period; give more than steps = 64"
     ):
@@ -100,8 +102,8 @@ def test_two_tones():
             errors[order] = max(errors[order], off / order)
     assert 1e-4 < errors.max() <= found.largest_mode_error <= 1e-2, (errors, found.mode_error)
     assert len(found.reduced.omega) < 20 and np.isnan(fine.mode_error).all()
-    with pytest.warns(sb.AccuracyWarning, match="quasi_periodic: .* give more than modes = 12"):
-        sb.quasi_periodic(beam, load, frequencies, modes=12, steps=192, accuracy=1e-3, stability=False)
+    with pytest.warns(sb.AccuracyWarning, match="quasi_periodic: .* give more than modes = 6"):
+        sb.quasi_periodic(beam, load, frequencies, modes=6, steps=192, accuracy=1e-3, stability=False)
 
 
 def test_as_many_steps_as_by_default_are_not_begun_with_again():

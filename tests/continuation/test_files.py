@@ -182,7 +182,7 @@ def test_changed_bytes_are_told(ending, tmp_path):
     """Some bytes of a line's journal, of its points and of the result made of them."""
     path = str(tmp_path / "line.journal")
     locus(file=path)
-    told, without, silent = inverted(f"{path}{ending}", lambda _: sb.read(path), every=47)
+    told, without, silent = inverted(f"{path}{ending}", lambda _: sb.read(path), every=43)
     assert silent == [] and without == 0 and told > 50
 
 

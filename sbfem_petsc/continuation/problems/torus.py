@@ -81,20 +81,11 @@ class Torus(InvariantCurves):
         # the linear response itself, with faces that rub as they are at rest
         self.linear = p.begun(np.zeros(2 * p.modes))
         self._units = np.append(np.full(p.unknowns * samples, self.unit), 1.0)
-        self._added: np.ndarray | None = None
 
     @property
     def orders(self) -> np.ndarray:
         """Multiples of the second tone that the samples resolve."""
         return np.arange(self.samples) - self.samples // 2
-
-    def with_gaps(self, added: np.ndarray) -> Torus:
-        """The same with something added to the free gaps: complex (orders, steps + 1, pairs), m, at the
-        second tone's phase 0.
-        """
-        result = copy.copy(self)
-        result._added = added
-        return result
 
     def split(self, u: np.ndarray) -> tuple[np.ndarray, float, float]:
         """See `InvariantCurves`."""
@@ -111,9 +102,6 @@ class Torus(InvariantCurves):
         # the real part of a product of complex matrices, by one of real ones
         moved = np.concatenate([phases.real, phases.imag], axis=1) @ self.pump_gaps
         result.free_gap = np.add(moved, self.base.free_gap, out=moved)
-        if self._added is not None:
-            turned = np.exp(2j * np.pi * theta * self.orders)
-            result.free_gap += np.tensordot(turned, self._added, 1).real
         result.linear_state = np.zeros_like(self.base.linear_state)
         return result
 

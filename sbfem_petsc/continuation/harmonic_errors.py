@@ -1,0 +1,144 @@
+"""Errors of a steady state's harmonics by left-out modes and by the steps, told by the same motion in more of
+both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..errors import SolveError
+from ..motion.excitation import one_sided
+from ..motion.period_map import DrivenPeriod, FixedPoint, Period
+from ..motion.steps import free_motion
+from ..reduction.build import wider
+from ..reduction.reduced_model import ReducedModel
+from .orbit import LOWEST, modal_motion
+from .shooting import WHOLE, Shooting, shoot_nearby
+
+# A harmonic is beside itself, or this share of the largest; of a body at rest all that oscillates is
+# rounding, below this share of the mean.
+FAINT, RESTING = 1e-3, 1e-7
+# Errors of second order, relative to the change in twice the steps; the same of left-out modes, whose error
+# falls about as the square of the highest frequency, and at most.
+SECOND, MODES, MOST = 4.0 / 3.0, 2.0, 4.0
+# Of the motion in twice the steps what Newton's next step would add, of how far it is; iterations with
+# derivatives of their own, and the residual relative to the first one.
+ACCURATE_ENOUGH, NEWTON, RELATIVE = 0.1, 16, 1e-3
+
+
+def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
+    """(2, 5): errors by left-out modes and by the steps of harmonics 0 to 4 of the displacements of all named
+    points and of the contact resultant, the larger one, each relative to itself or to 1e-3 of the largest
+    that oscillates. Collective.
+
+    The motion is found again in twice the steps, and in these in a model of half as many modes again. inf
+    where it is not found; nan where nothing is known of the left-out modes, or there is no named point.
+    """
+    driven, p = fixed.driven, fixed.driven.period
+    more = wider(p.reduced)
+    if more is None or not len(p.points):
+        return np.full((2, LOWEST), np.nan)
+    errors, finer = np.full((2, LOWEST), np.inf), fixed
+    if not fixed.touching.any():  # known in closed form
+        errors[1] = 0.0
+    elif found := _nearby(
+        driven.in_steps(2 * p.steps), fixed.state, lambda: fixed.monodromy, ACCURATE_ENOUGH
+    ):
+        errors[1], finer = SECOND * change(lowest(fixed), lowest(found)), found
+    wide = Period(more, p.excitation, finer.driven.period.steps, p.pairs > 0)
+    beside = wide.at(driven.frequency, driven.factor)
+    found = _nearby(beside, beside.linear_state + added(finer, wide), lambda: _derivative(fixed, beside))
+    if found:
+        errors[0] = beyond(p.reduced, more) * change(lowest(finer), lowest(found))
+    return errors
+
+
+def beyond(reduced: ReducedModel, more: ReducedModel) -> float:
+    """What the error by left-out modes is taken to be, relative to the change in more modes."""
+    if not more.points.loads.any():  # which are all
+        return 1.0
+    share = (reduced.frequencies.max() / more.frequencies.max()) ** 2
+    return float(min(MODES / (1.0 - share), MOST))
+
+
+def _nearby(
+    driven: DrivenPeriod, state: np.ndarray, derivative: Callable[[], np.ndarray], share: float = 0.0
+) -> FixedPoint | None:
+    """The motion near a state, of a map that is a little different from one whose derivative is known, see
+    `shoot_nearby`.
+    """
+    whole = driven.period.unknowns <= WHOLE
+    try:
+        if whole and (found := shoot_nearby(driven, state, derivative(), share)) is not None:
+            return found
+    except SolveError:
+        pass
+    try:
+        shooting = Shooting(driven, "updated" if whole else "matrix-free", NEWTON)
+        shooting.hurries, shooting.relative = True, RELATIVE
+        return shooting.solve(state)
+    except SolveError:
+        return None
+
+
+def _derivative(fixed: FixedPoint, beside: DrivenPeriod) -> np.ndarray:
+    """dx(T) / dx(0) in more modes, about: further ones move freely."""
+    r, p = beside.period.reduced, beside.period
+    result = free_motion((r.omega, r.damping), beside.duration, p.weights, p.unknowns)
+    signs, places = _shared(fixed.driven.period.reduced, r, p.unknowns)
+    result[np.ix_(places, places)] = signs[:, None] * fixed.monodromy * signs
+    return result
+
+
+def lowest(fixed: FixedPoint) -> list[np.ndarray]:
+    """(5, ...) each: harmonics 0 to 4 of the displacements of the named points and of the resultant."""
+    driven, motion, p = fixed.driven, fixed.motion, fixed.driven.period
+    r = p.reduced
+    forces = np.zeros((p.steps, len(r.initial_gap)))
+    forces[:, : p.pairs] = motion.forces[:-1]
+    u = r.points(modal_motion(driven, motion)[0][:-1], driven.loads[:-1], forces)
+    kept = slice(0, p.excitation.periods * LOWEST, p.excitation.periods)
+    return [one_sided(part)[kept] for part in (u, forces[:, : r.gaps].sum(axis=1))]
+
+
+def change(own: list[np.ndarray], other: list[np.ndarray]) -> np.ndarray:
+    """(5,): the largest change of each harmonic, relative to what it comes to or the least that counts."""
+    found = np.zeros(LOWEST)
+    for one, two in zip(own, other):
+        one, two = one.reshape(LOWEST, -1), two.reshape(LOWEST, -1)
+        sizes = np.linalg.norm([one, two], axis=2)
+        least = max(FAINT * sizes[:, 1:].max(), RESTING * sizes[:, 0].max(), np.finfo(float).tiny)
+        found = np.maximum(found, np.linalg.norm(one - two, axis=1) / np.maximum(sizes[1], least))
+    return found
+
+
+def added(fixed: FixedPoint, period: Period) -> np.ndarray:
+    """What contact adds to the linear response in a motion's state, in the modes of another map."""
+    old = fixed.driven.period.reduced
+    return in_modes(fixed.state - fixed.driven.linear_state, old, period.reduced)
+
+
+def in_modes(states: np.ndarray, old: ReducedModel, new: ReducedModel) -> np.ndarray:
+    """(..., 2 m + k) differences of states in the modes of another model of the same structure: those are the
+    same but for their signs, further ones rest.
+    """
+    m, n = len(old.omega), len(new.omega)
+    size = states.shape[-1] - 2 * m + 2 * n
+    result = np.zeros((*states.shape[:-1], size))
+    signs, places = _shared(old, new, size)
+    count = min(m, n)
+    kept = np.r_[:count, m : m + count, 2 * m : states.shape[-1]]
+    result[..., places] = signs * states[..., kept]
+    return result
+
+
+def _shared(old: ReducedModel, new: ReducedModel, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Signs of the modes' coordinates and velocities that two models share, and of what stands behind them,
+    and their places in a state of the new one, of so many unknowns.
+    """
+    n, count = len(new.omega), min(len(old.omega), len(new.omega))
+    seen = [np.concatenate([r.gap.modes[:, :count], r.load_modes[:count].T]) for r in (old, new)]
+    signs = np.where((seen[0] * seen[1]).sum(axis=0) < 0.0, -1.0, 1.0)
+    return np.concatenate([signs, signs, np.ones(size - 2 * n)]), np.r_[:count, n : n + count, 2 * n : size]
