@@ -1,10 +1,10 @@
 """Steady states with `accuracy=1e-3` beside those of 320 modes and of the defaults, in one run on one core.
 
-Of each motion: modes and steps that were taken, the error of harmonics 1 to 4 of all named points that is
-told and the true one beside 320 modes (or all that the mesh is good for, or that 6,000 steps carry) in twice
-their default steps, each divided by its order; that of the contact resultant's; CPU seconds of the first call
-with a new model and of a second one. Harmonics are beside themselves, or 1e-3 of the largest. Compiling is
-not counted.
+Of each motion: modes and steps that were taken, the error of harmonics 1 to 4 that is told, of all named
+points and of the resultant, the true one of the points beside 320 modes (or all that the mesh is good for, or
+that 6,000 steps carry) in twice their default steps, each divided by its order; that of the contact
+resultant's; CPU seconds of the first call with a new model and of a second one. Harmonics are beside
+themselves, or 1e-3 of the largest. Compiling is not counted.
 
     ./run python benchmarks/accuracy.py
     ./run python benchmarks/accuracy.py plate          those whose names hold a word
