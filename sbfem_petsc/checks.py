@@ -80,7 +80,8 @@ def instances(owner: str, name: str, value: Any, kind: type, wanted: str) -> tup
     several = (value,) if isinstance(value, kind) else value
     if not isinstance(several, (list, tuple)):
         raise TypeError(f"{owner}: {name} = {shown(value)} must be {wanted}")
-    return tuple(instance(owner, f"{name}[{k}]", item, kind, wanted) for k, item in enumerate(several))
+    one = f"a {kind.__name__}"
+    return tuple(instance(owner, f"{name}[{k}]", item, kind, one) for k, item in enumerate(several))
 
 
 def numbers_of(

@@ -101,7 +101,7 @@ def quasi_periodic(
     accuracy : float, optional
         Of the lines m f1 + n f2 with |m| + |n| = 1 to 4 of the named points, `largest_mode_error`: modes and
         steps that are not given are as many as that needs, see `periodic`. The motion is found twice more,
-        with what left-out modes add and in twice the steps. Of two given tones; of the samples it knows
+        in twice the steps and in half as many modes again. Of two given tones; of the samples it knows
         nothing, `tail` does.
 
     Raises

@@ -12,9 +12,10 @@ from scipy import sparse
 
 from meshing.whole_file import read_whole
 
-from ..checks import path
+from ..checks import choice, path
 from .cells import NODES
 from .finite_element_model import AXES, FiniteElementModel
+from .units import UNITS
 
 OWNER = "read_calculix"
 # What moves or removes unknowns, or closes contact before this program does.
@@ -53,6 +54,7 @@ def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
     UnitWarning
         If the units make no sense.
     """
+    choice(OWNER, "units", units, tuple(UNITS))
     stem = path(OWNER, "job", job).removesuffix(".inp")
     deck = Deck(OWNER, f"{stem}.inp")
     unknowns = _unknowns(f"{stem}.dof", deck.nodes)

@@ -399,8 +399,8 @@ def _sets(given: Any, nodes: Mapping[int, int]) -> dict[str, tuple[int, ...]]:
 def _held(given: Any) -> frozenset[tuple[int, int]]:
     """Nodes and directions."""
     instance(OWNER, "fixed", given, (list, tuple, set, frozenset, np.ndarray), "pairs (node, direction)")
-    held = _labels("fixed", list(given), len(given)).tolist() if len(given) else []
-    return frozenset((int(a), int(d)) for a, d in held)
+    held = list(given) if getattr(given, "ndim", 1) else [given]
+    return frozenset((int(a), int(d)) for a, d in (_labels("fixed", held, len(held)) if held else []))
 
 
 def _whole(owner: str, name: str, given: Any) -> tuple[int, ...]:

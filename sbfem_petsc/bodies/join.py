@@ -33,8 +33,7 @@ def join(*bodies: FiniteElementModel) -> FiniteElementModel:
         instance("join", f"body {k}", body, FiniteElementModel, "a FiniteElementModel")
     if not bodies:
         raise TypeError("join: no body is given; give two or more")
-    nodes: dict[int, np.ndarray] = {}
-    sets: dict[str, tuple[int, ...]] = {}
+    nodes, sets = dict[int, np.ndarray](), dict[str, tuple[int, ...]]()
     unknowns, fixed, cells = [], set[tuple[int, int]](), dict[str, list[np.ndarray]]()
     for number, body in enumerate(bodies, 1):
         own = body.labels.tolist()
@@ -48,9 +47,8 @@ def join(*bodies: FiniteElementModel) -> FiniteElementModel:
         fixed |= {(label + up, d) for label, d in body.fixed}
         for kind, rows in body.elements.items():
             cells.setdefault(kind, []).append(body.labels[rows] + up)
-    mass, stiffness = (
-        sparse.block_diag([getattr(b, name) for b in bodies]) for name in ("mass", "stiffness")
-    )
+    mass = sparse.block_diag([body.mass for body in bodies])
+    stiffness = sparse.block_diag([body.stiffness for body in bodies])
     elements = {kind: np.concatenate(parts) for kind, parts in cells.items()}
     whole = mass, stiffness, np.concatenate(unknowns), nodes
     found = FiniteElementModel(*whole, sets=sets, fixed=fixed, elements=elements)

@@ -189,8 +189,8 @@ class Accuracy:
             return ""
         if math.isnan(by_modes + by_steps):
             return (
-                "the error of harmonics is not told, as no point is named or the model's file is older than "
-                "that; name points of the mesh, or reduce the model again"
+                "the error of harmonics is not told, as no point is named or the model was read from a "
+                "file; name points of the mesh, or reduce the model again"
             )
         modes = len(reduced.omega)
         if by_modes >= by_steps:

@@ -75,7 +75,7 @@ def locate(line: Line, found: list[Multipliers]) -> list[Bifurcation]:
             # a real multiplier through +1 at a turning point is the fold itself
             turned = bool(turns.keys() & {k - 2, k - 1, k}) or _turns(line.points, k)
             if crossing is not None and crossing.kind == "branch point":
-                crossing = None if turned else _fold_or(crossing, line, k)
+                crossing = _beside(line, k, turns) if turned else _fold_or(crossing, line, k)
             if crossing is not None:
                 result.append(crossing)
     return result
@@ -117,6 +117,14 @@ def by_steps(point: Point) -> float:
 def _turns(points: list[Point], k: int) -> bool:
     steps = np.diff([point.value for point in points[max(0, k - 2) : k + 2]])
     return bool((steps[1:] * steps[:-1] < 0.0).any())
+
+
+def _beside(line: Line, k: int, turns: dict[int, Point]) -> Bifurcation | None:
+    """A fold between two points beside one that is known, None where there is no further one."""
+    between = None if k - 1 in turns else fold_between(line, k - 1)
+    if between is None or any(abs(t.value - between.value) <= by_steps(between) for t in turns.values()):
+        return None
+    return _fold(line, k - 1, between)
 
 
 def _fold_or(crossing: Bifurcation, line: Line, k: int) -> Bifurcation:

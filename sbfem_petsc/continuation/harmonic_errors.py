@@ -26,6 +26,10 @@ SECOND, MODES, MOST = 4.0 / 3.0, 2.0, 4.0
 # Of the motion in twice the steps what Newton's next step would add, of how far it is; iterations with
 # derivatives of their own, and the residual relative to the first one.
 ACCURATE_ENOUGH, NEWTON, RELATIVE = 0.1, 16, 1e-3
+# Of the flexibility that is left out, what further modes have at least where they tell what all of them do:
+# .05 to .65 on beams and plates, 1e-4 and less where those of other parts come next. What of a flexibility is
+# rounding.
+LEAST_PART, ROUNDING = 0.01, 1e-9
 
 
 def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
@@ -49,16 +53,29 @@ def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
         errors[1], finer = SECOND * change(lowest(fixed), lowest(found)), found
     wide = Period(more, p.excitation, finer.driven.period.steps, p.pairs > 0)
     beside = wide.at(driven.frequency, driven.factor)
-    found = _nearby(beside, beside.linear_state + added(finer, wide), lambda: _derivative(fixed, beside))
-    if found:
-        errors[0] = beyond(p.reduced, more) * change(lowest(finer), lowest(found))
+    factor = beyond(p.reduced, more)
+    if np.isfinite(factor) and (
+        found := _nearby(beside, beside.linear_state + added(finer, wide), lambda: _derivative(fixed, beside))
+    ):
+        errors[0] = factor * change(lowest(finer), lowest(found))
     return errors
 
 
 def beyond(reduced: ReducedModel, more: ReducedModel) -> float:
-    """What the error by left-out modes is taken to be, relative to the change in more modes."""
-    if not more.points.loads.any():  # which are all
+    """What the error by left-out modes is taken to be, relative to the change in more modes; inf where these
+    have next to nothing of what is driven, and others tell.
+    """
+    if more is reduced or not (more.points.loads.any() or more.points.contact.any()):  # which are all
         return 1.0
+    own, flexible = reduced.points, reduced.points.modes / reduced.omega**2
+    for known, left, forced in (
+        (own.loads, more.points.loads, reduced.load_modes),
+        (own.contact, more.points.contact, reduced.gap.modes.T),
+    ):
+        most = np.linalg.norm(known)
+        counts = most > ROUNDING * np.linalg.norm(flexible @ forced)
+        if counts and np.linalg.norm(left) > (1.0 - LEAST_PART) * most:
+            return np.inf
     share = (reduced.frequencies.max() / more.frequencies.max()) ** 2
     return float(min(MODES / (1.0 - share), MOST))
 

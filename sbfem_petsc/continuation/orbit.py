@@ -312,7 +312,10 @@ def in_words(error: np.ndarray) -> str:
     """That in a result's text."""
     largest = largest_error(error)
     if math.isinf(largest):
-        return "error of harmonics not found, as twice the steps or more modes lead elsewhere: take more, "
+        return (
+            "error of harmonics not found, as twice the steps or more modes lead elsewhere or have no part "
+            "in it, "
+        )
     return "" if math.isnan(largest) else f"error of harmonics {largest:.2g}, "
 
 

@@ -58,7 +58,7 @@ def plot_harmonics(
     count : int
         Highest harmonic.
     decades : float
-        Below the largest harmonic shown; what is smaller is left out.
+        Below the largest harmonic at least that are shown, to a power of ten.
     forces : dict of str to float, optional
         N: harmonics are divided by them.
     title, ax, comm
@@ -76,10 +76,12 @@ def plot_harmonics(
     top = max(float(levels.max()) for levels in found.values())
     if not top > 0.0:
         raise ValueError(f"plot_harmonics: point {point!r} does not move in {direction}")
+    # rounding is no harmonic
+    shown = [v[(v > top * 10.0**-decades) & (v > ROUND_OFF * v.max())] for v in found.values()]
+    least = 10.0 ** np.floor(np.log10(0.7 * np.concatenate(shown).min())) / 0.7  # the axis of `stems`
     apart, curves = min(0.2, 0.7 / len(found)), {}
     for k, (name, levels) in enumerate(found.items()):
-        # rounding is no harmonic
-        seen = (levels > top * 10.0**-decades) & (levels > ROUND_OFF * levels.max())
+        seen = (levels > least) & (levels > ROUND_OFF * levels.max())
         curves[name] = np.flatnonzero(seen) + apart * (k - 0.5 * (len(found) - 1)), levels[seen]
     axes = stems(Sheet.of(ax), curves, 2.9, 4.0)
     label = f"$|{symbol(orbits, direction, point)}|$({place_name(point)})"

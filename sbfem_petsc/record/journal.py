@@ -108,7 +108,9 @@ def frames(path: str) -> Iterator[tuple[int, bytes]]:
     with os.fdopen(open_regular(path, os.O_RDONLY), "rb") as file:
         size, begin = os.fstat(file.fileno()).st_size, file.read(len(MAGIC))
         if begin != MAGIC[: len(begin)]:
-            raise ValueError(f"{path!r} is damaged, or no journal of this version of the program")
+            raise ValueError(
+                f"{path!r} is damaged, or no journal of this version of the program; compute it again"
+            )
         while len(head := file.read(HEAD.size)) == HEAD.size:
             length, of_length, crc = HEAD.unpack(head)
             sound = zlib.crc32(head[:8]) == of_length

@@ -20,6 +20,8 @@ from .about import DIRECTION, About, Quantity
 NONE = "values"
 # Entries up to which an array stands in a summary.
 LONGEST = 100_000
+# Axes whose entries are counted from 1, as in pictures, columns of sweeps and arguments.
+FROM_ONE = ("mode", "sideband")
 # Entries up to which an array is shown by its numbers.
 _FEW = 12
 
@@ -88,7 +90,8 @@ class Views:
             if not len(q.value):
                 continue
             if axis not in found:
-                first = q.names.get(axis, range(len(q.value)))
+                least = int(axis in FROM_ONE)
+                first = q.names.get(axis, range(least, least + len(q.value)))
                 found[axis] = {} if axis in told and axis not in q.names else {axis: list(first)}
             found[axis] |= {f"{name}{q.titled}": column for name, column in q.columns()}
         return found

@@ -256,11 +256,19 @@ def wider(system: ReducedModel) -> ReducedModel | None:
     tells what modes that are left out do. The system itself where none are; None where nothing is known of
     them. Collective.
     """
+    own = len(system.omega)
     if system.model is None or system.model.layout.freed:
-        return None if system.wider is None else system.wider()
-    most = system.model.boundary_unknowns // 2
-    count = min(wider_count(len(system.omega)), most)
-    return None if count <= len(system.omega) else _kept(system.model, system.loads, count)
+        more = None if system.wider is None else system.wider()
+    else:
+        count = min(wider_count(own), system.model.boundary_unknowns // 2)
+        more = system if count <= own else _kept(system.model, system.loads, count)
+    if more is None or len(more.omega) == own:
+        return None if more is None else system
+    # gaps and damping may be others than those that it was reduced with; further modes follow the last one
+    mine, top = system.damping[-1], more.damping[own - 1]
+    further = more.damping[own:] * (mine / top) if top else np.full(len(more.omega) - own, mine)
+    damping = np.append(system.damping, further)
+    return replace(more, initial_gap=system.initial_gap, damping=damping, contact_laws=system.contact_laws)
 
 
 def _kept(model: Model, units: tuple[Load, ...], modes: int) -> ReducedModel:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..reduction.reduced_model import wider_count
 from .case.given import Given
 
 # Modes of a reduction, steps of a period, and points of a curve, where a case does not say.
@@ -25,9 +26,9 @@ class Size:
     pairs: int
     points: int
 
-    def extracting(self, count: int) -> float:
-        """Seconds of so many modes."""
-        return 0.05 + 6e-7 * self.unknowns * count
+    def extracting(self, count: int, errors: bool = False) -> float:
+        """Seconds of so many modes, or of those that tell the errors of so many."""
+        return 0.05 + 6e-7 * self.unknowns * (wider_count(count) if errors else count)
 
     def modes(self, asked: int | None) -> int:
         """Modes of a reduction."""

@@ -66,9 +66,8 @@ class Folder:
                 raise ValueError(f"{self.state_file!r} is not what a run has written; {way} overwrite it")
             if any(former.get(key) != mine[key] for key in ("version", "schema")):
                 raise ValueError(
-                    f"{self.path!r} has schema {former.get('schema', 'of before 6')} of version "
-                    f"{former.get('version')}; version {sb.__version__} goes on with schema {SCHEMA}; {way} "
-                    "compute it again"
+                    f"{self.path!r} has the schema {former.get('schema', 'before 6')}, of version "
+                    f"{former.get('version')}, and this program writes {SCHEMA}; {way} compute it again"
                 )
             if former.get("case") != mine["case"]:
                 raise ValueError(f"{self.path!r} holds the {what} of another case; {way} overwrite it")

@@ -88,6 +88,15 @@ def test_bifurcations_are_not_located_where_the_error_is_above():
     assert "are not located: harmonics" in repr(blocked)
 
 
+def test_bifurcations_of_matrices_that_are_gone_on_with(tmp_path):
+    """A resumed curve of matrices has the errors and the bifurcations of the run that it goes on with."""
+    asked = dict(steps=512, accuracy=0.1, file=str(tmp_path / "curve.journal"))
+    first = sb.frequency_response(two_masses(), [0.2], 0.1085, 0.11, **asked)
+    again = sb.frequency_response(two_masses(), [0.2], 0.1085, 0.11, resume=True, **asked)
+    np.testing.assert_array_equal(again.mode_error, first.mode_error)
+    assert [b.own_value for b in again.bifurcations] == [b.own_value for b in first.bifurcations] != []
+
+
 def test_two_tones():
     """Lines of each order beside 80 modes, which are 5e-4 from 120 in twice the steps."""
     load = sb.PointForce("A", fy=sb.Harmonic(100.0, 433.0) + sb.Harmonic(60.0, 61.7))

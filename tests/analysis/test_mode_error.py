@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from meshing import Beam, VNotch
 from sbfem_petsc.continuation.harmonic_errors import FAINT
-from tests.systems import chain, coarse_beam
+from tests.systems import ALUMINIUM, chain, coarse_beam
 
 TURN = 2.0 * np.pi
 
@@ -126,6 +127,70 @@ def test_where_nothing_is_told():
     assert np.isnan(segments.mode_error).all() and "error of harmonics" not in repr(segments)
     lost = replace(segments, mode_error=np.full(5, np.inf))
     assert "error of harmonics not found, as twice the steps or more modes lead elsewhere" in repr(lost)
+
+
+@pytest.mark.parametrize(("parameter", "stop"), [("gap", 0.5), ("damping", 3.0)])
+def test_along_gaps_and_damping(parameter, stop):
+    """More modes have the gaps and the damping of the motion whose error is told."""
+    curve = sb.load_response(
+        rod(20), [0.1], 1.1 / TURN, 1.0, stop=stop, parameter=parameter, steps=512, stability=False
+    )
+    exact = rod()
+    changed = {"gap": {"initial_gap": stop * exact.initial_gap}, "damping": {"damping": stop * exact.damping}}
+    exact = sb.periodic(replace(exact, **changed[parameter]), [0.1], 1.1 / TURN, steps=512, stability=False)
+    true, told = true_error(curve.orbit(len(curve.value) - 1), exact), curve.mode_error
+    assert curve.value[-1] == pytest.approx(stop) and (true <= 3.0 * told).all(), (true, told)
+    assert told[1:].max() <= 30.0 * true[1:].max(), (true, told)
+
+
+def test_modes_of_other_parts_tell_nothing():
+    """40 light oscillators that hardly hang on a rod stand between its second and its third frequency: 6 of
+    them more have next to nothing of what is left out, of which the error is a tenth.
+    """
+    n, sides = 30, 40
+    stiffness = np.zeros((n + sides, n + sides))
+    stiffness[:n, :n] = n * (2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+    stiffness[n - 1, n - 1] = n
+    mass = np.diag([1.0 / n] * n + [1e-3] * sides)
+    own = np.sqrt(np.linalg.eigvalsh(n * stiffness[:n, :n]))
+    tuned = 1e-3 * np.linspace(1.2 * own[1], 0.8 * own[2], sides) ** 2
+    for k, spring in enumerate(tuned):
+        at, side = n - 1 - k % 10, n + k
+        stiffness[side, side] += spring
+        stiffness[[at, side], [at, side]] += 1e-4 * spring
+        stiffness[[at, side], [side, at]] -= 1e-4 * spring
+    row = np.zeros((1, n + sides))
+    row[0, n - 1] = -1.0
+    few, whole = (
+        sb.reduce_matrices(
+            mass,
+            stiffness,
+            row,
+            np.array([0.02]),
+            loads=np.eye(n + sides)[:, [n - 1]],
+            sensors={"tip": n - 1},
+            modes=modes,
+            damping=0.02,
+            compliance=np.array([1e-2]),
+        )
+        for modes in (12, None)
+    )
+    found, exact = (
+        sb.periodic(system, [0.1], 1.1 / TURN, steps=1024, stability=False) for system in (few, whole)
+    )
+    true, told = true_error(found, exact), found.mode_error
+    assert true[1:].max() > 1e-2 and np.isinf(told).all(), (true, told)
+
+
+def test_a_model_in_all_its_modes():
+    """Has no error by modes: what is told is that of the steps."""
+    model = sb.Model(Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.0)]).mesh(order=1), ALUMINIUM, damping=0.02)
+    push, modes = sb.PointForce("A", fy=300.0), model.boundary_unknowns // 2
+    found, fine = (
+        sb.periodic(model, push, 300.0, modes=modes, steps=steps, stability=False) for steps in (2048, 8192)
+    )
+    true, told = true_error(found, fine), found.mode_error
+    assert (true <= 3.0 * told + 1e-12).all() and (told <= 10.0 * true + 1e-9).all(), (true, told)
 
 
 def test_curves_tell_the_largest(tmp_path):

@@ -75,6 +75,19 @@ def test_as_of_dense_points(seed, around, steps, expected):
     np.testing.assert_allclose([value for _, value in found], [value for _, value in dense], rtol=5e-6)
 
 
+@pytest.mark.long
+def test_a_fold_beside_another_one():
+    """In the step behind a fold that is told: at the end of an unstable stretch, where a multiplier leaves
+    1.013 for .994.
+    """
+    chain, force = stopped_chain(7023)
+    first = chain.frequencies[0]
+    told = [passed(chain, force, 0.95 * first, 1.25 * first, steps=steps) for steps in (512, 1024)]
+    coarse, fine = ([value for kind, value in found if kind == "fold"] for found in told)
+    np.testing.assert_allclose(fine, coarse, rtol=1e-5)
+    assert np.min(np.abs(np.array(fine) - 1.168764 * first)) < 1e-5 * first
+
+
 def test_a_fold_beside_a_corner():
     """Close to where a stop is met once more Newton's method finds no point where the fold is looked for
     first: it has a multiplier of one, and the values of the points beside it are on its side.

@@ -42,8 +42,9 @@ def line_error_estimates(
     elif found := _nearby(make(r, 2 * steps), added):
         errors[1] = SECOND * _by_order(found[0] - own, own)
         steps, (own, added) = 2 * steps, found
-    if found := _nearby(make(more, steps), in_modes(added, r, more)):
-        errors[0] = beyond(r, more) * _by_order(found[0] - own, own)
+    factor = beyond(r, more)
+    if np.isfinite(factor) and (found := _nearby(make(more, steps), in_modes(added, r, more))):
+        errors[0] = factor * _by_order(found[0] - own, own)
     return errors
 
 

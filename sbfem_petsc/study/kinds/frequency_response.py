@@ -126,4 +126,6 @@ def curve_cost(size: Size, table: Any) -> Cost:
     modes, count = size.modes(table.modes), min(table.points, CURVE_POINTS)
     seconds, memory = size.period(modes, (table.steps or STEPS) * (table.periods or 1))
     seconds *= count * (1.0 if table.stability is False else MULTIPLIERS)
-    return Cost(size.extracting(modes), seconds, memory, 400.0 * count * (modes + size.points * 60))
+    return Cost(
+        size.extracting(modes, errors=True), seconds, memory, 400.0 * count * (modes + size.points * 60)
+    )

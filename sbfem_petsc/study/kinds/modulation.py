@@ -111,10 +111,10 @@ class Modulation(Steady, TwoTones):
                 labelled("carrier", bands.carrier, "Hz", "high tone"),
                 labelled("modulation", bands.modulation, "Hz", "low tone"),
                 labelled("centre", complex(bands.centre), "m", "complex amplitude at the high tone"),
-                labelled("lower", bands.lower, "m", "complex amplitudes at high - n low", "pair"),
-                labelled("upper", bands.upper, "m", "complex amplitudes at high + n low", "pair"),
+                labelled("lower", bands.lower, "m", "complex amplitudes at high - n low", "sideband"),
+                labelled("upper", bands.upper, "m", "complex amplitudes at high + n low", "sideband"),
                 labelled(
-                    "indices", bands.indices, "1", "(|lower| + |upper|) / |centre| of each pair", "pair"
+                    "indices", bands.indices, "1", "(|lower| + |upper|) / |centre| of each pair", "sideband"
                 ),
                 labelled("modulation_index", bands.modulation_index, "1", "that of the first pair"),
             ]

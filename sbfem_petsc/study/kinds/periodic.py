@@ -198,7 +198,9 @@ def steady_cost(size: Size, table: Any, steps: int) -> Cost:
     modes = size.modes(table.modes)
     seconds, memory = size.period(modes, steps)
     disk = 8.0 * steps * (3 * modes + size.pairs + 2 * size.points)
-    return Cost(size.extracting(modes), seconds * (MULTIPLIERS if table.stability else 1.0), memory, disk)
+    return Cost(
+        size.extracting(modes, errors=True), seconds * (MULTIPLIERS if table.stability else 1.0), memory, disk
+    )
 
 
 def truth(verdict: bool | None) -> float:

@@ -112,7 +112,9 @@ class QuasiPeriodic(QuasiPeriodicOptions, TwoTones):
         # iterations of Newton's method on all samples, each with the derivative of its trajectory
         seconds = 4 * self.samples * size.period(modes, steps)[0]
         disk = 16.0 * size.points * (2 * self.order + 1) ** 2
-        return Cost(size.extracting(modes), seconds, curve_memory(size, modes, self.samples, steps), disk)
+        return Cost(
+            size.extracting(modes, errors=True), seconds, curve_memory(size, modes, self.samples, steps), disk
+        )
 
     @classmethod
     def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
