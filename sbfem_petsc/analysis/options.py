@@ -35,7 +35,10 @@ def _accuracy(default: float | None = None) -> Any:
 
 
 def _harmonics() -> Any:
-    text = "relative error of harmonics 1 to 4 asked for: default modes and steps are as many as it needs"
+    text = (
+        "relative error of harmonics 1 to 4 of points and resultant asked for: default modes and steps are "
+        "as many as it needs"
+    )
     return item(None, text=text, ge=1e-8, le=0.1)
 
 

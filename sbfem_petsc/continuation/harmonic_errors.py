@@ -26,7 +26,7 @@ SECOND, MODES, MOST = 4.0 / 3.0, 2.0, 4.0
 # Of the motion in twice the steps what Newton's next step would add, of how far it is; iterations with
 # derivatives of their own, and the residual relative to the first one.
 ACCURATE_ENOUGH, NEWTON, RELATIVE = 0.1, 16, 1e-3
-# Of the flexibility that is left out, what further modes have at least where they tell what all of them do:
+# Of the flexibility that is left out, what further modes take at least where they tell what all of them do:
 # .05 to .65 on beams and plates, 1e-4 and less where those of other parts come next. What of a flexibility is
 # rounding.
 LEAST_PART, ROUNDING = 0.01, 1e-9
@@ -74,7 +74,7 @@ def beyond(reduced: ReducedModel, more: ReducedModel) -> float:
     ):
         most = np.linalg.norm(known)
         counts = most > ROUNDING * np.linalg.norm(flexible @ forced)
-        if counts and np.linalg.norm(left) > (1.0 - LEAST_PART) * most:
+        if counts and np.linalg.norm(left - known) < LEAST_PART * most:
             return np.inf
     share = (reduced.frequencies.max() / more.frequencies.max()) ** 2
     return float(min(MODES / (1.0 - share), MOST))

@@ -39,19 +39,23 @@ def line_error_estimates(
     own = _lines(torus, point)
     if not point.state.peak:  # known in closed form
         errors[1] = 0.0
-    elif found := _nearby(make(r, 2 * steps), added):
+    elif found := _nearby(lambda: make(r, 2 * steps), added):
         errors[1] = SECOND * _by_order(found[0] - own, own)
         steps, (own, added) = 2 * steps, found
     factor = beyond(r, more)
-    if np.isfinite(factor) and (found := _nearby(make(more, steps), in_modes(added, r, more))):
+    if np.isfinite(factor) and (found := _nearby(lambda: make(more, steps), in_modes(added, r, more))):
         errors[0] = factor * _by_order(found[0] - own, own)
     return errors
 
 
-def _nearby(torus: Torus, added: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+def _nearby(make: Callable[[], Torus], added: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
     """Lines of an invariant curve near a difference to the linear response, and its own; None if there is
-    none. Collective.
+    none, or no room for it. Collective.
     """
+    try:
+        torus = make()
+    except ValueError:  # for which there is no memory
+        return None
     try:
         point = torus.solve(added + torus.linear)
     except PetscFailure:
