@@ -35,7 +35,8 @@ if any(name in os.environ for name in _LAUNCHED):
 
     abort.install()
 
-from .processor import name_kernels  # noqa: E402
+# Of another package: a thread that imports a module of this one waits for this file, which would wait for it.
+from meshing.processor import name_kernels  # noqa: E402
 
 name_kernels()
 

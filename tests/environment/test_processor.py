@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sbfem_petsc import processor
+from meshing import processor
 
 ROOT = Path(__file__).resolve().parents[2]
 WIDE = "fpu avx2 fma avx512f avx512cd avx512bw avx512dq avx512vl"

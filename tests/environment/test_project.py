@@ -307,7 +307,7 @@ def test_no_circles():
 
 
 # Neither is imported while a thread of ours may wait for it: under an MPI launcher alone, before all else.
-AT_THE_START = {"sbfem_petsc.processor", "sbfem_petsc.ranks", "sbfem_petsc.ranks.abort"}
+AT_THE_START = {"sbfem_petsc.ranks", "sbfem_petsc.ranks.abort"}
 
 
 @pytest.mark.slow

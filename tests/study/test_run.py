@@ -169,8 +169,8 @@ def test_another_case_is_refused(folder, tmp_path):
     assert json.loads((out / "summary.json").read_text())["frequencies"]["frequencies"][4] > 0
     state = json.loads((out / "run.json").read_text())
     for change, told in (
-        ({"schema": 5}, "schema 5 of version"),
-        ({"version": "0.0"}, "of version 0.0; version "),
+        ({"schema": 5}, "the schema 5, of version"),
+        ({"version": "0.0"}, "of version 0.0, and this program writes"),
     ):
         (out / "run.json").write_text(json.dumps(state | change))
         done = sbfem("run", other, "--output", out)
