@@ -288,15 +288,15 @@ class Follower:
 
     def _found(self, tangent: np.ndarray) -> Point | None:
         """The next point by steps, or beyond what stops or turns the branch by a leap."""
-        problem, predicted, last, point = self.problem, self.within.direction, self.points[-1], None
-        furthest = max(predicted * point.value for point in self.points)
+        problem, onwards, last, point = self.problem, self.within.direction, self.points[-1], None
+        furthest = max(onwards * point.value for point in self.points)
         # behind the furthest value the branch is in a tongue that could not be passed over
-        if problem.narrow and predicted * last.value >= furthest:
+        if problem.narrow and onwards * last.value >= furthest:
             point = self._searched(problem, tangent, problem.narrow)
-            turned = point is not None and predicted * (point.value - last.value) < 0.0
+            turned = point is not None and onwards * (point.value - last.value) < 0.0
             if (point is None or turned) and self.tried != len(self.points):
                 self.tried = len(self.points)
-                beyond = problem.leap(self.points, predicted)
+                beyond = problem.leap(self.points, onwards)
                 if beyond is not None:
                     self.line.sign, self.line.length, beyond.leapt = None, LANDED, True
                     return beyond

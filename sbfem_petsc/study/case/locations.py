@@ -20,7 +20,8 @@ from .tables import Path, Problem
 _DIGITS = re.compile(r"[\d_]+")
 # Texts, up to two quotation marks before the closing three included; comments; signs; keys and values.
 _TOKEN = re.compile(
-    r""""{3}(?:\\.|[^\\])*?"{3,5}|'{3}.*?'{3,5}|"(?:\\.|[^"\\])*"|'[^']*'|#[^\n]*|[][{},=.]|[^][{},=.#"'\s]+""",
+    r""""{3}(?:\\.|[^\\])*?"{3,5}|'{3}.*?'{3,5}|"(?:\\.|[^"\\])*"|'[^']*'|#[^\n]*"""
+    r"""|[][{},=.]|[^][{},=.#"'\s]+""",
     re.DOTALL,
 )
 
