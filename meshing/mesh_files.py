@@ -181,7 +181,8 @@ def export(mesh: MeshArrays, path: str | os.PathLike[str]) -> None:
     Edges become polylines through their GLL nodes: p straight "line" cells each, so that curved edges keep
     all their nodes. (The high-order cells of VTK expect equidistant nodes, which GLL nodes are not.) Cell
     data: "edge", "element" (the first S-element it belongs to), "material"; "set_NAME" is 1 on the edges of a
-    set. Point data: "gap" of contact pairs, -1 elsewhere.
+    set. Point data: "gap" of contact pairs, -1 elsewhere. Some formats have no room for cell data (Exodus):
+    they get points and lines.
 
     Raises
     ------
