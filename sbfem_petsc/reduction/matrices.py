@@ -57,9 +57,8 @@ def reduce_matrices(
 ) -> ReducedModel:
     """A system given by its matrices: textbook oscillators, bars, other codes' examples.
 
-    `transient`, `periodic`, `frequency_response` and `load_response` take the result in the place of a model,
-    with a number or a signal for each unit load; where rows rub, `transient`, `static` and `load_history`
-    alone.
+    All analyses take the result in the place of a model, with a number or a signal for each unit load; what
+    rows that rub are refused in, docs/limits.md says.
 
     Parameters
     ----------
