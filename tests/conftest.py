@@ -29,6 +29,14 @@ gc.disable()
 os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")
 
 
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
+    """One more than there are cores for the long set, where programs on several ranks wait for one another
+    and for files a quarter of the time; else what xdist takes.
+    """
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+    return cores + 1 if config.option.markexpr == "long" and cores > 1 else None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What is long is slow too: `-m "not slow"` on the command line replaces the default `not long`. Files
     with programs on several ranks, which wait for one another (tests/parallel.py), come first and so to one

@@ -187,7 +187,7 @@ PARTS = [
         draw,
         "Displacement of A under the 1 N tone burst, crack at 80 mm, beside the independent reference; "
         "below, a crack at 100 mm.",
-        2.5,
+        1.0,
     ),
     Part(
         "fig6",
@@ -196,6 +196,6 @@ PARTS = [
         draw,
         "Displacement of A and contact resultant under the 300 N tone burst, crack at 80 mm, beside the "
         "independent reference; below, a crack at 100 mm.",
-        3.0,
+        2.0,
     ),
 ]

@@ -246,6 +246,6 @@ PARTS = [
         draw_continued_fraction,
         "Relative error of the natural frequencies of a square on roller edges, one S-element of order 16, "
         "for 0 to 6 terms of the continued fraction.",
-        2.0,
+        1.0,
     ),
 ]

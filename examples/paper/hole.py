@@ -88,6 +88,6 @@ PARTS = [
         geometry,
         draw_geometry,
         "S-elements of the beam with a hole: the whole beam, the crack, its tip.",
-        1.5,
+        1.0,
     )
 ]

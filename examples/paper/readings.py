@@ -268,6 +268,6 @@ PARTS = [
         draw,
         "Root-mean-square deviation of frequencies 1-10, 20-30 and 40-46 from the paper's finite element "
         "column, over the position of the crack.",
-        5.0,
+        13.0,
     )
 ]

@@ -509,6 +509,6 @@ PARTS = [
         draw,
         "Half the peak-to-peak displacement of A over the force, modal damping ratio 0.002; open marks are "
         "unstable steady states.",
-        50.0,
+        90.0,
     )
 ]

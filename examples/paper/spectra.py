@@ -295,7 +295,7 @@ PARTS = [
         draw_long_beam,
         "Acceleration spectra of A (Hann window): cracked beam in the first and second half of the record, "
         "healthy beam. Modal damping ratio 0.002.",
-        5.0,
+        6.0,
     ),
     Part(
         "fig10",
@@ -303,6 +303,6 @@ PARTS = [
         modulation,
         draw_modulation,
         "Spectra of the displacement of A, healthy and cracked beam, modal damping ratio 0.002.",
-        6.0,
+        8.0,
     ),
 ]

@@ -17,9 +17,7 @@ LOAD = sb.PointForce("A", fy=300.0)
 
 @pytest.fixture(scope="module")
 def model():
-    return sb.Model(
-        paper_beam().mesh(order=3), sb.Material(young=70e9, poisson=0.33, density=2700), rayleigh=RATIOS
-    )
+    return sb.Model(paper_beam().mesh(order=3, tip_size=2e-4), sb.Material(70e9, 0.33, 2700), rayleigh=RATIOS)
 
 
 def harmonics(orbit):
