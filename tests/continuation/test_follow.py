@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sbfem_petsc.continuation.events import between, find_zero, folds, furthest, place_of, refine, turns_twice
-from sbfem_petsc.continuation.follow import CLOSED, Line, Settings, follow
+from sbfem_petsc.continuation.follow import CLOSED, Follower, Line, Settings, follow
 from sbfem_petsc.continuation.newton import ITERATIONS, TooManyIterations, correct
 from sbfem_petsc.continuation.problem import Lost, Metric, Point, Range
 
@@ -63,6 +63,24 @@ def test_a_circle_closes(direction):
     angles = np.unwrap(np.arctan2(u[:, 1], u[:, 0]))
     assert (direction * np.diff(angles) > 0.0).all() and abs(angles[-1]) >= 2.0 * math.pi
     assert abs(angles[-2]) < 2.0 * math.pi
+
+
+@pytest.mark.parametrize(("places", "between"), [((0.0, 1.0, 1.1), 0.5), ((0.0, 0.1, 1.1), 0.6)])
+def test_a_bent_branch_has_gone_through_its_points(places, between):
+    """Three points of a circle, unevenly apart: one of its points between them is on what lies behind, one a
+    tenth aside is not, nor is one ahead.
+    """
+    problem = circle()
+
+    def on(angle, radius=1.0):
+        u = radius * np.array([np.cos(angle), np.sin(angle)])
+        return Point(problem, u, None, u[1])
+
+    follower = Follower(Line([on(angle) for angle in places]), Range(-2.0, 2.0, 1), Settings())
+    follower.metric = Metric(problem, follower.points[-1].u)
+    assert follower._gone_through(on(between))
+    assert not follower._gone_through(on(between, 0.9))
+    assert not follower._gone_through(on(places[-1] + 0.5))
 
 
 @pytest.mark.parametrize("name", ["up", "down"])
