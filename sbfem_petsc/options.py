@@ -4,9 +4,9 @@ a table of a case file and the record of what was run. Nothing here waits for PE
 
 from __future__ import annotations
 
-import types
-import typing
-from collections.abc import Iterator, Mapping
+import difflib
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from numbers import Real
 from typing import Annotated, Any, TypeVar
 
@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
-from .checks import Bounds, choice, flag, integer, names_of, numbers_of, positive, real, shown
+from .checks import shown
 
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Own = TypeVar("Own", bound="Options")
@@ -53,15 +53,17 @@ class Options(BaseModel):
         TypeError, ValueError
             One sentence that names the function, the option, its value and what is expected.
         """
-        fault = None
+        faults: list[Any] = []
         try:
             found = cls.model_validate(dict(values))
         except ValidationError as error:
-            fault = error.errors(include_url=False, include_input=False, include_context=False)[0]
-        if fault is not None:  # out of what pydantic raises, which would be printed too
-            name = str(fault["loc"][0])
-            _refuse(owner, name, values.get(name), cls.model_fields[name])
-            raise ValueError(f"{owner}: {name} = {shown(values.get(name))}: {fault['msg']}")
+            faults = error.errors(include_url=False)
+        for fault in faults:  # out of what pydantic raises, which would be printed too
+            name, *within = fault["loc"]
+            kind = TypeError if fault["type"] in TYPES and fault["type"] != "finite_number" else ValueError
+            given = fault if within else {**fault, "input": values[name]}
+            text = wrong([given], unit_of(cls.model_fields[name]))
+            raise kind(f"{owner}: {name}{''.join(f'[{k}]' for k in within)} {text}")
         for name, text in found.contradictions():
             raise ValueError(f"{owner}: {f'{name} ' if name else ''}{text}")
         return found
@@ -85,32 +87,57 @@ def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
 
 
-def _refuse(owner: str, name: str, value: Any, field: FieldInfo) -> None:
-    """Raise what `checks` says of a value that an option does not take: one rule, in the words of Python."""
-    kind = field.annotation
-    if typing.get_origin(kind) in (typing.Union, types.UnionType):
-        kind = next(part for part in typing.get_args(kind) if part is not type(None))
-    if typing.get_origin(kind) is Annotated:
-        kind = typing.get_args(kind)[0]
-    keys = ("gt", "ge", "lt", "le")
-    bounds: dict[str, Any] = {
-        key: getattr(entry, key) for entry in field.metadata for key in keys if hasattr(entry, key)
-    }
-    within = Bounds(*(bounds.get(key) for key in keys))
-    if kind is float:
-        if bounds.get("ge", 0.0) > 0.0:  # that it is above zero comes before how small it may be
-            positive(owner, name, value, unit_of(field))
-        real(owner, name, value, unit_of(field), within=within)
-    elif kind is int:
-        integer(owner, name, value, least=bounds.get("ge"), most=bounds.get("le"))
-    elif kind is bool:
-        flag(owner, name, value)
-    elif typing.get_origin(kind) is typing.Literal:
-        choice(owner, name, value, typing.get_args(kind))
-    elif kind == list[float]:
-        numbers_of(owner, name, value, 2, f"{field.description}, in {unit_of(field)}")
-    else:
-        words = typing.get_args(typing.get_args(kind)[0])
-        for word in names_of(owner, name, value):
-            choice(owner, name, word, words)
-        raise ValueError(f"{owner}: {name} is empty; name one of {', '.join(words)} at least")
+# What a value must be, by the names of pydantic's faults.
+TYPES = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
+    "string_type": 'a text in quotation marks, "..."',
+    "list_type": "an array, [...]",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "finite_number": "a finite number",
+}
+_BOUNDS = {
+    "greater_than": ("gt", "above"),
+    "greater_than_equal": ("ge", "at least"),
+    "less_than": ("lt", "below"),
+    "less_than_equal": ("le", "at most"),
+}
+
+
+def wrong(faults: Sequence[Any], unit: str, spelt: Callable[[Any], str] = shown) -> str:
+    """What pydantic finds wrong with a value, in words behind its name. Of one that may be of several types
+    what is wrong within one of them says more than its type.
+    """
+    fault = next((one for one in faults if one["type"] not in TYPES), faults[0])
+    kind, context, in_unit = fault["type"], fault.get("ctx", {}), f", in {unit}" if unit else ""
+    given = f"= {spelt(fault['input'])}"
+    if kind in TYPES:
+        wanted = " or ".join(dict.fromkeys(TYPES[one["type"]] for one in faults))
+        return f"{given} must be {wanted}{in_unit}"
+    if kind in _BOUNDS:
+        name, words = _BOUNDS[kind]
+        return f"{given} must be {words} {context[name]:g}{in_unit}"
+    if kind == "literal_error":
+        names = re.findall(r"'([^']*)'", context["expected"])
+        return f"{given} is unknown; {one_of(names, fault['input'])}"
+    if kind in ("too_short", "too_long"):
+        bound = context.get("min_length", context.get("max_length"))
+        words = "at least" if kind == "too_short" else "at most"
+        return f"has {context['actual_length']} entries; {words} {bound} expected{in_unit}"
+    if kind == "string_too_short":
+        return f"{given} must not be empty"
+    return str(context["error"]) if kind == "value_error" else f"{given}: {fault['msg']}"
+
+
+def one_of(names: Iterable[str], wrong: object = None) -> str:
+    """Valid names for a sentence, the nearest one to a wrong name first."""
+    names = list(names)
+    if not names:
+        return "there are none"
+    listed = ", ".join(repr(name) for name in names)
+    close = difflib.get_close_matches(str(wrong), names, n=1, cutoff=0.5) if wrong is not None else []
+    return f"did you mean {close[0]!r}? Valid are {listed}" if close else f"valid are {listed}"

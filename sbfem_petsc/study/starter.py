@@ -33,7 +33,7 @@ def write_starter(kind: str, path: str | os.PathLike[str], *, replace: bool = Fa
     ValueError
         For an unknown kind, files that exist or cannot be written.
     """
-    from .case.problems import one_of
+    from ..options import one_of
 
     if kind not in KINDS:
         raise ValueError(f"kind = {kind!r} of starter case is unknown; {one_of(KINDS, kind)}")

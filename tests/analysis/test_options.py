@@ -80,29 +80,29 @@ class Sizes(Options):
 @pytest.mark.parametrize(
     "name, value, kind, sentence",
     [
-        ("width", 0.0, ValueError, r"width = 0.0 must be finite and above 0 \(m\)$"),
-        ("width", math.nan, ValueError, r"width = nan must be finite and above 0 \(m\)$"),
-        ("width", Fraction(10**400), ValueError, "must be finite"),
-        ("width", "1", TypeError, r"width = '1' must be a number \(m\)$"),
-        ("width", np.array(1.0), TypeError, r"width = array\(1.\) must be a number \(m\)$"),
-        ("width", True, TypeError, "width = True must be a number"),
-        ("count", 10, ValueError, "count = 10 must be between 1 and 9$"),
-        ("count", 10**400, ValueError, r"count = 10+ \.\.\. must be between 1 and 9$"),
-        ("count", 0, ValueError, "count = 0 must be between 1 and 9$"),
-        ("count", 2.0, TypeError, "count = 2.0 must be an integer$"),
-        ("exact", 1, TypeError, "exact = 1 must be True or False$"),
-        ("way", "left", ValueError, "way = 'left' must be one of 'up', 'down'$"),
-        ("way", 3, TypeError, "way = 3 must be one of 'up', 'down'$"),
-        ("span", 3.0, TypeError, "span = 3.0 must be two lengths, in m$"),
-        ("span", (1.0, "2"), TypeError, r"span\[1\] = '2' must be a number$"),
-        ("span", (1.0,), ValueError, r"span = \(1.0,\) must be two lengths, in m$"),
-        ("ways", (), ValueError, "ways is empty; name one of up, down at least$"),
-        ("ways", ("left",), ValueError, "ways = 'left' must be one of 'up', 'down'$"),
-        ("ways", "up", TypeError, "ways = 'up' must be a sequence of names$"),
+        ("width", 0.0, ValueError, "width = 0.0 must be above 0, in m$"),
+        ("width", math.nan, ValueError, "width = nan must be a finite number, in m$"),
+        ("width", Fraction(10**400), TypeError, "must be a number"),
+        ("width", "1", TypeError, "width = '1' must be a number, in m$"),
+        ("width", np.array(1.0), TypeError, r"width = array\(1.\) must be a number, in m$"),
+        ("width", True, TypeError, "width = True must be a number, in m$"),
+        ("count", 10, ValueError, "count = 10 must be at most 9$"),
+        ("count", 10**400, ValueError, r"count = 10+ \.\.\. must be at most 9$"),
+        ("count", 0, ValueError, "count = 0 must be at least 1$"),
+        ("count", 2.0, TypeError, "count = 2.0 must be a whole number$"),
+        ("exact", 1, TypeError, "exact = 1 must be true or false$"),
+        ("way", "Up", ValueError, "way = 'Up' is unknown; did you mean 'up'[?] Valid are 'up', 'down'$"),
+        ("way", 3, ValueError, "way = 3 is unknown; valid are 'up', 'down'$"),
+        ("span", 3.0, TypeError, r"span = 3.0 must be an array, \[...\], in m$"),
+        ("span", (1.0, "2"), TypeError, r"span\[1\] = '2' must be a number, in m$"),
+        ("span", (1.0,), ValueError, "span has 1 entries; at least 2 expected, in m$"),
+        ("ways", (), ValueError, "ways has 0 entries; at least 1 expected$"),
+        ("ways", ("left",), ValueError, r"ways\[0\] = 'left' is unknown; valid are 'up', 'down'$"),
+        ("ways", "up", TypeError, r"ways = 'up' must be an array, \[...\]$"),
     ],
 )
 def test_sentences(name, value, kind, sentence):
-    """One sentence in Python's words; a TypeError for what is of another type."""
+    """One sentence, the same as of a case; a TypeError for what is of another type."""
     with pytest.raises(kind, match=sentence) as raised:
         Sizes.checked("f", {"width": 1.0, name: value})
     assert str(raised.value).startswith("f: ")

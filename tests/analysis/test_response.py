@@ -544,7 +544,7 @@ def test_three_motions_with_little_damping():
         ({"stop": -1.0}, "stop"),
         ({"stop": 0.08}, "stop = 0.08 is start itself"),
         ({"start": "low"}, "start"),
-        ({"steps": 10}, "steps = 10 must be between 48 and"),
+        ({"steps": 10}, "steps = 10 must be at least 48"),
         ({"load": [sb.Harmonic(0.1, 0.08)]}, "does not follow the swept frequency; give a number"),
         ({"load": [sb.ToneBurst(0.1, 0.08, 3)]}, "does not follow the swept frequency"),
         ({"load": [0.0]}, "no load oscillates"),

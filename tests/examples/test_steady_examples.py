@@ -141,9 +141,9 @@ def test_modulation_map():
 @pytest.mark.parametrize(
     "name, options, sentence",
     [
-        ("harmonics", ("--frequencies", "-3"), "frequency = -3.0 must be finite and above 0 (Hz)"),
+        ("harmonics", ("--frequencies", "-3"), "frequency = -3.0 must be above 0, in Hz"),
         ("frequency_response", ("--start", "14000", "--stop", "14000"), "stop = 14000 is start itself"),
-        ("hole", ("--steps", "3"), "steps = 3 must be between 48"),
+        ("hole", ("--steps", "3"), "steps = 3 must be at least 48"),
     ],
 )
 def test_bad_options(tmp_path, name, options, sentence):

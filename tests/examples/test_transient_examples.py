@@ -74,5 +74,5 @@ def test_modulation(tmp_path):
 @pytest.mark.long
 def test_bad_options(tmp_path):
     done = on_ranks(1, "examples/tone_burst.py", "--duration", "-1", "--output", str(tmp_path), check=False)
-    sentence = "duration = -1.0 must be finite and above 0 (s)"
+    sentence = "duration = -1.0 must be above 0, in s"
     assert done.returncode != 0 and sentence in done.stderr and "Traceback" not in done.stderr

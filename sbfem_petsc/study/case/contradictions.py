@@ -6,8 +6,9 @@ import os
 from collections.abc import Iterator
 from typing import Any
 
+from ...options import one_of
 from .names import named_places
-from .problems import filed, one_of
+from .problems import filed
 from .tables import Path, Problem, Table
 
 # Names that the summary of a run uses itself.

@@ -13,10 +13,11 @@ from meshing.boundary_mesh import BoundaryMesh
 
 from ...checks import integer, shown
 from ...loads import separate
+from ...options import one_of
 from ...signals.signal import as_signal
 from .given import Given
 from .names import clamped, named_places
-from .problems import CaseError, one_of
+from .problems import CaseError
 from .tables import Path, Table
 
 

@@ -13,7 +13,9 @@ import numpy as np
 from pydantic import ValidationError
 from scipy.stats import qmc
 
-from .problems import from_validation, one_of, written
+from ... import options
+from ...options import one_of
+from .problems import from_validation, written
 from .sweep import Range, SweepTable
 from .tables import Path, Problem
 
@@ -131,8 +133,7 @@ def unit_of(tables: Any, name: str) -> str:
     here, unit = tables, ""
     for part in parsed(name):
         if isinstance(part, str) and not isinstance(here, dict):
-            described = type(here).model_fields[part].json_schema_extra
-            unit = str(described.get("unit", "")) if isinstance(described, dict) else ""
+            unit = options.unit_of(type(here).model_fields[part])
             here = getattr(here, part)
         else:
             here = here[part]

@@ -13,12 +13,11 @@ import numpy as np
 import sbfem_petsc as sb
 
 from ...indicators.detection import contact_duty
-from ...options import item
+from ...options import item, one_of
 from ...record.about import Quantity
 from ...record.found import Found
 from ..case import objects
 from ..case.given import Given, Tables
-from ..case.problems import one_of
 from ..case.tables import Names, Path, Problem, Table
 from ..costs import Cost, Size
 
