@@ -36,6 +36,8 @@ __all__ = [
     "MPI",
     "PETSc",
     "SLEPc",
+    "all_asked",
+    "asked",
     "block_solve",
     "check_ksp",
     "collect",
@@ -232,6 +234,21 @@ def set_up(ksp: PETSc.KSP) -> None:
     with stage("Factorisation"), solving(ksp.getOptionsPrefix().rstrip("_")):
         factorise(ksp.getPC(), ksp.setUp)
         ksp.setUp()
+
+
+def asked(name: str, bare: Any = "") -> Any:
+    """Value that the command line gives an option, of the type of `bare`, which an option without one has;
+    None if it is not there.
+    """
+    options = PETSc.Options()
+    get = {bool: options.getBool, int: options.getInt, str: options.getString}[type(bare)]
+    return get(name, bare) if options.hasName(name) else None
+
+
+def all_asked() -> dict[str, str]:
+    """All options of the command line, none of which counts as used by this."""
+    found: dict[str, str] = PETSc.Options().getAll()
+    return found
 
 
 def configure(item: Any) -> None:

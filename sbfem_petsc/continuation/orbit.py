@@ -74,7 +74,7 @@ class Orbit(Motion):
     products: int = quantity(
         "1", "linearised periods integrated for the linear solves of an unreduced model", default=0
     )
-    converged: bool = quantity("1", "whether it is one", default=True)
+    converged: bool = quantity("1", "whether it is one", default=True, row=True)
     step_error: float = quantity(
         "1", "relative change of the displacements from half as many steps", finite=False, default=math.nan
     )

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import PetscFailure, SolveError, called, on_all_ranks
 from ..motion.period_map import DrivenPeriod, FixedPoint
 from ..motion.period_motion import PeriodMotion
-from ..petsc import PETSc, configure, finite, require_thread, scripted
+from ..petsc import PETSc, asked, configure, finite, require_thread, scripted
 from .linear import PREFIX, Factors
 from .newton import ITERATIONS, Updated
 from .problem import GAIN, Lost
@@ -164,7 +164,7 @@ class Shooting:
     def solve(self, state: np.ndarray) -> FixedPoint:
         """The fixed point near a state."""
         require_thread()
-        if self.jacobian == "updated" and PETSc.Options().hasName(f"{PREFIX}snes_test_jacobian"):
+        if self.jacobian == "updated" and asked(f"{PREFIX}snes_test_jacobian") is not None:
             self.jacobian = "dense"  # PETSc's test is of the derivative, and not of updates of it
         driven, size = self.driven, len(state)
         moving = max(driven.period.size(state), driven.oscillation, 1e-300)
@@ -294,11 +294,12 @@ class Shooting:
             f"{(self.residuals or [math.nan])[0] / size:.2e}"
         )
         option = f"{PREFIX}snes_max_it"
-        if reason == PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT and PETSc.Options().hasName(option):
+        allowed = asked(option, 0)
+        if reason == PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT and allowed is not None:
             raise on_all_ranks(
                 PetscFailure(
                     f"{called()}: Newton's method has taken the {snes.getIterationNumber()} iterations that "
-                    f"-{option} {PETSc.Options().getInt(option)} allows: {missed}; allow more, or leave the "
+                    f"-{option} {allowed} allows: {missed}; allow more, or leave the "
                     "option out"
                 )
             )

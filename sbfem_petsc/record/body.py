@@ -8,8 +8,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..damping import ratios_by_frequency
-from ..petsc import PETSc, SLEPc
+from ..petsc import PETSc, SLEPc, all_asked
 from .record import Record, described, quantity
+
+# Numbers of a model, and what its pairs hold of each.
+_OF_MODEL = ("thickness", "continued_fraction", "order", "boundary_unknowns", "unknowns")
+_OF_PAIRS = ("nodes", "normal", "gap", "crack", "position")
 
 
 @described
@@ -72,19 +76,14 @@ class Body(Record):
             return None
         pairs, cracks = model.pairs, model.cracks
         frequencies, ratios = ratios_by_frequency(model.damping).T
-        options = PETSc.Options().getAll()
         versions = {"petsc": PETSc.Sys, "slepc": SLEPc.Sys}
         return cls(
             **mesh,
-            thickness=model.thickness,
+            **{name: getattr(model, name) for name in _OF_MODEL},
             damping=ratios,
             damping_frequency=frequencies,
             rayleigh=np.array(model.rayleigh, dtype=float),
-            continued_fraction=model.continued_fraction,
-            order=model.order,
             ranks=model.comm.size,
-            boundary_unknowns=int(model.boundary_unknowns),
-            unknowns=int(model.unknowns),
             materials=tuple(
                 f"{n}: {_exact(m)}" for n, m in zip(model.layout.material_names, model.materials)
             ),
@@ -96,12 +95,8 @@ class Body(Record):
             crack_axis=np.array([crack.axis for crack in cracks]).reshape(-1, 2),
             crack_opening=np.array([crack.opening for crack in cracks]),
             crack_length=np.array([crack.length for crack in cracks]),
-            pair_nodes=pairs.nodes,
-            pair_normal=pairs.normal,
-            pair_gap=pairs.gap,
-            pair_crack=pairs.crack,
-            pair_position=pairs.position,
-            petsc_options=tuple(f"{name} {value or ''}".strip() for name, value in options.items()),
+            **{f"pair_{name}": getattr(pairs, name) for name in _OF_PAIRS},
+            petsc_options=tuple(f"{name} {value or ''}".strip() for name, value in all_asked().items()),
             versions=(
                 *(f"{name} {'.'.join(map(str, of.getVersion()))}" for name, of in versions.items()),
                 f"numpy {np.__version__}",
@@ -118,7 +113,7 @@ def _exact(item: Any) -> str:
     return f"{type(item).__name__}({', '.join(f'{f.name}={getattr(item, f.name)!r}' for f in fields(item))})"
 
 
-def _mesh(model: Any) -> dict[str, np.ndarray] | None:
+def _mesh(model: Any) -> dict[str, Any] | None:
     """Nodes and S-elements of all ranks, on rank 0. Collective."""
     part = model.layout.part
     chains = [part.nodes[chain] for chain in part.chains]

@@ -25,9 +25,13 @@ def labelled(
     text: str = "",
     dims: str = "",
     names: Mapping[str, Iterable[str]] = {},
+    *,
+    row: bool = False,
 ) -> Quantity:
-    """A quantity: a number, a text, None, or an array over its axes, with the names along some of them."""
-    about = About(unit, text, tuple(dims.split()))
+    """A quantity: a number, a text, None, or an array over its axes, with the names along some of them; a
+    column of a sweep, or not.
+    """
+    about = About(unit, text, tuple(dims.split()), row=row)
     found = np.asarray(value) if about.dims else value
     along = {dim: tuple(entries) for dim, entries in names.items()}
     return Quantity(Entry(name, about, "", False, False), found, unit, about.dims, along)
@@ -40,13 +44,16 @@ def of_points(
     unit: str,
     text: str,
     dims: str = "",
+    *,
+    row: bool = False,
 ) -> Quantity | None:
     """A quantity of each point, whose own axes are `dims`; None without points."""
     if not points:
         return None
     first, *others = dims.split() or [""]
     found = np.stack([np.asarray(value(point)) for point in points], axis=1 if first else 0)
-    return labelled(name, found, unit, text, " ".join([first, "place", *others]), {"place": points})
+    axes = " ".join([first, "place", *others])
+    return labelled(name, found, unit, text, axes, {"place": points}, row=row)
 
 
 class Found(Views):

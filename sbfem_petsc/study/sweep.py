@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import choice, flag, instance, integer, names_of, path, shown
+from ..checks import flag, instance, integer, path, shown
 from ..errors import OutOfMemory, SolveError
 from ..progress import Watch, watch_for
 from ..ranks.capacity import PlannedFile, require_disk
@@ -20,6 +20,7 @@ from ..writing import check_output_folder, spare_folder
 from . import rows as row_files
 from .case import parameters as paths
 from .case.case import Case, read_case
+from .case.sweep import SweepTable
 from .costs import Size
 from .estimates import ROW
 from .folder import Folder
@@ -31,8 +32,6 @@ from .sweep_file import FILE, Sweep, together, write
 
 __all__ = ["Sweep", "sweep"]
 
-METHODS = ("grid", "list", "latin_hypercube")
-DEFAULTS = {"method": "grid", "seed": 0, "ranks_per_row": 1, "histories": False}
 # Points that a mesh names beside those of the case.
 POINTS = 5
 
@@ -104,21 +103,13 @@ def sweep(
     """
     comm = checked_communicator("sweep", comm)
     with collective(comm):
-        table = {
-            "method": choice("sweep", "method", method, METHODS),
-            "samples": None if samples is None else integer("sweep", "samples", samples, least=1),
-            "seed": integer("sweep", "seed", seed, least=0),
-            "analyses": None if analyses is None else list(names_of("sweep", "analyses", analyses)),
-            "healthy": _table("healthy", healthy),
-            "noise": _table("noise", noise),
-            "ranks_per_row": integer("sweep", "ranks_per_row", ranks_per_row, least=1),
-            "histories": flag("sweep", "histories", histories),
-        }
+        keys: dict[str, Any] = {"method": method, "samples": samples, "seed": seed, "analyses": analyses}
+        keys |= {"healthy": healthy, "noise": noise, "ranks_per_row": ranks_per_row, "histories": histories}
         if output is not None:
             path("sweep", "output", output)
         if watch is not None:
             instance("sweep", "watch", watch, Watch, "a Watch")
-        checked = _swept(case, _table("parameters", parameters), table)
+        checked = _swept(case, parameters, keys)
         part = _part(rows, len(paths.rows(checked.tables.sweep)), output)
         _check_start(checked, comm, flag("sweep", "replace", replace) and part is not None)
     with spare_folder() as spare, watch or watch_for(comm) as told:
@@ -159,18 +150,19 @@ def _held(case: Case, path: str, replace: bool, comm: Any, shared: bool) -> Iter
             comm.Barrier()  # nobody's folder goes while others read it
 
 
-def _swept(case: Any, parameters: dict[str, Any] | None, table: dict[str, Any]) -> Any:
-    """The case with its sweep, that of the call if there are parameters."""
+def _swept(case: Any, parameters: Any, keys: dict[str, Any]) -> Any:
+    """The case with its sweep, of the call's own keys if there are parameters."""
     if not isinstance(case, Case):
         path("sweep", "case", case)
     checked = case if isinstance(case, Case) else read_case(case)
     if parameters is not None:
-        own = {**table, "parameters": parameters}
-        return checked.with_data({**checked.data, "sweep": {k: v for k, v in own.items() if v is not None}})
-    given = [name for name, value in table.items() if value != DEFAULTS.get(name)]
+        table = SweepTable.checked("sweep", {"parameters": parameters, **keys})
+        return checked.with_data({**checked.data, "sweep": table.model_dump(exclude_none=True)})
+    fields = SweepTable.model_fields
+    given = [name for name, value in keys.items() if value is not fields[name].default]
     if given:
         raise ValueError(
-            f"sweep: {given[0]} = {shown(table[given[0]])} is of no use without parameters, for the "
+            f"sweep: {given[0]} = {shown(keys[given[0]])} is of no use without parameters, for the "
             "case's own [sweep] table is followed; write it there, or give parameters"
         )
     if checked.tables.sweep is None:
@@ -194,13 +186,6 @@ def _part(rows: Any, count: int, output: Any) -> range | None:
     if output is None:
         raise ValueError("sweep: rows needs the folder that others compute into too; give output")
     return range(first, min(behind, count))
-
-
-def _table(name: str, value: Any) -> dict[str, Any] | None:
-    if value is None:
-        return None
-    instance("sweep", name, value, Mapping, "a dict by name")
-    return dict(value)
 
 
 class _Sweeping:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
 import sbfem_petsc as sb
 
 from ...analysis.options import BackboneOptions
 from ...options import item
+from ...record.about import Quantity
+from ...record.found import labelled
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
-from .kind import Drawn, Kind, Run, Values, Wanted
+from .kind import Drawn, Kind, Run
 
 
 class Backbone(BackboneOptions, Kind):
@@ -24,13 +26,11 @@ class Backbone(BackboneOptions, Kind):
     def solve(self, case: Any, model: Any, run: Run) -> sb.Backbone:
         return sb.backbone(model, **self.of(BackboneOptions), **run.kept)
 
-    def row(self, result: Any, wanted: Wanted) -> Values:
-        return {
-            **super().row(result, wanted),
-            "first_frequency": (float(result.frequency[0]), "Hz"),
-            "last_frequency": (float(result.frequency[-1]), "Hz"),
-            "last_energy": (float(result.energy[-1]), "J"),
-        }
+    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+        first, last = map(float, result.frequency[[0, -1]])
+        yield labelled("first_frequency", first, "Hz", "frequency of the first point", row=True)
+        yield labelled("last_frequency", last, "Hz", "frequency of the last point", row=True)
+        yield labelled("last_energy", float(result.energy[-1]), "J", "energy of the last point", row=True)
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         yield "backbone", drawn.plot.plot_backbone({drawn.title: result}, comm=drawn.comm)

@@ -12,12 +12,13 @@ import sbfem_petsc as sb
 
 from ...analysis.options import BasinsOptions
 from ...options import item
+from ...record.about import Quantity
 from ...record.found import Found, labelled, of_points
 from ..case.parameters import grid
 from ..case.sweep import Times
 from ..case.tables import Name, Path, Problem, Table
 from ..costs import STEPS, Cost, Size
-from .kind import PERIODIC, Drawn, Loaded, Run, Values, Wanted
+from .kind import PERIODIC, Drawn, Loaded, Run
 from .periodic import common_period
 
 
@@ -113,13 +114,11 @@ class Basins(BasinsOptions, Loaded):
         )
         return found
 
-    def row(self, result: Any, wanted: Wanted) -> Values:
-        return {
-            **super().row(result, wanted),
-            "orbits": (float(len(result.orbits)), "1"),
-            "largest_share": (float(result.share.max(initial=0.0)), "1"),
-            "not_settled": (float(np.mean(result.reached < 0)), "1"),
-        }
+    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+        share, lost = float(result.share.max(initial=0.0)), float(np.mean(result.reached < 0))
+        yield labelled("orbit_count", len(result.orbits), text="number of steady states", row=True)
+        yield labelled("largest_share", share, text="largest share of the initial states", row=True)
+        yield labelled("not_settled", lost, text="share of those that reach none", row=True)
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         if len(result.axes) == 2 and min(result.reached.shape) > 1:

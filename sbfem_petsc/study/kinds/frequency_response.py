@@ -11,17 +11,19 @@ import sbfem_petsc as sb
 
 from ...analysis.options import FrequencyResponseOptions
 from ...options import item
-from ...record.found import Found, labelled
+from ...record.about import Quantity
+from ...record.found import Found, labelled, of_points
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
-from .kind import Drawn, Kind, Loaded, Run, Values, Wanted
+from .kind import Drawn, Kind, Loaded, Run
 
+# Of a resonance: where `Branch.peak` has it, unit, and what it is.
 _PEAK = {
-    "frequency": ("Hz", "of the largest amplitude"),
-    "amplitude": ("m", "largest amplitude"),
-    "lower": ("Hz", "lower half-power frequency"),
-    "upper": ("Hz", "upper half-power frequency"),
-    "bandwidth": ("Hz", "half-power bandwidth"),
-    "skewness": ("1", "0 symmetric, +1 leaning to higher frequencies"),
+    "peak_frequency": ("frequency", "Hz", "frequency of the largest amplitude"),
+    "peak_amplitude": ("amplitude", "m", "largest amplitude"),
+    "lower_frequency": ("lower", "Hz", "lower half-power frequency"),
+    "upper_frequency": ("upper", "Hz", "upper half-power frequency"),
+    "bandwidth": ("bandwidth", "Hz", "half-power bandwidth"),
+    "skewness": ("skewness", "1", "0 symmetric, +1 leaning to higher frequencies"),
 }
 
 
@@ -56,34 +58,19 @@ class Curve(Kind):
         """Argument of the function."""
         return "modes" if self.reduced else None
 
-    def found(self, result: Any, points: Sequence[str]) -> Found:
-        found = super().found(result, points)
-        if result.parameter == "frequency":
-            peaks = {point: result.peak(point) for point in points}
-            own = {
-                point: Found([labelled(name, getattr(peak, name), *about) for name, about in _PEAK.items()])
-                for point, peak in peaks.items()
-            }
-            found.inner["peak"] = Found([], own)
-        return found
-
-    def row(self, result: Any, wanted: Wanted) -> Values:
-        values: Values = {
-            **super().row(result, wanted),
-            "curve_points": (float(len(result)), "1"),
-            "unstable_points": (float(result.unstable.sum()) if result.stability_known else math.nan, "1"),
-            "bifurcations": (float(len(result.bifurcations)), "1"),
-        }
-        for point in wanted.points:
-            if result.parameter != "frequency":
-                values[f"last_amplitude/{point}"] = (float(result.amplitude(point)[-1]), "m")
-                continue
-            peak = result.peak(point)
-            values[f"peak_frequency/{point}"] = (peak.frequency, "Hz")
-            values[f"peak_amplitude/{point}"] = (peak.amplitude, "m")
-            values[f"bandwidth/{point}"] = (peak.bandwidth, "Hz")
-            values[f"skewness/{point}"] = (peak.skewness, "1")
-        return values
+    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+        unstable = float(result.unstable.sum()) if result.stability_known else math.nan
+        yield labelled("curve_points", len(result), text="points of the curve", row=True)
+        yield labelled("unstable_points", unstable, text="unstable ones, nan where that is unknown", row=True)
+        yield labelled("bifurcation_count", len(result.bifurcations), text="number of bifurcations", row=True)
+        if result.parameter != "frequency":
+            last = lambda point: result.amplitude(point)[-1]
+            yield of_points("last_amplitude", points, last, "m", "amplitude at the last point", row=True)
+            return
+        peaks = {point: result.peak(point) for point in points}
+        for name, (field, unit, text) in _PEAK.items():
+            value = lambda point, field=field: getattr(peaks[point], field)
+            yield of_points(name, points, value, unit, text, row=True)
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         point = drawn.point(result.points)

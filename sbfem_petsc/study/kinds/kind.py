@@ -16,6 +16,7 @@ from ...indicators.detection import contact_duty
 from ...options import item, one_of
 from ...record.about import Quantity
 from ...record.found import Found
+from ...record.record import Record
 from ..case import objects
 from ..case.given import Given, Tables
 from ..case.tables import Names, Path, Problem, Table
@@ -240,12 +241,13 @@ class Kind(Table):
         return Found.of(result, points, *self.more(result, points), details=self.details)
 
     def more(self, result: Any, points: Sequence[str]) -> Iterable[Quantity | None]:
-        """What a case keeps beside that. Collective."""
+        """What a case keeps beside that, also columns of a sweep. Collective."""
         return ()
 
     def row(self, result: Any, wanted: Wanted) -> Values:
-        """What a row of a sweep keeps of a result: what its class says. Collective."""
-        return dict(result.sweep_row(wanted.points))
+        """What a row of a sweep keeps of a result: what its class and `more` say. Collective."""
+        own = result.sweep_row(wanted.points) if isinstance(result, Record) else {}
+        return own | Found(self.more(result, wanted.points)).sweep_row()
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         """Name and axes of each picture. Collective."""

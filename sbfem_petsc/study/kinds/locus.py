@@ -10,10 +10,11 @@ import sbfem_petsc as sb
 
 from ...analysis.options import FrequencyRange, LineOptions
 from ...options import item
+from ...record.about import Quantity
 from ...record.found import Found, labelled
 from ..case.tables import Problem
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
-from .kind import Drawn, Loaded, Run, Values, Wanted
+from .kind import Drawn, Loaded, Run
 
 
 class Locus(LineOptions, FrequencyRange, Loaded):
@@ -69,20 +70,20 @@ class Locus(LineOptions, FrequencyRange, Loaded):
         if result:
             super().save(result, part)
 
-    def found(self, result: Any, points: Sequence[str]) -> Found:
-        count = labelled("count", len(result), text="number of lines")
-        reason = None if result else labelled("reason", self._none(), text="why there is none")
-        return Found([count, reason], {"loci": tuple(Found.of(line, points) for line in result)})
-
-    def row(self, result: Any, wanted: Wanted) -> Values:
-        values: Values = {}
+    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+        yield labelled("count", len(result), text="number of lines")
+        if not result:
+            yield labelled("reason", self._none(), text="why there is none")
         for kind in self.bifurcations:
             lines = [line for line in result if line.kind == kind]
             name = kind.replace(" ", "_").replace("-", "_").lower()
-            values[f"{name}_lines"] = (float(len(lines)), "1")
+            yield labelled(f"{name}_lines", len(lines), text=f"lines of {kind}", row=True)
             least = min((float(line.value.min()) for line in lines), default=math.nan)
-            values[f"{name}_least_factor"] = (least, "1")
-        return values
+            yield labelled(f"{name}_least_factor", least, text="least factor on them", row=True)
+
+    def found(self, result: Any, points: Sequence[str]) -> Found:
+        lines = tuple(Found.of(line, points) for line in result)
+        return Found(self.more(result, points), {"loci": lines})
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         if result:

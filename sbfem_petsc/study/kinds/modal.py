@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -12,7 +12,8 @@ import sbfem_petsc as sb
 from ...analysis.options import ModalOptions
 from ...indicators.detection import frequency_shift
 from ...options import item
-from ...record.found import Found
+from ...record.about import Quantity
+from ...record.found import Found, labelled
 from ..costs import Cost, Size
 from .kind import Drawn, Kind, Run, Values, Wanted
 
@@ -30,11 +31,14 @@ class Modal(ModalOptions, Kind):
     def solve(self, case: Any, model: Any, run: Run) -> sb.Modal:
         return sb.modal(model, **self.of(ModalOptions))
 
-    def row(self, result: Any, wanted: Wanted) -> Values:
-        values = super().row(result, wanted) | estimated_error(self, result)
+    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+        yield estimated_error(self, result)
         if isinstance(result, sb.Modal):
-            values["largest_residual"] = (float(np.max(result.residuals)), "1")
-        healthy = wanted.healthy()
+            largest = float(np.max(result.residuals))
+            yield labelled("largest_residual", largest, text="largest of the residuals", row=True)
+
+    def row(self, result: Any, wanted: Wanted) -> Values:
+        values, healthy = super().row(result, wanted), wanted.healthy()
         if healthy is not None:
             values["frequency_shift"] = (_shift(result.frequencies, healthy.frequencies), "1")
         return values
@@ -68,6 +72,8 @@ def _shift(cracked: Any, healthy: Any) -> np.ndarray:
     return shift
 
 
-def estimated_error(table: Any, result: Any) -> Values:
+def estimated_error(table: Any, result: Any) -> Quantity | None:
     """Error of an analysis that an accuracy is asked of."""
-    return {} if table.accuracy is None else {"estimated_error": (float(result.estimate.error), "1")}
+    if table.accuracy is None:
+        return None
+    return labelled("estimated_error", float(result.estimate.error), text="estimated error", row=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal
 
@@ -49,7 +48,13 @@ class Steady(Kind):
             yield harmonics("harmonics_x", "x")
         text = "stability, None if it was not asked for or is not known"
         yield labelled("stable", result.stable, text=text)
-        yield labelled("iterations", int(result.iterations), text="Newton iterations")
+        yield labelled("iterations", int(result.iterations), text="Newton iterations", row=True)
+        yield labelled("residual", float(result.residuals[-1]), "m sqrt(kg)/s", "the last residual", row=True)
+        if len(result.multipliers):
+            modulus = float(np.abs(result.multipliers[0]))
+            yield labelled(
+                "largest_multiplier", modulus, text="largest Floquet multiplier's modulus", row=True
+            )
         yield labelled("friction_loss", result.friction_loss, "J", "lost to friction over the period")
         if result.periods > 1:
             text = "complex amplitudes of u_y at j f / periods"
@@ -66,12 +71,6 @@ class Steady(Kind):
                 values |= _harmonics(ending, point, motion, result.periods)
         values = recorded(values, result, wanted.points) if wanted.histories else values
         values |= peak_contact(result)
-        values["converged"] = (float(result.converged), "1")
-        values["iterations"] = (float(result.iterations), "1")
-        values["residual"] = (float(result.residuals[-1]), "1")
-        if len(result.multipliers):
-            values["largest_multiplier"] = (float(np.abs(result.multipliers[0])), "1")
-            values["stable"] = (truth(result.stable), "1")
         balance = self._energy_balance(wanted.case, result)
         return values if balance is None else values | {"energy_error": (balance, "1")}
 
@@ -201,11 +200,6 @@ def steady_cost(size: Size, table: Any, steps: int) -> Cost:
     return Cost(
         size.extracting(modes, errors=True), seconds * (MULTIPLIERS if table.stability else 1.0), memory, disk
     )
-
-
-def truth(verdict: bool | None) -> float:
-    """1 or 0, nan for none."""
-    return math.nan if verdict is None else float(verdict)
 
 
 def _harmonics(ending: str, point: str, u: np.ndarray, periods: int) -> Values:

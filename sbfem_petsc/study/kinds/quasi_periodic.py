@@ -16,8 +16,8 @@ from ...record.found import Found, labelled, of_points
 from ..case.objects import located, signals_of
 from ..case.tables import Names, Path
 from ..costs import STEPS, Cost, Size
-from .kind import PERIODIC, Drawn, Run, TwoTones, Values, Wanted
-from .periodic import symbol, truth
+from .kind import PERIODIC, Drawn, Run, TwoTones
+from .periodic import symbol
 
 # Lines of a spectrum in a report.
 _LINES = 15
@@ -67,38 +67,34 @@ class QuasiPeriodic(QuasiPeriodicOptions, TwoTones):
         yield labelled("pump_frequency", float(result.frequencies[1]), "Hz", "second tone")
         yield labelled("line", named, "1", "m, n of each line", "kept_line number")
         frequencies = np.abs(named @ np.array(result.frequencies))
-        yield labelled("frequency", frequencies, "Hz", "of each line, |m probe + n pump|", "kept_line")
+        text = "of each line, |m probe + n pump|"
+        yield labelled("line_frequency", frequencies, "Hz", text, "kept_line", row=True)
 
         def lines(name: str, direction: str) -> Quantity | None:
             text = f"complex amplitudes of u_{direction} by line"
             own = lambda point: line_values(result, named, point, direction)
-            return of_points(name, points, own, "m", text, "kept_line")
+            return of_points(name, points, own, "m", text, "kept_line", row=direction == "y")
 
         yield lines("lines", "y")
         if not result.point_directions:
             yield lines("lines_x", "x")
         text = "(|c_1,1| + |c_1,-1|) / |c_1,0| of u_y"
-        yield of_points("modulation_index", points, result.modulation_index, "1", text)
+        yield of_points("modulation_index", points, result.modulation_index, "1", text, row=True)
+
+        def carrier(point: str) -> float:
+            return abs(result.line(1, 0, point))
+
+        yield of_points(
+            "carrier_amplitude", points, carrier, "m", "amplitude of u_y at the first tone", row=True
+        )
+        yield labelled("residual", float(result.residuals[-1]), text="the last residual", row=True)
+        yield labelled("iterations", len(result.residuals) - 1, text="Newton iterations", row=True)
+        if len(result.exponents):
+            largest = float(result.exponents[0])
+            yield labelled("largest_exponent", largest, "1/s", "largest Lyapunov exponent", row=True)
         yield labelled(
             "stable", result.stable, text="stability, None if it was not asked for or is not known"
         )
-
-    def row(self, result: Any, wanted: Wanted) -> Values:
-        named = lines_of(result.frequencies, self.order)
-        values: Values = {
-            **super().row(result, wanted),
-            "residual": (float(result.residuals[-1]), "1"),
-            "iterations": (float(len(result.residuals) - 1), "1"),
-            "line_frequency": (np.abs(named @ np.array(result.frequencies)), "Hz"),
-        }
-        if len(result.exponents):
-            values["largest_exponent"] = (float(result.exponents[0]), "1/s")
-            values["stable"] = (truth(result.stable), "1")
-        for point in wanted.points:
-            values[f"lines/{point}"] = (line_values(result, named, point), "m")
-            values[f"modulation_index/{point}"] = (result.modulation_index(point), "1")
-            values[f"carrier_amplitude/{point}"] = (abs(result.line(1, 0, point)), "m")
-        return values
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         # one that is held has no lines
@@ -119,7 +115,7 @@ class QuasiPeriodic(QuasiPeriodicOptions, TwoTones):
     @classmethod
     def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
         """Lines of the spectrum, the highest first."""
-        numbers, frequencies = found["line"].value, found["frequency"].value
+        numbers, frequencies = found["line"].value, found["line_frequency"].value
         lines = dict(found["lines"].by_name()) if "lines" in found else {}
         heights = np.abs([*lines.values()]).reshape(len(lines), len(numbers))
         order = np.argsort(-heights.max(axis=0, initial=0.0), kind="stable")[:_LINES]

@@ -15,7 +15,7 @@ from ...options import item
 from ...record.about import Quantity
 from ...record.found import labelled, of_points
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
-from .kind import Drawn, Loaded, Run, Values, Wanted
+from .kind import Drawn, Loaded, Run
 from .quasi_periodic import curve_memory, line_values, lines_of, unresolved
 
 
@@ -71,21 +71,16 @@ class QuasiPeriodicResponse(TorusCurveOptions, SwitchOptions, FrequencyRange, Lo
         def own(point: str) -> np.ndarray:
             return np.abs(result.line(0, 1, point))
 
-        yield of_points("own_amplitude", points, own, "m", "amplitude of u_y at the own tone", "point")
-
-    def row(self, result: Any, wanted: Wanted) -> Values:
-        own = result.frequencies[:, 1]
-        return {
-            **super().row(result, wanted),
-            "curve_points": (float(len(result)), "1"),
-            "unstable_points": (float(np.sum(result.unstable)), "1"),
-            "least_own_frequency": (float(own.min()), "Hz"),
-            "largest_own_frequency": (float(own.max()), "Hz"),
-            **{
-                f"own_amplitude/{point}": (float(np.abs(result.line(0, 1, point)).max()), "m")
-                for point in wanted.points
-            },
-        }
+        text = "amplitude of u_y at the own tone"
+        yield of_points("own_amplitude", points, own, "m", text, "point")
+        yield of_points(
+            "largest_own_amplitude", points, lambda p: own(p).max(), "m", f"largest {text}", row=True
+        )
+        tones = result.frequencies[:, 1]
+        for which, tone in (("least", float(tones.min())), ("largest", float(tones.max()))):
+            yield labelled(f"{which}_own_frequency", tone, "Hz", f"{which} own tone", row=True)
+        yield labelled("curve_points", len(result), text="points of the curve", row=True)
+        yield labelled("unstable_points", int(np.sum(result.unstable)), text="unstable ones", row=True)
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         point = drawn.point(result.motions[0].points)

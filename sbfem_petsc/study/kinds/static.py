@@ -16,7 +16,7 @@ from ...record.found import labelled
 from ..case.problems import filed
 from ..case.tables import Name, Path, Problem
 from ..costs import Cost, Size
-from .kind import Drawn, Loaded, Run, Values, Wanted
+from .kind import Drawn, Loaded, Run
 from .modal import estimated_error
 
 # Cracks of a model that are drawn.
@@ -60,14 +60,9 @@ class Static(StaticOptions, Loaded):
         found = self._stresses(result)
         if found:
             stresses = np.array([*found.values()])
-            yield labelled("stress", stresses, "Pa", "stress xx, yy, xy", "at tensor", {"at": found})
-
-    def row(self, result: Any, wanted: Wanted) -> Values:
-        values = super().row(result, wanted)
-        if isinstance(result, sb.ReducedStatic):
-            return values
-        values |= {f"stress/{place}": (stress, "Pa") for place, stress in self._stresses(result).items()}
-        return values | estimated_error(self, result)
+            text, names = "stress xx, yy, xy", {"at": found}
+            yield labelled("stress", stresses, "Pa", text, "at tensor", names, row=True)
+        yield estimated_error(self, result)
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         cracks = () if isinstance(result, sb.ReducedStatic) else result.model.cracks

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...petsc import PETSc, check_ksp, configure, free, scripted
+from ...petsc import PETSc, asked, check_ksp, configure, free, scripted
 from ..solve.stiffness import Stiffness
 from .rows import Contact
 
@@ -73,8 +73,8 @@ class Dual:
         """Whether forces are iterated for: asked for by the option -contact_dual, or where every row would
         take an iterative solve of its own.
         """
-        if PETSc.Options().hasName("contact_dual"):
-            return PETSc.Options().getBool("contact_dual", True)
+        if (wanted := asked("contact_dual", True)) is not None:
+            return bool(wanted)
         return len(contact) > MANY and not stiffness.solver.direct and contact.kept_compliance is None
 
     def closed(self, active: np.ndarray, gap: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

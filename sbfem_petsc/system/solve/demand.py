@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ...petsc import PETSc
+from ...petsc import asked
 from ...ranks.capacity import give_back, require_memory
 from ..elements.elements import Elements
 
@@ -48,7 +48,7 @@ def require_factor(elements: Elements, columns: int) -> None:
     ------
     ValueError
     """
-    if PETSc.Options().getString("static_ksp_type", "preonly") != "preonly":
+    if asked("static_ksp_type") not in (None, "preonly"):
         return  # an iterative solver's memory is another one
     comm, unknowns = elements.layout.comm, elements.layout.count
     needed = factor_memory(elements) + 16.0 * unknowns * min(256, columns)
