@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 
-from ..checks import Bounds, integer, real, shown
+from ..checks import Bounds, integer, numbers_of, real
 from ..continuation.orbit import Orbit
 from ..errors import SolveError
 from ..motion.history import Motion, model_with_fields
@@ -20,7 +20,7 @@ from ..ranks.parallel import agreed, collective, on_root, ranks_of
 from ..record.units import force_unit, length_unit, time_unit
 from ..system.model import Model
 from ..writing import destination, replaced
-from .crack import Window, plain, shown_best
+from .crack import Window, plain
 from .drawing import BLUE, STYLE, VERMILION, Sheet, crack_title
 from .outlines import Piece, gather_outline, gather_region
 from .picture import CHECKS
@@ -139,7 +139,8 @@ def _written(
 def _instants(motion: Motion, between: Sequence[float] | None, frames: int) -> np.ndarray:
     """Indices of the instants to draw, evenly spaced; of a period the end is left out."""
     time = motion.time
-    start, stop = (float(time[0]), float(time[-1])) if between is None else _pair(between)
+    ends = time[[0, -1]] if between is None else between
+    start, stop = numbers_of("animate_crack", "between", ends, 2, "two times, s")
     first, last = (int(np.abs(time - at).argmin()) for at in (start, stop))
     if not time[0] <= start < stop <= time[-1] * (1.0 + 1e-9) or first >= last:
         raise ValueError(
@@ -149,13 +150,6 @@ def _instants(motion: Motion, between: Sequence[float] | None, frames: int) -> n
     closed = isinstance(motion, Orbit) and between is None
     end = len(time) if closed else last
     return np.unique(np.linspace(first, end, frames, endpoint=not closed).astype(int))
-
-
-def _pair(between: Any) -> tuple[float, float]:
-    if isinstance(between, str) or not isinstance(between, (Sequence, np.ndarray)) or len(between) != 2:
-        raise ValueError(f"animate_crack: between = {shown(between)} must be two times, s")
-    start, stop = (real("animate_crack", "between", value, "s") for value in between)
-    return start, stop
 
 
 def _writer(path: Any, rate: float) -> AbstractMovieWriter:
@@ -196,7 +190,7 @@ class _Film:
         states = [region for region in regions if region is not None]
         assert outline is not None  # on rank 0
         self.window, self.regions, self.outline, self.time = window, states, outline, time
-        self.factor = magnification or shown_best(0.12 * window.half, window.largest(states))
+        self.factor = magnification or window.magnification(states)
         self.colours = window.colours(states)
         sheet = Sheet("animate_crack", None)
         layout = [["crack", "gap"], ["crack", "resultant"]]

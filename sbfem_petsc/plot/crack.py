@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -74,13 +74,7 @@ def plot_crack(
         for number, axes in enumerate(panels):
             name, window = list(regions)[number // 2], windows[number % 2]
             region = regions[name][number % 2]
-            assert region is not None and outline is not None  # on rank 0
-            factor = magnification or shown_best(0.12 * window.half, window.largest([region]))
-            colours = window.colours([region])
-            painted = window.paint(axes, region, outline, number // 2, factor=factor, colours=colours)
-            colours.bar(painted[0], axes)
-            window.frame(axes)
-            axes.set_title(f"{name}, {window.magnified} × {plain(factor)}")
+            window.draw([axes], {name: region}, outline, magnification, number // 2)
         return panels
 
     return on_root(model.comm, draw)
@@ -137,7 +131,80 @@ class Colours:
         drawn.update_ticks()
 
 
-class Window:
+# Stresses that colours may show, by their column in a `Region`; and how labels call what they show.
+STRESSES = {"von_mises": 3, "stress_xx": 0, "stress_yy": 1, "stress_xy": 2}
+LABELS = {
+    "von_mises": "von Mises stress",
+    "stress_xx": r"$\sigma_{xx}$",
+    "stress_yy": r"$\sigma_{yy}$",
+    "stress_xy": r"$\sigma_{xy}$",
+    "displacement": "displacement",
+}
+
+
+class View:
+    """What panels show of states of a structure: displaced, in colours.
+
+    Attributes
+    ----------
+    half : float
+        Half its size, m.
+    reach : float
+        Of that: what the largest displacement is drawn as, at most.
+    magnified : str
+        What the magnification is of.
+    """
+
+    half: float
+    reach: ClassVar[float] = 0.12
+    magnified = "displacement"
+
+    def largest(self, states: Sequence[Any]) -> float:
+        """Largest displacement that is drawn, m."""
+        raise NotImplementedError
+
+    def colours(self, states: Sequence[Any]) -> Colours:
+        """One scale of colours for several states."""
+        raise NotImplementedError
+
+    def frame(self, axes: Axes) -> None:
+        """The axes around it."""
+        raise NotImplementedError
+
+    def paint(
+        self, axes: Axes, state: Any, outline: Any, row: int, *, factor: float, colours: Colours
+    ) -> list[Any]:
+        """Draw a state: displacements times `factor`; the outline's are those of its field `row`.
+
+        Returns
+        -------
+        Artists, the coloured interior first
+        """
+        raise NotImplementedError
+
+    def magnification(self, states: Sequence[Any]) -> float:
+        """One that suits some states."""
+        return shown_best(self.reach * self.half, self.largest(states))
+
+    def draw(
+        self,
+        panels: Sequence[Axes],
+        states: Mapping[str, Any],
+        outline: Any,
+        magnification: float | None,
+        first: int = 0,
+    ) -> None:
+        """A panel for each state, on one scale of colours; the outline's fields of them from `first` on."""
+        colours = self.colours(list(states.values()))
+        for row, (axes, (name, state)) in enumerate(zip(panels, states.items()), first):
+            factor = magnification or self.magnification([state])
+            painted = self.paint(axes, state, outline, row, factor=factor, colours=colours)
+            self.frame(axes)
+            axes.set_title(f"{f'{name}, ' if name else ''}{self.magnified} × {plain(factor)}")
+        colours.bar(painted[0], panels)
+
+
+class Window(View):
     """A square window around a crack's tip.
 
     Parameters
@@ -149,69 +216,68 @@ class Window:
     """
 
     gap = "gap at the mouth"
+    # Of the area: where colours tell stresses apart, which have no bound at a tip.
+    share: ClassVar[float] = 0.97
+    moved = "displacement without rigid-body motion"
 
     def __init__(self, crack: Any, half: float, colour: str):
         self.tip, self.half, self.colour = np.array(crack.tip), float(half), colour
-        self.notch = Notch(crack, self.half)
+        self.notches = [Notch(crack, self.half)]
+        self.magnified = self.notches[0].magnified
 
-    @property
-    def magnified(self) -> str:
-        """What the magnification is of."""
-        return self.notch.magnified
+    def _opening(self, places: np.ndarray) -> np.ndarray:
+        """See `Notch`."""
+        return sum((notch.opening(places) for notch in self.notches), np.zeros(places.shape))
 
-    def largest(self, regions: Sequence[Region]) -> float:
-        """Largest displacement in the window without its rigid-body motion, opening included, m."""
+    def largest(self, states: Sequence[Region]) -> float:
+        """In the window without its rigid-body motion, opening included."""
         found = 0.0
-        for region in regions:
+        for region in states:
             inside, _, relative = self._relative(region)
-            found = max(found, float(np.abs(relative + self.notch.opening(region.positions))[inside].max()))
+            found = max(found, float(np.abs(relative + self._opening(region.positions))[inside].max()))
         return found
 
-    def colours(self, regions: Sequence[Region]) -> Colours:
-        """One scale of colours for several states."""
-        inside = self._relative(regions[0])[0]
-        values = [self._values(region) for region in regions]
-        if self.colour == "von_mises":
-            top = max(area_quantile(region, v, inside, 0.97) for region, v in zip(regions, values))
-            factor, name = stress_unit(top)
-            return Colours(Normalize(0.0, top * factor), factor, f"von Mises stress ({name})", more=True)
-        top = max(area_quantile(region, v, inside, 1.0) for region, v in zip(regions, values))
-        factor, name = length_unit(max(float(v[inside].max()) for v in values))
-        label = f"displacement without rigid-body motion ({name})"
-        return Colours(Normalize(0.0, top * factor), factor, label, more=False)
+    def colours(self, states: Sequence[Region]) -> Colours:
+        """From zero, or as far to both sides of it where there are two signs."""
+        inside, stress = self._relative(states[0])[0], self.colour in STRESSES
+        share = self.share if stress else 1.0
+        sizes = [np.abs(self._values(region)) for region in states]
+        top = max(area_quantile(region, size, inside, share) for region, size in zip(states, sizes))
+        factor, unit = (stress_unit if stress else length_unit)(top)
+        least = -top * factor if stress and self.colour != "von_mises" else 0.0
+        label = LABELS[self.colour] if stress else self.moved
+        return Colours(Normalize(least, (top or 1.0) * factor), factor, f"{label} ({unit})", more=share < 1.0)
 
     def frame(self, axes: Axes) -> None:
-        """Axes of the window, in lengths from the tip."""
+        """In lengths from the tip."""
         scale, unit = place_unit(2.0 * self.half)
-        axes.set_xlim(-self.half * scale, self.half * scale)
-        axes.set_ylim(-self.half * scale, self.half * scale)
-        axes.set_aspect("equal")
-        axes.set_facecolor("white")
-        axes.set_xlabel(f"x from the tip ({unit})")
-        axes.set_ylabel(f"y from the tip ({unit})")
+        side = (-self.half * scale, self.half * scale)
+        labels = {f"{axis}label": f"{axis} from the tip ({unit})" for axis in "xy"}
+        axes.set(xlim=side, ylim=side, aspect="equal", facecolor="white", **labels)
 
     def paint(
-        self, axes: Axes, region: Region, outline: list[Piece], row: int, *, factor: float, colours: Colours
+        self, axes: Axes, state: Region, outline: list[Piece], row: int, *, factor: float, colours: Colours
     ) -> list[Any]:
-        """Draw a state: displacements times `factor`; the outline's are those of its field `row`.
-
-        Returns
-        -------
-        Artists, the coloured interior first
-        """
-        _, motion, relative = self._relative(region)
+        """With the lines of the outline that are near."""
+        _, motion, relative = self._relative(state)
         scale, _ = place_unit(2.0 * self.half)
 
         def drawn(places: np.ndarray, moved: np.ndarray) -> np.ndarray:
-            return (places + factor * moved + (factor - 1.0) * self.notch.opening(places) - self.tip) * scale
+            moved_and_open = factor * moved + (factor - 1.0) * self._opening(places)
+            return (places + moved_and_open - self.origin) * scale
 
         lines = (
             (piece.key[0] >= 0, drawn(at, piece.displacements[row] - motion(at - self.tip)))
             for piece in outline
             if (np.abs((at := piece.positions) - self.tip) <= 1.5 * self.half).all(axis=1).any()
         )
-        places = drawn(region.positions, relative)
-        return colours.paint(axes, places, region.triangles, self._values(region), lines, 0.8)
+        places = drawn(state.positions, relative)
+        return colours.paint(axes, places, state.triangles, self._values(state), lines, 0.8)
+
+    @property
+    def origin(self) -> np.ndarray:
+        """Of the axes."""
+        return self.tip
 
     def _relative(self, region: Region) -> tuple[np.ndarray, Any, np.ndarray]:
         """Points inside, rigid-body motion as a function of arms, displacements without it."""
@@ -222,8 +288,8 @@ class Window:
 
     def _values(self, region: Region) -> np.ndarray:
         """What the colours show, Pa or m."""
-        if self.colour == "von_mises":
-            return region.stress[:, 3]
+        if self.colour in STRESSES:
+            return region.stress[:, STRESSES[self.colour]]
         return np.linalg.norm(self._relative(region)[2], axis=1)
 
 

@@ -18,7 +18,7 @@ from ..record.units import frequency_unit, length_unit, place_unit, stress_unit
 from ..system.model import Model
 from ..system.solve.modal_result import Modal, chosen_modes
 from .drawing import BLUE, CYCLE, MARKERS, SKY, WIDTH, Sheet, crack_title, fill
-from .outlines import Piece, contact_lengths, gather_outline, loops
+from .outlines import Piece, gather_outline, loops
 from .picture import named, picture
 
 
@@ -155,16 +155,13 @@ def plot_contact(
             raise ValueError(
                 f"plot_contact: crack = {crack} does not exist; the model has {len(model.cracks)}"
             )
-    lengths = contact_lengths(model)
-    return on_root(model.comm, lambda: _draw_contact(Sheet.of(ax), model, of_loads, lengths, crack))
+    return on_root(model.comm, lambda: _draw_contact(Sheet.of(ax), model, of_loads, crack))
 
 
-def _draw_contact(
-    sheet: Sheet, model: Model, cases: Mapping[str, Static], lengths: np.ndarray, crack: int
-) -> list[Axes]:
+def _draw_contact(sheet: Sheet, model: Model, cases: Mapping[str, Static], crack: int) -> list[Axes]:
     pairs, length = model.pairs, model.cracks[crack].length
     rows = np.flatnonzero(pairs.crack == crack)
-    drawn = lengths[rows].copy()
+    drawn = pairs.weight[rows]
     if model.cracks[crack].tip_element >= 0 and len(rows):
         drawn[np.argmin(pairs.position[rows])] = np.nan
     along, along_unit = length_unit(length)

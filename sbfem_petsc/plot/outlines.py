@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..petsc import MPI
-from ..selement.basis import shape_functions, tabulated
+from ..selement.basis import shape_functions
 from ..system.fields.sampling import as_field, outline_edges, point_grid_cells, sample
 from ..system.model import Model
 
@@ -180,23 +179,3 @@ def gather_region(
                 store.append(values + offset if store is arrays[3] else values)
         offset += sum(len(p[0]) for p in several)
     return Region(*(np.concatenate(a) for a in arrays))
-
-
-def contact_lengths(model: Model) -> np.ndarray:
-    """(pairs,): length of the crack face that belongs to each pair, m, the integral of its shape function;
-    nan without a face edge. Collective.
-
-    The force of a pair divided by this length (and by the thickness) is the contact pressure there.
-    """
-    part = model.layout.part
-    result = np.zeros(len(model.pairs))
-    pair_of = {int(node): k for k, node in enumerate(model.pairs.nodes[:, 0])}
-    values, derivatives, weights = tabulated(model.order, model.order + 2)
-    for chain in range(len(part.chains)):
-        for nodes in outline_edges(model.layout, chain):
-            pairs = [pair_of.get(int(n), -1) for n in part.nodes[nodes]]
-            if min(pairs) >= 0:
-                speed = np.linalg.norm(derivatives @ part.coordinates[nodes], axis=1)
-                result[pairs] += (weights * speed) @ values
-    model.comm.Allreduce(MPI.IN_PLACE, result)
-    return np.where(result > 0.0, result, np.nan)

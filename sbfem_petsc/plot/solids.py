@@ -14,7 +14,7 @@ from ..bodies.cells import surface
 from ..bodies.finite_element_model import FiniteElementModel
 from ..bodies.rows import Contact
 from ..record.units import length_unit, place_unit
-from .crack import Colours
+from .crack import Colours, View
 
 # Where it is looked at from, degrees about z and above the plane.
 TURNED, ABOVE = -60.0, 25.0
@@ -22,7 +22,7 @@ TURNED, ABOVE = -60.0, 25.0
 AROUND = 0.75
 
 
-class Solid:
+class Solid(View):
     """What an animation draws of a body, from one side, without perspective: what lies around its contact,
     without its rigid-body motion; all of it where there is none.
 
@@ -33,7 +33,7 @@ class Solid:
     contact : Contact or None
     """
 
-    magnified, gap = "displacement", "widest gap"
+    reach, gap = 0.1, "widest gap"
 
     def __init__(self, body: FiniteElementModel, contact: Contact | None):
         self.places, cells, near = body.places, body.elements, np.ones(len(body.places), dtype=bool)

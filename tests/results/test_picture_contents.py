@@ -12,7 +12,6 @@ from sbfem_petsc.plot.crack import plot_crack
 from sbfem_petsc.plot.fields import plot_contact, plot_modes
 from sbfem_petsc.plot.meshes import plot_discretisation
 from sbfem_petsc.plot.orbits import plot_multipliers, plot_orbit
-from sbfem_petsc.plot.outlines import contact_lengths
 from tests.systems import two_masses
 
 FACTORS = {"GPa": 1e9, "MPa": 1e6, "kPa": 1e3, "Pa": 1.0, "m": 1.0, "mm": 1e-3, "µm": 1e-6, "nm": 1e-9}
@@ -38,7 +37,7 @@ def test_pressure_and_gap_along_the_crack(solved):
     """The gap of each pair at its place; the pressure is its force on its share of the face."""
     mesh, model, _, cases = solved
     pressure, gap = plot_contact(cases)
-    lengths, place = contact_lengths(model), mesh.pairs.position * mesh.cracks[0].length
+    lengths, place = mesh.pairs.weight, mesh.pairs.position * mesh.cracks[0].length
     lines = {line.get_label(): data(line) for line in gap.get_lines()}
     scale = [unit(gap.get_xlabel()), unit(gap.get_ylabel())]
     shown = {"initial": mesh.pairs.gap, **{name: case.gap for name, case in cases.items()}}

@@ -19,7 +19,7 @@ from sbfem_petsc.plot import (
     plot_modes,
     save_picture,
 )
-from sbfem_petsc.plot.outlines import contact_lengths, gather_outline, gather_region, loops
+from sbfem_petsc.plot.outlines import gather_outline, gather_region, loops
 from sbfem_petsc.record import units
 
 PICTURES = ("mesh.png", "modes.png", "crack.png", "contact.png", "field.png")
@@ -43,12 +43,6 @@ def test_the_outline_is_one_loop_around_the_notched_beam(solved):
     np.testing.assert_allclose(
         moved[corner], np.tile(cases["closing"].displacement("A"), (corner.sum(), 1)), rtol=1e-9
     )
-
-
-def test_contact_lengths_sum_to_the_face(solved):
-    mesh, model, _, _ = solved
-    nodes = mesh.nodes[mesh.pairs.nodes[:, 0]]
-    assert contact_lengths(model).sum() == pytest.approx(np.linalg.norm(nodes[-1] - nodes[0]), rel=1e-12)
 
 
 def test_the_region_of_a_crack(solved):

@@ -409,7 +409,7 @@ def test_rows_of_further_analyses(model):
     rows = sb.sweep(case_from_text(text), {"loads.push.fy": [200.0]}, comm=MPI.COMM_SELF).values
     push = sb.static(model, FORCE)
     np.testing.assert_allclose(rows["stress/stress/inside"][0], push.stress((0.03, 0.009)), rtol=1e-6)
-    lines, named = rows["tones/lines/A"][0], rows["tones/line_frequency"][0]
+    lines, named = rows["tones/lines/A"][0], rows["tones/frequency"][0]
     carrier = np.abs(lines[np.isclose(named, 6000.0)])[0]
     sidebands = sum(np.abs(lines[np.isclose(named, 6000.0 + s * 565.6854)])[0] for s in (1, -1))
     assert rows["tones/carrier_amplitude/A"][0] == pytest.approx(carrier, rel=1e-12)

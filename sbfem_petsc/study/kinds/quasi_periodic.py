@@ -68,7 +68,7 @@ class QuasiPeriodic(QuasiPeriodicOptions, TwoTones):
         yield labelled("line", named, "1", "m, n of each line", "kept_line number")
         frequencies = np.abs(named @ np.array(result.frequencies))
         text = "of each line, |m probe + n pump|"
-        yield labelled("line_frequency", frequencies, "Hz", text, "kept_line", row=True)
+        yield labelled("frequency", frequencies, "Hz", text, "kept_line", row=True)
 
         def lines(name: str, direction: str) -> Quantity | None:
             text = f"complex amplitudes of u_{direction} by line"
@@ -115,7 +115,7 @@ class QuasiPeriodic(QuasiPeriodicOptions, TwoTones):
     @classmethod
     def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
         """Lines of the spectrum, the highest first."""
-        numbers, frequencies = found["line"].value, found["line_frequency"].value
+        numbers, frequencies = found["line"].value, found["frequency"].value
         lines = dict(found["lines"].by_name()) if "lines" in found else {}
         heights = np.abs([*lines.values()]).reshape(len(lines), len(numbers))
         order = np.argsort(-heights.max(axis=0, initial=0.0), kind="stable")[:_LINES]
