@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import h5py
@@ -132,8 +132,8 @@ def _scale(group: h5py.Group, dim: str, length: int) -> h5py.Dataset:
     """A dimension by its name: of this group or one above it; or a new one, which the parts of the outermost
     record share if it has nothing else of that name.
     """
-    home = here = group
-    while True:
+    home = group
+    for here in _upwards(group):
         if dim in here:
             found = here[dim]
             if isinstance(found, h5py.Dataset) and found.shape == (length,):
@@ -143,15 +143,20 @@ def _scale(group: h5py.Group, dim: str, length: int) -> h5py.Dataset:
             break
         if "record" in here.attrs and dim not in _names(record_class(text(here.attrs["record"]))):
             home = here
-        if here.name == "/":
-            break
-        here = here.parent
     layout = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     layout.set_obj_track_times(False)
     space = h5py.h5s.create_simple((length,))
     made = h5py.Dataset(h5py.h5d.create(home.id, dim.encode(), h5py.h5t.IEEE_F32BE, space, layout))
     made.make_scale(BARE % length)
     return made
+
+
+def _upwards(group: h5py.Group) -> Iterator[h5py.Group]:
+    """A group, and those above it."""
+    yield group
+    while group.name != "/":
+        group = group.parent
+        yield group
 
 
 def _names(cls: type[Record]) -> frozenset[str]:
@@ -181,10 +186,8 @@ def value_of(data: h5py.Dataset) -> Any:
 
 def names_along(group: h5py.Group, dim: str) -> tuple[str, ...]:
     """Names of the entries of an axis, in this group or one above."""
-    here = group
-    while dim not in here and dim not in here.attrs and here.name != "/":
-        here = here.parent
-    item = here[dim] if dim in here else here.attrs.get(dim)
+    of = next((here for here in _upwards(group) if dim in here or dim in here.attrs), group)
+    item = of[dim] if dim in of else of.attrs.get(dim)
     if isinstance(item, h5py.Dataset):
         if bare(item):
             return ()
@@ -199,12 +202,10 @@ def names_along(group: h5py.Group, dim: str) -> tuple[str, ...]:
 
 def _named(group: h5py.Group, dim: str, names: tuple[str, ...]) -> bool:
     """Whether an axis has its names already: in this group, or the same ones above."""
-    here = group
-    while dim not in here and here.name != "/":
-        here = here.parent
-    found = here.get(dim)
+    of = next((here for here in _upwards(group) if dim in here), group)
+    found = of.get(dim)
     texts = isinstance(found, h5py.Dataset) and found.dtype.kind == "S"
-    return dim in group or (texts and names_along(here, dim) == names)
+    return dim in group or (texts and names_along(of, dim) == names)
 
 
 def text_of(words: str) -> np.bytes_:

@@ -6,7 +6,7 @@ import contextlib
 import functools
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -133,14 +133,17 @@ def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animat
         on_root(comm, lambda: make_output_folder(folder))
         on_root(comm, lambda: draw_sweep(results, folder))
         return folder
-    with _again(results, source, comm, animation=animation) as again:
+    with _again(results, source, comm, animation=animation) as (case, structure):
         for name in results.analyses:
             watch.stage(f"{name}: pictures")
-            animated = again.case.tables.output.animation and kind_called(results.kinds[name]).moving
+            animated = case.tables.output.animation and kind_called(results.kinds[name]).moving
             recorded = None if animated else _recorded(home, name)
-            if recorded is not None or again.case.tables.body is None:
-                with again.solved(name, recorded) as (result, model):
-                    pictures.draw(again.case, name, result, model, folder)
+            if recorded is not None:
+                pictures.draw(case, name, recorded, None, folder)
+            elif case.tables.body is None:
+                result = structure().solve(case, name)
+                pictures.draw(case, name, result, structure().model, folder)
+                structure().release(result)
             else:
                 watch.say(f"{name}: not drawn, for results do not hold a body's matrices; run it again")
     return folder
@@ -154,34 +157,24 @@ def _found(path: str, comm: Any) -> tuple[RunResults | Sweep, str, str]:
     return results, source, os.path.dirname(os.path.abspath(source))
 
 
-class _Again:
-    """The case of results whose analyses are computed again, on one model, made when it is needed."""
-
-    def __init__(self, case: Case, comm: Any):
-        self.case, self.comm = case, comm
-        self.structure: Structure | None = None
-
-    @contextlib.contextmanager
-    def solved(self, name: str, recorded: Any = None) -> Iterator[tuple[Any, Any]]:
-        """A result, unless it is recorded, and the model, if there is one. Collective."""
-        if recorded is None:
-            self.structure = self.structure or Structure(self.case, self.comm)
-            recorded = self.structure.solve(self.case, name)
-        yield recorded, self.structure.model if self.structure else None
-        if self.structure is not None:
-            self.structure.release(recorded)
-
-
 @contextlib.contextmanager
-def _again(results: RunResults, source: str, comm: Any, *, animation: bool = False) -> Iterator[_Again]:
-    with spare_folder() as spare:
+def _again(
+    results: RunResults, source: str, comm: Any, *, animation: bool = False
+) -> Iterator[tuple[Case, Callable[[], Structure]]]:
+    """The case of results, and the one structure on which its analyses are computed again, made when it is
+    needed. Collective.
+    """
+    with spare_folder() as spare, contextlib.ExitStack() as stack:
         case = case_of(results, source, spare)
-        again = _Again(case.with_values({"output.animation": True}) if animation else case, comm)
-        try:
-            yield again
-        finally:
-            if again.structure is not None:
-                again.structure.destroy()
+        case = case.with_values({"output.animation": True}) if animation else case
+
+        @functools.cache
+        def structure() -> Structure:
+            made = Structure(case, comm)
+            stack.callback(made.destroy)
+            return made
+
+        yield case, structure
 
 
 def _recorded(home: str, name: str) -> Any:
@@ -249,13 +242,13 @@ def _vtu(results: RunResults, source: str, folder: str, comm: Any, watch: Watch)
     names = [name for name, kind in results.kinds.items() if kind_called(kind).fields]
     if not names:
         raise ValueError("--vtu writes modes and static displacements, and these results hold neither")
-    with _again(results, source, comm) as again:
-        if again.case.tables.body is not None:
+    with _again(results, source, comm) as (case, structure):
+        if case.tables.body is not None:
             raise ValueError("--vtu: results do not hold a body's matrices; say vtu = true in [output]")
         for name in names:
             watch.stage(f"{name}: fields")
-            with again.solved(name) as (result, model):
-                path = os.path.join(folder, f"{name}.vtu")
-                again.case.tables.analyses[name].write_fields(result, path, model)
+            result, path = structure().solve(case, name), os.path.join(folder, f"{name}.vtu")
+            case.tables.analyses[name].write_fields(result, path, structure().model)
+            structure().release(result)
     ending = "vtu" if comm.size == 1 else "pvtu"
     return [os.path.join(folder, f"{name}.{ending}") for name in names]

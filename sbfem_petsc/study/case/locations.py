@@ -39,29 +39,20 @@ def parse(text: str, file: str) -> tuple[dict[str, Any], dict[Path, int]]:
     try:
         data = tomllib.loads(text)
     except RecursionError:
-        raise CaseError(file, [Problem((), "its arrays or tables are nested too deeply", 1)]) from None
+        raise _refused(file, "its arrays or tables are nested too deeply", 1) from None
     except tomllib.TOMLDecodeError as error:
         found = re.search(r"\(at line (\d+), column \d+\)", str(error))
         # what is missing at the end is told without a line
         line = int(found[1]) if found else max(1, text.rstrip().count("\n") + 1)
         reason = re.sub(r"\s*\(at .*\)$", "", str(error))
         words = text.splitlines()[line - 1].strip() if line <= len(text.splitlines()) else ""
-        raise CaseError(
-            file,
-            [
-                Problem(
-                    (),
-                    f"{words!r} is not TOML ({reason}); write key = value, texts in quotation marks, tables "
-                    "as [name]",
-                    line,
-                )
-            ],
-        ) from None
+        remedy = "write key = value, texts in quotation marks, tables as [name]"
+        raise _refused(file, f"{words!r} is not TOML ({reason}); {remedy}", line) from None
     except ValueError:  # Python's limit for texts of numbers
         longest = max(_DIGITS.finditer(text), key=lambda found: len(found[0]))
         line = text.count("\n", 0, longest.start()) + 1
         words = f"a number of {len(longest[0]):,d} digits is too long; write it as 1e9 is written"
-        raise CaseError(file, [Problem((), words, line)]) from None
+        raise _refused(file, words, line) from None
     return data, _Scanner(text).scan()
 
 
@@ -79,20 +70,14 @@ def read_text(path: str | os.PathLike[str]) -> str:
         with open(name, encoding="utf-8-sig", newline=None) as file:
             return file.read()
     except UnicodeDecodeError:
-        raise CaseError(
-            name, [Problem((), "is no text in UTF-8; a case file in TOML was expected")]
-        ) from None
+        raise _refused(name, "is no text in UTF-8; a case file in TOML was expected") from None
     except OSError as error:
-        raise CaseError(
-            name,
-            [
-                Problem(
-                    (),
-                    f"cannot be read ({error.strerror or error}); name an existing case file, or write one "
-                    "with  sbfem new beam FILE",
-                )
-            ],
-        ) from None
+        remedy = "name an existing case file, or write one with  sbfem new beam FILE"
+        raise _refused(name, f"cannot be read ({error.strerror or error}); {remedy}") from None
+
+
+def _refused(file: str, text: str, line: int | None = None) -> CaseError:
+    return CaseError(file, [Problem((), text, line)])
 
 
 class _Scanner:
