@@ -37,7 +37,7 @@ def plot_swept(
         Over the frequency; None: the swept motions alone. On rank 0 at least, as `swept`.
     swept : SweptResponse or sequence of SweptResponse
     point : str
-        Whose amplitude, half the peak-to-peak, is drawn.
+        Whose amplitude, half the peak-to-peak, is drawn. Named: of swept motions no others are kept.
     direction : {"y", "x"}
         As for `plot_branches`.
     least : float

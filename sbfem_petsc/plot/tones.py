@@ -45,6 +45,7 @@ def plot_lines(
     motions : QuasiPeriodic or dict of str to QuasiPeriodic
         On rank 0 at least.
     point : str
+        Named: of motions of two tones no others are kept.
     direction : {"y", "x"}
     order : int
         Lines up to this \\|m\\| and \\|n\\|.
@@ -225,6 +226,7 @@ def plot_quasi_periodic(
     branches : QuasiPeriodicBranch or dict of str to QuasiPeriodicBranch
         All over the frequency, or all over the load; on rank 0 at least.
     point : str
+        Named: of motions of two tones no others are kept.
     direction : {"y", "x"}
     harmonic : int
         The multiple of the own tone whose amplitude is drawn.

@@ -318,10 +318,8 @@ def require_own(file: h5py.File, size: int) -> None:
                 made = item.get_create_plist()
                 if made.get_external_count() or made.get_layout() == h5py.h5d.VIRTUAL:
                     raise ValueError(f"{name.decode()!r} is stored elsewhere")
-                if bare(h5py.Dataset(item)):
-                    continue
                 count = item.get_space().get_simple_extent_npoints() * item.get_type().get_size()
-                if count > (DEFLATE if made.get_nfilters() else 1) * size:
+                if count > (DEFLATE if made.get_nfilters() else 1) * size and not bare(h5py.Dataset(item)):
                     raise ValueError(f"{name.decode()!r} is larger than the file")
                 total += count
     if total > size and total > available_memory():

@@ -25,13 +25,9 @@ def labelled(
     text: str = "",
     dims: str = "",
     names: Mapping[str, Iterable[str]] = {},
-    *,
-    row: bool = False,
 ) -> Quantity:
-    """A quantity: a number, a text, None, or an array over its axes, with the names along some of them; a
-    column of a sweep, or not.
-    """
-    about = About(unit, text, tuple(dims.split()), row=row)
+    """A quantity: a number, a text, None, or an array over its axes, with the names along some of them."""
+    about = About(unit, text, tuple(dims.split()))
     found = np.asarray(value) if about.dims else value
     along = {dim: tuple(entries) for dim, entries in names.items()}
     return Quantity(Entry(name, about, "", False, False), found, unit, about.dims, along)
@@ -44,16 +40,18 @@ def of_points(
     unit: str,
     text: str,
     dims: str = "",
-    *,
-    row: bool = False,
 ) -> Quantity | None:
     """A quantity of each point, whose own axes are `dims`; None without points."""
     if not points:
         return None
     first, *others = dims.split() or [""]
     found = np.stack([np.asarray(value(point)) for point in points], axis=1 if first else 0)
-    axes = " ".join([first, "place", *others])
-    return labelled(name, found, unit, text, axes, {"place": points}, row=row)
+    return labelled(name, found, unit, text, " ".join([first, "place", *others]), {"place": points})
+
+
+def column(found: Quantity | None) -> Quantity | None:
+    """The same, also a column of a sweep."""
+    return found and found.annotated(row=True)
 
 
 class Found(Views):

@@ -260,7 +260,7 @@ def test_lips_are_drawn_as_far_apart_as_the_gap_says(moved, orbit):
         ({"crack": 1}, ValueError, "crack = 1 does not exist; the model has 1"),
         ({"frames": 1}, ValueError, "frames = 1 must be between 2 and 1000"),
         ({"between": (1.0, 0.5)}, ValueError, "must be two times from 0 to"),
-        ({"between": 3.0}, ValueError, "must be two times, s"),
+        ({"between": 3.0}, TypeError, "must be two times, s"),
         ({"colour": "red"}, ValueError, "must be one of 'von_mises', 'displacement'"),
         ({"magnification": 0.0}, ValueError, "magnification = 0.0 must be finite and above 0"),
         ({"motion": 1}, TypeError, "neither a History nor an Orbit"),

@@ -10,7 +10,7 @@ import sbfem_petsc as sb
 from ...analysis.options import BackboneOptions
 from ...options import item
 from ...record.about import Quantity
-from ...record.found import labelled
+from ...record.found import column, labelled
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
 from .kind import Drawn, Kind, Run
 
@@ -28,9 +28,9 @@ class Backbone(BackboneOptions, Kind):
 
     def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
         first, last = map(float, result.frequency[[0, -1]])
-        yield labelled("first_frequency", first, "Hz", "frequency of the first point", row=True)
-        yield labelled("last_frequency", last, "Hz", "frequency of the last point", row=True)
-        yield labelled("last_energy", float(result.energy[-1]), "J", "energy of the last point", row=True)
+        yield column(labelled("first_frequency", first, "Hz", "frequency of the first point"))
+        yield column(labelled("last_frequency", last, "Hz", "frequency of the last point"))
+        yield column(labelled("last_energy", float(result.energy[-1]), "J", "energy of the last point"))
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         yield "backbone", drawn.plot.plot_backbone({drawn.title: result}, comm=drawn.comm)

@@ -13,7 +13,7 @@ import sbfem_petsc as sb
 from ...analysis.options import BasinsOptions
 from ...options import item
 from ...record.about import Quantity
-from ...record.found import Found, labelled, of_points
+from ...record.found import Found, column, labelled, of_points
 from ..case.parameters import grid
 from ..case.sweep import Times
 from ..case.tables import Name, Path, Problem, Table
@@ -116,9 +116,9 @@ class Basins(BasinsOptions, Loaded):
 
     def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
         share, lost = float(result.share.max(initial=0.0)), float(np.mean(result.reached < 0))
-        yield labelled("orbit_count", len(result.orbits), text="number of steady states", row=True)
-        yield labelled("largest_share", share, text="largest share of the initial states", row=True)
-        yield labelled("not_settled", lost, text="share of those that reach none", row=True)
+        yield column(labelled("orbit_count", len(result.orbits), text="number of steady states"))
+        yield column(labelled("largest_share", share, text="largest share of the initial states"))
+        yield column(labelled("not_settled", lost, text="share of those that reach none"))
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         if len(result.axes) == 2 and min(result.reached.shape) > 1:

@@ -12,7 +12,7 @@ import sbfem_petsc as sb
 from ...analysis.options import FrequencyResponseOptions
 from ...options import item
 from ...record.about import Quantity
-from ...record.found import Found, labelled, of_points
+from ...record.found import Found, column, labelled, of_points
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
 from .kind import Drawn, Kind, Loaded, Run
 
@@ -60,17 +60,17 @@ class Curve(Kind):
 
     def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
         unstable = float(result.unstable.sum()) if result.stability_known else math.nan
-        yield labelled("curve_points", len(result), text="points of the curve", row=True)
-        yield labelled("unstable_points", unstable, text="unstable ones, nan where that is unknown", row=True)
-        yield labelled("bifurcation_count", len(result.bifurcations), text="number of bifurcations", row=True)
+        yield column(labelled("curve_points", len(result), text="points of the curve"))
+        yield column(labelled("unstable_points", unstable, text="unstable ones, nan where that is unknown"))
+        yield column(labelled("bifurcation_count", len(result.bifurcations), text="number of bifurcations"))
         if result.parameter != "frequency":
             last = lambda point: result.amplitude(point)[-1]
-            yield of_points("last_amplitude", points, last, "m", "amplitude at the last point", row=True)
+            yield column(of_points("last_amplitude", points, last, "m", "amplitude at the last point"))
             return
         peaks = {point: result.peak(point) for point in points}
         for name, (field, unit, text) in _PEAK.items():
             value = lambda point, field=field: getattr(peaks[point], field)
-            yield of_points(name, points, value, unit, text, row=True)
+            yield column(of_points(name, points, value, unit, text))
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         point = drawn.point(result.points)

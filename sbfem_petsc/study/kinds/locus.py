@@ -11,7 +11,7 @@ import sbfem_petsc as sb
 from ...analysis.options import FrequencyRange, LineOptions
 from ...options import item
 from ...record.about import Quantity
-from ...record.found import Found, labelled
+from ...record.found import Found, column, labelled
 from ..case.tables import Problem
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
 from .kind import Drawn, Loaded, Run
@@ -77,9 +77,9 @@ class Locus(LineOptions, FrequencyRange, Loaded):
         for kind in self.bifurcations:
             lines = [line for line in result if line.kind == kind]
             name = kind.replace(" ", "_").replace("-", "_").lower()
-            yield labelled(f"{name}_lines", len(lines), text=f"lines of {kind}", row=True)
+            yield column(labelled(f"{name}_lines", len(lines), text=f"lines of {kind}"))
             least = min((float(line.value.min()) for line in lines), default=math.nan)
-            yield labelled(f"{name}_least_factor", least, text="least factor on them", row=True)
+            yield column(labelled(f"{name}_least_factor", least, text="least factor on them"))
 
     def found(self, result: Any, points: Sequence[str]) -> Found:
         lines = tuple(Found.of(line, points) for line in result)

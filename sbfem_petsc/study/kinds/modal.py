@@ -13,7 +13,7 @@ from ...analysis.options import ModalOptions
 from ...indicators.detection import frequency_shift
 from ...options import item
 from ...record.about import Quantity
-from ...record.found import Found, labelled
+from ...record.found import Found, column, labelled
 from ..costs import Cost, Size
 from .kind import Drawn, Kind, Run, Values, Wanted
 
@@ -35,7 +35,7 @@ class Modal(ModalOptions, Kind):
         yield estimated_error(self, result)
         if isinstance(result, sb.Modal):
             largest = float(np.max(result.residuals))
-            yield labelled("largest_residual", largest, text="largest of the residuals", row=True)
+            yield column(labelled("largest_residual", largest, text="largest of the residuals"))
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values, healthy = super().row(result, wanted), wanted.healthy()
@@ -76,4 +76,4 @@ def estimated_error(table: Any, result: Any) -> Quantity | None:
     """Error of an analysis that an accuracy is asked of."""
     if table.accuracy is None:
         return None
-    return labelled("estimated_error", float(result.estimate.error), text="estimated error", row=True)
+    return column(labelled("estimated_error", float(result.estimate.error), text="estimated error"))

@@ -13,7 +13,7 @@ from ...analysis.options import PeriodicOptions
 from ...indicators.lines import harmonic_ratios
 from ...options import item
 from ...record.about import Quantity
-from ...record.found import Found, labelled, of_points
+from ...record.found import Found, column, labelled, of_points
 from ..case import objects
 from ..case.objects import located
 from ..case.tables import Path
@@ -48,13 +48,11 @@ class Steady(Kind):
             yield harmonics("harmonics_x", "x")
         text = "stability, None if it was not asked for or is not known"
         yield labelled("stable", result.stable, text=text)
-        yield labelled("iterations", int(result.iterations), text="Newton iterations", row=True)
-        yield labelled("residual", float(result.residuals[-1]), "m sqrt(kg)/s", "the last residual", row=True)
+        yield column(labelled("iterations", int(result.iterations), text="Newton iterations"))
+        yield column(labelled("residual", float(result.residuals[-1]), "m sqrt(kg)/s", "the last residual"))
         if len(result.multipliers):
             modulus = float(np.abs(result.multipliers[0]))
-            yield labelled(
-                "largest_multiplier", modulus, text="largest Floquet multiplier's modulus", row=True
-            )
+            yield column(labelled("largest_multiplier", modulus, text="largest Floquet multiplier's modulus"))
         yield labelled("friction_loss", result.friction_loss, "J", "lost to friction over the period")
         if result.periods > 1:
             text = "complex amplitudes of u_y at j f / periods"

@@ -12,7 +12,7 @@ import sbfem_petsc as sb
 from ...analysis.options import QuasiPeriodicOptions
 from ...options import item
 from ...record.about import Quantity
-from ...record.found import Found, labelled, of_points
+from ...record.found import Found, column, labelled, of_points
 from ..case.objects import located, signals_of
 from ..case.tables import Names, Path
 from ..costs import STEPS, Cost, Size
@@ -68,30 +68,30 @@ class QuasiPeriodic(QuasiPeriodicOptions, TwoTones):
         yield labelled("line", named, "1", "m, n of each line", "kept_line number")
         frequencies = np.abs(named @ np.array(result.frequencies))
         text = "of each line, |m probe + n pump|"
-        yield labelled("frequency", frequencies, "Hz", text, "kept_line", row=True)
+        yield column(labelled("frequency", frequencies, "Hz", text, "kept_line"))
 
         def lines(name: str, direction: str) -> Quantity | None:
             text = f"complex amplitudes of u_{direction} by line"
             own = lambda point: line_values(result, named, point, direction)
-            return of_points(name, points, own, "m", text, "kept_line", row=direction == "y")
+            return of_points(name, points, own, "m", text, "kept_line")
 
-        yield lines("lines", "y")
+        yield column(lines("lines", "y"))
         if not result.point_directions:
             yield lines("lines_x", "x")
         text = "(|c_1,1| + |c_1,-1|) / |c_1,0| of u_y"
-        yield of_points("modulation_index", points, result.modulation_index, "1", text, row=True)
+        yield column(of_points("modulation_index", points, result.modulation_index, "1", text))
 
         def carrier(point: str) -> float:
             return abs(result.line(1, 0, point))
 
-        yield of_points(
-            "carrier_amplitude", points, carrier, "m", "amplitude of u_y at the first tone", row=True
+        yield column(
+            of_points("carrier_amplitude", points, carrier, "m", "amplitude of u_y at the first tone")
         )
-        yield labelled("residual", float(result.residuals[-1]), text="the last residual", row=True)
-        yield labelled("iterations", len(result.residuals) - 1, text="Newton iterations", row=True)
+        yield column(labelled("residual", float(result.residuals[-1]), text="the last residual"))
+        yield column(labelled("iterations", len(result.residuals) - 1, text="Newton iterations"))
         if len(result.exponents):
             largest = float(result.exponents[0])
-            yield labelled("largest_exponent", largest, "1/s", "largest Lyapunov exponent", row=True)
+            yield column(labelled("largest_exponent", largest, "1/s", "largest Lyapunov exponent"))
         yield labelled(
             "stable", result.stable, text="stability, None if it was not asked for or is not known"
         )

@@ -13,7 +13,7 @@ from ...analysis.options import FrequencyRange, SwitchOptions, TorusCurveOptions
 from ...errors import SolveError
 from ...options import item
 from ...record.about import Quantity
-from ...record.found import labelled, of_points
+from ...record.found import column, labelled, of_points
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
 from .kind import Drawn, Loaded, Run
 from .quasi_periodic import curve_memory, line_values, lines_of, unresolved
@@ -73,14 +73,14 @@ class QuasiPeriodicResponse(TorusCurveOptions, SwitchOptions, FrequencyRange, Lo
 
         text = "amplitude of u_y at the own tone"
         yield of_points("own_amplitude", points, own, "m", text, "point")
-        yield of_points(
-            "largest_own_amplitude", points, lambda p: own(p).max(), "m", f"largest {text}", row=True
+        yield column(
+            of_points("largest_own_amplitude", points, lambda p: own(p).max(), "m", f"largest {text}")
         )
         tones = result.frequencies[:, 1]
         for which, tone in (("least", float(tones.min())), ("largest", float(tones.max()))):
-            yield labelled(f"{which}_own_frequency", tone, "Hz", f"{which} own tone", row=True)
-        yield labelled("curve_points", len(result), text="points of the curve", row=True)
-        yield labelled("unstable_points", int(np.sum(result.unstable)), text="unstable ones", row=True)
+            yield column(labelled(f"{which}_own_frequency", tone, "Hz", f"{which} own tone"))
+        yield column(labelled("curve_points", len(result), text="points of the curve"))
+        yield column(labelled("unstable_points", int(np.sum(result.unstable)), text="unstable ones"))
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         point = drawn.point(result.motions[0].points)

@@ -12,7 +12,7 @@ import sbfem_petsc as sb
 from ...analysis.options import StaticOptions
 from ...options import Pair, item
 from ...record.about import Quantity
-from ...record.found import labelled
+from ...record.found import column, labelled
 from ..case.problems import filed
 from ..case.tables import Name, Path, Problem
 from ..costs import Cost, Size
@@ -61,7 +61,7 @@ class Static(StaticOptions, Loaded):
         if found:
             stresses = np.array([*found.values()])
             text, names = "stress xx, yy, xy", {"at": found}
-            yield labelled("stress", stresses, "Pa", text, "at tensor", names, row=True)
+            yield column(labelled("stress", stresses, "Pa", text, "at tensor", names))
         yield estimated_error(self, result)
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
