@@ -11,8 +11,10 @@ import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from .folder_index import claim
+from .input_checks import path as checked_path
 
 
 def require_regular(path: str | os.PathLike[str]) -> None:
@@ -41,15 +43,16 @@ def read_whole(path: Path) -> bytes:
         raise ValueError(f"{path}: it cannot be read ({error.strerror or error}).") from None
 
 
-def destination(path: str, what: str) -> str:
+def destination(path: Any, what: str) -> str:
     """The absolute path of a file that is to be written, a symbolic link's goal; in an output folder, where
     no link is followed, it is entered into the index.
 
     Raises
     ------
-    ValueError
-        If a folder, a device or a pipe stands there, or what an output folder does not list.
+    TypeError, ValueError
+        If it is no path, or a folder, a device or a pipe stands there, or what an output folder does not list.
     """
+    path = checked_path(what, "path", path)
     listed = claim(path, what)
     if listed is not None:
         return listed
@@ -67,7 +70,7 @@ def reason(error: Exception) -> str:
 
 
 @contextlib.contextmanager
-def replaced(path: str, what: str) -> Iterator[str]:
+def replaced(path: Any, what: str) -> Iterator[str]:
     """A file to write, of the same name in a folder of its own; at the end it takes the place of `path`.
 
     What was written beside it then stands beside `path`. Nothing is left behind by a failure, and a former
@@ -75,16 +78,17 @@ def replaced(path: str, what: str) -> Iterator[str]:
 
     Parameters
     ----------
-    path : str
+    path : str or path-like
     what : str
         Kind of file, for messages: "picture".
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         See `destination`; if the system refuses, as on a full disk; if what was written beside it would
         replace a file that does not belong to it.
     """
+    path = checked_path(what, "path", path)
     place = destination(path, what)
     folder, name = os.path.split(place)
     spare = None

@@ -7,40 +7,15 @@ import csv
 import os
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-from meshing import whole_file
+from meshing.whole_file import replaced
 
-from .checks import path as checked_path
 from .output_folder import make_folder
 from .ranks.parallel import collective
-
-
-def destination(path: Any, what: str) -> str:
-    """`meshing.whole_file.destination` of a path that may be of any kind.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If it is no path, or the place of something that must not be replaced: a folder, a device, a pipe, or
-        what an output folder does not list.
-    """
-    return whole_file.destination(checked_path(what, "path", path), what)
-
-
-def replaced(path: Any, what: str) -> AbstractContextManager[str]:
-    """`meshing.whole_file.replaced` of a path that may be of any kind.
-
-    Raises
-    ------
-    TypeError, ValueError
-        See `destination`; or if the system refuses, as on a full disk.
-    """
-    return whole_file.replaced(checked_path(what, "path", path), what)
 
 
 def check_output_folder(path: str, comm: MPI.Comm) -> str:

@@ -11,6 +11,8 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 
+from meshing.whole_file import destination, replaced
+
 from ..checks import Bounds, integer, numbers_of, real
 from ..continuation.orbit import Orbit
 from ..errors import SolveError
@@ -19,7 +21,6 @@ from ..petsc import MPI
 from ..ranks.parallel import agreed, collective, on_root, ranks_of
 from ..record.units import force_unit, length_unit, time_unit
 from ..system.model import Model
-from ..writing import destination, replaced
 from .crack import Window, plain
 from .drawing import BLUE, STYLE, VERMILION, Sheet, crack_title
 from .outlines import Piece, gather_outline, gather_region

@@ -19,9 +19,10 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
+from meshing.whole_file import destination, replaced
+
 from ..checks import path as checked_path
 from ..checks import shown
-from ..writing import destination, replaced
 
 # Okabe and Ito's palette: told apart by colour-blind readers.
 BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE, BLACK = (

@@ -101,18 +101,17 @@ def _highest(seen: Mapping[str, Lines]) -> Lines:
 def _line_name(m: int, n: int) -> str:
     """A line's numbers as a sum of tones: f1, 2 f2, f1 - f2."""
 
-    def times(count: int, tone: str) -> str:
-        return tone if abs(count) == 1 else f"{abs(count)} {tone}"
-
     # what is added stands before what is taken away
-    parts = sorted(
-        ((count, tone) for count, tone in ((m, "$f_1$"), (n, "$f_2$")) if count),
-        key=lambda part: part[0] < 0,
+    tones = sorted(
+        ((count, tone) for count, tone in ((m, "$f_1$"), (n, "$f_2$")) if count), key=lambda part: part[0] < 0
     )
-    text = ("−" if parts[0][0] < 0 else "") + times(*parts[0])
-    for count, tone in parts[1:]:
-        text += f" {'−' if count < 0 else '+'} {times(count, tone)}"
-    return text
+    signed = [f"{'−' if count < 0 else '+'} {_times(abs(count), tone)}" for count, tone in tones]
+    first, *others = signed
+    return " ".join([first.removeprefix("+ ").replace("− ", "−"), *others])
+
+
+def _times(count: int, tone: str) -> str:
+    return tone if count == 1 else f"{count} {tone}"
 
 
 @picture(Sidebands, several=True)

@@ -17,14 +17,13 @@ from typing import Any
 import h5py
 import numpy as np
 
-from meshing.whole_file import reason
+from meshing.whole_file import reason, replaced
 
 from ..checks import flag, shown
 from ..checks import path as checked_path
 from ..petsc import MPI
 from ..ranks.capacity import available_memory, in_bytes
 from ..ranks.parallel import agreed, collective, ranks_of
-from ..writing import replaced
 from . import journal
 from .body import Body
 from .layout import bare, text, text_of, within, write

@@ -24,11 +24,10 @@ from typing import Any
 import numpy as np
 
 from meshing.folder_index import open_regular
-from meshing.whole_file import reason
+from meshing.whole_file import destination, reason, replaced
 
 from ..errors import SolveError
 from ..output_folder import hold
-from ..writing import destination, replaced
 
 MAGIC = b"sbfem journal 5\n"
 # Of a frame: length of what follows, its CRC-32, CRC-32 of what follows.

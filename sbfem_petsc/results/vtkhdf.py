@@ -10,7 +10,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from ..writing import replaced
+from meshing.whole_file import replaced
 
 # VTK's numbers of cells.
 _TYPES = {"quad": 9, "triangle": 5}

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from meshing.whole_file import destination, replaced
+
 from ..bodies.finite_element_model import FiniteElementModel, nodal_field
 from ..checks import flag, instance, optional_integer, shown
 from ..petsc import MPI
@@ -18,7 +20,6 @@ from ..reduction.at_rest import ReducedModal
 from ..system.fields.sampling import Patches, point_grid_cells, sample
 from ..system.model import Model
 from ..system.solve.modal_result import Modal, chosen_modes
-from ..writing import destination, replaced
 
 STRESSES = ("stress_xx", "stress_yy", "stress_xy", "von_mises")
 # A mode's coordinates have the unit m sqrt(kg).

@@ -13,7 +13,8 @@ from ..record.files import SCHEMA
 from .case.case import Case
 from .storage import read_json, write_json
 
-PARTS = "analyses"
+# Of analyses in the folder; of their results that stand in files of their own.
+PARTS, RESULT = "analyses", "result"
 
 
 class Folder:

@@ -16,12 +16,13 @@ import numpy as np
 
 import sbfem_petsc as sb
 from meshing.folder_index import home_of, open_regular
+from meshing.whole_file import replaced
 
 from ..output_folder import regular_file
 from ..record.about import Quantity
 from ..record.found import Found
 from ..record.units import suited
-from ..writing import replaced, spare_folder
+from ..writing import spare_folder
 from .case.analyses import kind_called
 from .estimates import duration
 from .kinds.kind import Kind

@@ -24,7 +24,7 @@ from . import pictures
 from .case.analyses import kind_called
 from .case.case import Case, case_from_text
 from .estimates import duration
-from .folder import PARTS
+from .folder import PARTS, RESULT
 from .run import RESULTS, RunResults
 from .storage import holds, results_in, write_json
 from .structure import Structure, lines_of
@@ -179,11 +179,9 @@ def _again(
 
 def _recorded(home: str, name: str) -> Any:
     """A result that an analysis left in a file of its own; None if there is none."""
-    for ending in ("history.journal", "curve.journal", "result.journal", "curve.h5", "orbit.h5", "result.h5"):
-        file = regular_file(home, PARTS, f"{name}.{ending}")
-        if file is not None:
-            return sb.read(file)
-    return None
+    files = (regular_file(home, PARTS, f"{name}.{RESULT}.{ending}") for ending in ("journal", "h5"))
+    file = next(filter(None, files), None)
+    return None if file is None else sb.read(file)
 
 
 def export_results(path: str, wanted: list[str], output: str | None, comm: Any, watch: Watch) -> list[str]:

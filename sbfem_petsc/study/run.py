@@ -24,7 +24,7 @@ from . import pictures
 from .case.case import Case, read_case
 from .case.objects import located
 from .case.problems import CaseError
-from .folder import Folder
+from .folder import PARTS, RESULT, Folder
 from .kinds.kind import Kind
 from .storage import case_in, new_results, results_in, write_case, write_json
 from .structure import Structure
@@ -151,8 +151,7 @@ class _Run:
             self.watch.stage(f"{title} ({kind.kind})")
             with located(case, "analyses", name):
                 self._require_disk(name)
-                running = os.path.join(self.path, "analyses", f"{name}.{kind.running}")
-                file = running if kind.running else None
+                file = os.path.join(self.path, PARTS, f"{name}.{RESULT}.journal") if kind.running else None
                 result = self.structure.solve(case, name, file=file, progress=self.watch.fraction)
                 found = self.structure.found(case, name, result)
         except (CaseError, SolveError) as error:
@@ -200,9 +199,9 @@ class _Run:
                     found.to_csv(os.path.join(self.path, TABLES, f"{name}.csv"))
 
         # what several ranks share they write together
-        place = self.comm.bcast(None if self.folder is None else self.folder.part(name, ""))
+        place = self.comm.bcast(None if self.folder is None else self.folder.part(name, RESULT))
         if place is not None and (self.comm.rank == 0 or ranks_of(result) is not None):
-            kind.save(result, place.__add__)
+            kind.save(result, place)
 
     def _write_model(self) -> None:
         """Facts of the model, for the results of this run and of one that is resumed."""

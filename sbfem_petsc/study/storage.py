@@ -11,10 +11,11 @@ from typing import Any
 import h5py
 import numpy as np
 
+from meshing.whole_file import replaced
+
 from ..record.about import About
 from ..record.files import opened, written
 from ..record.layout import put, text, text_of
-from ..writing import replaced
 from .case.case import Case
 
 WHAT = "results file"

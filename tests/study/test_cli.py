@@ -376,7 +376,7 @@ def test_interrupt_and_termination(tmp_path):
         out = tmp_path / f"out{code}"
         process = started("run", path, "--output", out)
         limit = time.monotonic() + 120
-        while not list(out.glob("analyses/*.history.journal")) and time.monotonic() < limit:
+        while not list(out.glob("analyses/*.result.journal")) and time.monotonic() < limit:
             time.sleep(0.05)
         process.send_signal(number)
         _, err = process.communicate(timeout=300)

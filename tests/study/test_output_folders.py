@@ -233,9 +233,9 @@ def test_results_are_not_read_through_links(folder):
         done = sbfem(command, folder / "out", *(("--csv",) if command == "export" else ()))
         assert done.code == 2 and "is a link" in done.err, done.err
     shutil.move(goal, folder / "out" / "results.h5")
-    (folder / "out" / "analyses" / "push.orbit.h5").symlink_to(folder / "case.toml")
+    (folder / "out" / "analyses" / "push.result.h5").symlink_to(folder / "case.toml")
     done = sbfem("plot", folder / "out")
-    assert done.code == 2 and "push.orbit.h5" in done.err
+    assert done.code == 2 and "push.result.h5" in done.err
 
 
 @pytest.mark.parametrize("index", [True, False])

@@ -20,7 +20,7 @@ class Backbone(BackboneOptions, Kind):
 
     kind: Literal["backbone"] = item(text="frequency of free vibration over its energy")
     alike = True
-    running = "result.journal"
+    running = True
     details = ("harmonics",)
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Backbone:

@@ -52,7 +52,7 @@ class Basins(BasinsOptions, Loaded):
     starts: list[StartAxis] = item(text="axes of the grid", min_length=1, max_length=3)
     signals = PERIODIC
     rubs = True
-    saved = "result.h5"
+    saved = True
 
     def problems(self) -> Iterator[Problem]:
         """A load that is none, and a mode that is not kept, too."""

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
 import sbfem_petsc as sb
@@ -32,7 +31,7 @@ class Curve(Kind):
 
     reduced: bool = item(True, text="false: the unreduced model")
     rubs = True
-    running = "curve.journal"
+    running = saved = True
     details = ("harmonics",)
     captions = {"curve": "response curve"}
 
@@ -76,11 +75,6 @@ class Curve(Kind):
         point = drawn.point(result.points)
         if point is not None:
             yield "curve", drawn.plot.plot_branches({drawn.title: result}, point, comm=drawn.comm)
-
-    def save(self, result: Any, part: Callable[[str], str]) -> None:
-        """A curve without contact is not kept while it runs."""
-        if not os.path.isfile(part(self.running)):
-            sb.save(part("curve.h5"), result)
 
     @classmethod
     def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:

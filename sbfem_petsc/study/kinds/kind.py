@@ -4,6 +4,7 @@ estimates do with it.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -104,9 +105,9 @@ class Drawn:
     def rubbing(self, result: Any) -> Iterator[tuple[str, Any]]:
         """Pictures of faces that rub, where any do. Collective."""
         if result.slip is not None and result.slip.size and len(result.time) > 1:
-            yield "slips", self.plot.plot_slips(result, title=self.title, comm=self.comm)
-            yield "hysteresis", self.plot.plot_hysteresis(result, title=self.title, comm=self.comm)
-            yield "friction_power", self.plot.plot_friction_power(result, title=self.title, comm=self.comm)
+            for name in RUBBING:
+                draw = getattr(self.plot, f"plot_{name}")
+                yield name, draw(result, title=self.title, comm=self.comm)
 
 
 class Kind(Table):
@@ -130,10 +131,10 @@ class Kind(Table):
         Whether its result is a motion, which can be animated.
     fields : bool
         Whether its result has fields for ParaView.
-    running : str
-        Ending of the file from which an interrupted run goes on.
-    saved : str
-        Ending of the file that a result is written to by itself.
+    running : bool
+        Whether it is kept in a file while it runs, from which an interrupted run goes on.
+    saved : bool
+        Whether its result is written to a file of its own, unless it has been kept.
     details : tuple of str
         Quantities that are kept, but stand in no summary or table.
     captions : dict of str to str
@@ -151,8 +152,8 @@ class Kind(Table):
     alike: ClassVar[bool] = False
     moving: ClassVar[bool] = False
     fields: ClassVar[bool] = False
-    running: ClassVar[str] = ""
-    saved: ClassVar[str] = ""
+    running: ClassVar[bool] = False
+    saved: ClassVar[bool] = False
     details: ClassVar[tuple[str, ...]] = ()
     captions: ClassVar[dict[str, str]] = {}
 
@@ -257,12 +258,17 @@ class Kind(Table):
         """Write fields for ParaView, of kinds with `fields`; `model` may be reduced, a body's. Collective."""
         raise NotImplementedError
 
-    def save(self, result: Any, part: Callable[[str], str]) -> None:
-        """Write the result itself, of kinds with `saved`, to the path that `part` gives an ending.
-        Collective over the ranks that share the result.
+    def save(self, result: Any, path: str) -> None:
+        """Write the result itself, of kinds with `saved`, unless there is none or it has been kept. Collective
+        over the ranks that share it.
+
+        Parameters
+        ----------
+        path : str
+            Of its file, without an ending.
         """
-        if self.saved:
-            sb.save(part(self.saved), result)
+        if self.saved and result != () and not os.path.isfile(f"{path}.journal"):
+            sb.save(f"{path}.h5", result)
 
     def summary_line(self, result: Any) -> str:
         """A line about a result."""

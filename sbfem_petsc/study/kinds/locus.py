@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
 import sbfem_petsc as sb
@@ -28,7 +28,7 @@ class Locus(LineOptions, FrequencyRange, Loaded):
         ["fold", "period doubling", "Neimark-Sacker"], text="which kinds are followed", min_length=1
     )
     signals = ("constant",)
-    saved = "result.h5"
+    saved = True
 
     @property
     def frictionless(self) -> str | None:
@@ -65,10 +65,6 @@ class Locus(LineOptions, FrequencyRange, Loaded):
 
     def summary_line(self, result: Any) -> str:
         return repr(result) if result else self._none()
-
-    def save(self, result: Any, part: Callable[[str], str]) -> None:
-        if result:
-            super().save(result, part)
 
     def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
         yield labelled("count", len(result), text="number of lines")

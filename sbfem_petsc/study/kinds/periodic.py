@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -30,7 +30,7 @@ class Steady(Kind):
     """A kind whose result is one periodic motion."""
 
     signals = PERIODIC
-    moving = True
+    moving = saved = True
     details = ("contact_force", "slip", "friction_force", "displacement", "reactions")
     captions = RUBBING | {
         "orbit": "phase plane; gaps and contact resultant over a period",
@@ -106,9 +106,9 @@ class Steady(Kind):
             yield "multipliers", drawn.plot.plot_multipliers(result, title=drawn.title, comm=drawn.comm)
         yield from drawn.rubbing(result)
 
-    def save(self, result: Any, part: Callable[[str], str]) -> None:
+    def save(self, result: Any, path: str) -> None:
         if result.reduced is not None:
-            sb.save(part("orbit.h5"), result)
+            super().save(result, path)
 
     @classmethod
     def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:

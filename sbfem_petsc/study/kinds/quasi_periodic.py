@@ -35,7 +35,7 @@ class QuasiPeriodic(QuasiPeriodicOptions, TwoTones):
     order: int = item(3, text="lines are kept up to this |m| and |n|", ge=1, le=20)
     loads_in = ("probe", "pump")
     signals = PERIODIC
-    saved = "result.h5"
+    saved = True
     rubs = True
     captions = {"lines": "lines of the spectrum"}
 

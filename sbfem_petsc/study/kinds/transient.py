@@ -28,7 +28,7 @@ class Transient(TransientOptions, Loaded):
     reduced: bool = item(True, text="false: the unreduced model")
     moving = rubs = True
     details = ("contact_force", "slip", "friction_force", "velocity", "acceleration", "energy")
-    running = "history.journal"
+    running = True
     captions = RUBBING
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.History:
