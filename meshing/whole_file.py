@@ -50,7 +50,8 @@ def destination(path: Any, what: str) -> str:
     Raises
     ------
     TypeError, ValueError
-        If it is no path, or a folder, a device or a pipe stands there, or what an output folder does not list.
+        If it is no path; if a folder, a device or a pipe stands there, or what an output folder does not
+        list.
     """
     path = checked_path(what, "path", path)
     listed = claim(path, what)

@@ -15,39 +15,27 @@ except ImportError as error:  # pragma: no cover - depends on the machine
         f"pictures need matplotlib ({error}); install it with `pip install 'sbfem-petsc[plot]'`"
     ) from error
 
-_HOME = {
-    "Panel": "histories",
-    "animate_crack": "animation",
-    "plot_backbone": "tones",
-    "plot_basins": "basins",
-    "plot_branches": "branches",
-    "plot_contact": "fields",
-    "plot_crack": "crack",
-    "plot_detection": "detection",
-    "plot_discretisation": "meshes",
-    "plot_field": "bodies",
-    "plot_friction_power": "rubbing",
-    "plot_harmonics": "orbits",
-    "plot_histories": "histories",
-    "plot_history": "histories",
-    "plot_hysteresis": "rubbing",
-    "plot_lines": "tones",
-    "plot_load_history": "histories",
-    "plot_loci": "loci",
-    "plot_losses": "rubbing",
-    "plot_modes": "fields",
-    "plot_multipliers": "orbits",
-    "plot_orbit": "orbits",
-    "plot_quasi_periodic": "tones",
-    "plot_sidebands": "tones",
-    "plot_slips": "rubbing",
-    "plot_spectra": "histories",
-    "plot_swept": "sweeps",
-    "save_picture": "drawing",
-    "save_pictures": "drawing",
+# Public names by the module they stand in.
+_NAMES = {
+    "animation": ("animate_crack",),
+    "basins": ("plot_basins",),
+    "bodies": ("plot_field",),
+    "branches": ("plot_branches",),
+    "crack": ("plot_crack",),
+    "detection": ("plot_detection",),
+    "drawing": ("save_picture", "save_pictures"),
+    "fields": ("plot_contact", "plot_modes"),
+    "histories": ("Panel", "plot_histories", "plot_history", "plot_load_history", "plot_spectra"),
+    "loci": ("plot_loci",),
+    "meshes": ("plot_discretisation",),
+    "orbits": ("plot_harmonics", "plot_multipliers", "plot_orbit"),
+    "rubbing": ("plot_friction_power", "plot_hysteresis", "plot_losses", "plot_slips"),
+    "sweeps": ("plot_swept",),
+    "tones": ("plot_backbone", "plot_lines", "plot_quasi_periodic", "plot_sidebands"),
 }
+_HOME = {name: module for module, names in _NAMES.items() for name in names}
 
-__all__ = [*_HOME]
+__all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> Any:
@@ -59,4 +47,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return __all__

@@ -259,8 +259,8 @@ class Kind(Table):
         raise NotImplementedError
 
     def save(self, result: Any, path: str) -> None:
-        """Write the result itself, of kinds with `saved`, unless there is none or it has been kept. Collective
-        over the ranks that share it.
+        """Write the result itself, of kinds with `saved`, unless there is none or it has been kept.
+        Collective over the ranks that share it.
 
         Parameters
         ----------
