@@ -160,12 +160,10 @@ def test_reactions_of_rows():
     structure.destroy()
 
 
-def test_convergence_and_energy(found):
-    """Rows say how well they converged; what the load supplies over a period is what damping takes."""
+def test_convergence(found):
+    """Rows say how well they converged, and what contact and supports bear."""
     assert (found.values["steady/converged"] == 1.0).all()
     assert (found.values["steady/residual"] < 1e-6).all()
-    # the steps' own error: of second order, 256 steps a period
-    assert np.abs(found.values["steady/energy_error"]).max() < 1e-3
     assert (found.values["steady/peak_contact_resultant"][[2, 5]] > 0.0).all()
     assert found.values["steady/peak_reactions/left"].shape == (6, 2)
 

@@ -68,31 +68,7 @@ class Steady(Kind):
             for ending, motion in motions.items():
                 values |= _harmonics(ending, point, motion, result.periods)
         values = recorded(values, result, wanted.points) if wanted.histories else values
-        values |= peak_contact(result)
-        balance = self._energy_balance(wanted.case, result)
-        return values if balance is None else values | {"energy_error": (balance, "1")}
-
-    def _energy_balance(self, case: Any, result: Any) -> float | None:
-        """What the loads supply over a period less what damping and friction take, relative to the former:
-        zero but for the time steps' error. None where loads other than point forces act, or nothing is
-        damped.
-        """
-        loads = [case.tables.loads[name] for name in self.loads()]
-        reduced, states = result.reduced, result.states
-        if reduced is None or any(load.kind != "point_force" for load in loads):
-            return None
-        duration = result.periods / result.frequency
-        lost = 2.0 * duration * float((reduced.damping * reduced.omega * (states.v**2).mean(axis=0)).sum())
-        lost += result.friction_loss or 0.0
-        supplied, column = 0.0, 0
-        for load in loads:
-            for key, value in load.components.items():
-                if isinstance(value, float) and value == 0.0:
-                    continue
-                u = result.displacement(load.point)[:, "xy".index(key[1])]
-                supplied += duration * float(np.mean(states.amplitudes[:, column] * _derivative(u, duration)))
-                column += 1
-        return (supplied - lost) / supplied if supplied > 0.0 and lost > 0.0 else None
+        return values | peak_contact(result)
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         # one that is held has no harmonics
@@ -208,11 +184,3 @@ def _harmonics(ending: str, point: str, u: np.ndarray, periods: int) -> Values:
         ratio = harmonic_ratios(c[:ROW_HARMONICS])
         values |= {f"A{n}_A1{ending}/{point}": (float(ratio[n]), "1") for n in range(2, RATIOS + 1)}
     return values
-
-
-def _derivative(u: np.ndarray, duration: float) -> np.ndarray:
-    c = np.fft.rfft(u)
-    turns = 2.0j * np.pi / duration * np.arange(len(c))
-    if len(u) % 2 == 0:
-        turns[-1] = 0.0
-    return np.fft.irfft(turns * c, len(u))
