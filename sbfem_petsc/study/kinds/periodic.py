@@ -20,8 +20,8 @@ from ..case.tables import Path
 from ..costs import MULTIPLIERS, STEPS, Cost, Size
 from .kind import PERIODIC, RUBBING, Drawn, Kind, Loaded, Run, Values, Wanted, along, peak_contact, recorded
 
-# Harmonics of a motion kept beside its whole waveform, of each point in a row of a sweep, and in a report.
-HARMONICS, ROW_HARMONICS, SHOWN = 41, 21, 11
+# Harmonics of each point in a row of a sweep, and in a report.
+ROW_HARMONICS, SHOWN = 21, 11
 # Highest order of the ratios A_n / A_1 that stand in the table of a sweep.
 RATIOS = 6
 
@@ -38,14 +38,6 @@ class Steady(Kind):
     }
 
     def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
-        def harmonics(name: str, direction: str) -> Quantity | None:
-            text = f"complex harmonics of u_{direction}, the mean first"
-            own = lambda point: result.harmonics(point, direction)[:HARMONICS]
-            return of_points(name, points, own, "m", text, "harmonic")
-
-        yield harmonics("harmonics", "y")
-        if not result.point_directions:
-            yield harmonics("harmonics_x", "x")
         text = "stability, None if it was not asked for or is not known"
         yield labelled("stable", result.stable, text=text)
         yield column(labelled("iterations", int(result.iterations), text="Newton iterations"))
@@ -53,7 +45,6 @@ class Steady(Kind):
         if len(result.multipliers):
             modulus = float(np.abs(result.multipliers[0]))
             yield column(labelled("largest_multiplier", modulus, text="largest Floquet multiplier's modulus"))
-        yield labelled("friction_loss", result.friction_loss, "J", "lost to friction over the period")
         if result.periods > 1:
             text = "complex amplitudes of u_y at j f / periods"
             yield of_points("subharmonics", points, result.subharmonics, "m", text, "subharmonic")
@@ -88,10 +79,15 @@ class Steady(Kind):
 
     @classmethod
     def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
-        harmonics = dict(found["harmonics"].by_name()) if "harmonics" in found else {}
-        orders = range(min([SHOWN, *map(len, harmonics.values())])) if harmonics else range(0)
-        heading = ("harmonic", *(f"|{symbol(found, point)}|, µm" for point in harmonics))
-        yield heading, [(k, *(1e6 * abs(values[k]) for values in harmonics.values())) for k in orders]
+        harmonics = found["harmonics"].by_name() if "harmonics" in found else ()
+        # of rows of a body those alone, else of u_y
+        levels = {name: 1e6 * np.abs(c if c.ndim == 1 else c[:, 1]) for name, c in harmonics}
+        orders = range(min([SHOWN, *map(len, levels.values())]) if levels else 0)
+        heading = ("harmonic", *(f"|{symbol(found, point)}|, µm" for point in levels))
+        yield (
+            heading,
+            [(k, *(float(values[k]) for values in levels.values())) for k in orders],
+        )
 
 
 class Periodic(PeriodicOptions, Steady, Loaded):
