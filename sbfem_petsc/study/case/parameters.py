@@ -184,9 +184,9 @@ def grid(values: Any) -> list[Any]:
     if not isinstance(values, Range):
         return list(values)
     assert values.count is not None
-    found = _between(values, np.linspace(0.0, 1.0, values.count))
-    # the ends as the user wrote them, without the rounding of exp(log(x))
-    return [float(v) for v in (found if values.count < 2 else [values.start, *found[1:-1], values.stop])]
+    spaced = np.linspace if values.scale == "linear" else np.geomspace
+    found: list[Any] = spaced(values.start, values.stop, values.count).tolist()
+    return found
 
 
 def structural(row: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
