@@ -71,10 +71,9 @@ def plot_crack(
     def draw() -> list[Axes]:
         panels = Sheet.of(ax).panels((len(regions), 2), 3.15 * len(regions) + 0.15)
         windows = [Window(facts, h, colour) for h in half]
-        for number, axes in enumerate(panels):
-            name, window = list(regions)[number // 2], windows[number % 2]
-            region = regions[name][number % 2]
-            window.draw([axes], {name: region}, outline, magnification, number // 2)
+        for row, (name, pair) in enumerate(regions.items()):
+            for axes, window, region in zip(panels[2 * row :], windows, pair):
+                window.draw([axes], {name: region}, outline, magnification, row)
         return panels
 
     return on_root(model.comm, draw)
