@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2, ncx2
 
 from ..checks import positive, real, real_array
 from .record import checked_record, numbers
@@ -136,6 +135,8 @@ def detection_probability(values, noise: float, false_alarm: float = 0.01) -> np
     freedom = array.shape[-1] * (2 if array.dtype.kind == "c" else 1)
     with np.errstate(over="ignore"):  # as large as numbers go is seen
         energy = np.sum((np.abs(array) / noise) ** 2, axis=-1)
+    from scipy.stats import chi2, ncx2  # slow to load, for all that know cases
+
     threshold = chi2.isf(false_alarm, freedom)
     # beyond this the far tail of the distribution is no longer summed; the probability is 1 to round-off
     seen = ncx2.sf(threshold, freedom, np.minimum(energy, 1e4 + 4.0 * threshold))

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import get_window
 
 from ..checks import integer, positive
 from .record import COHERENT, checked_record, checked_tones, coherent_length, numbers
@@ -59,6 +58,8 @@ def _fit(owner: str, t: np.ndarray, u: np.ndarray, step: float, frequencies: np.
     if length * step * spacing > 1.0 - COHERENT:
         t, u, weights = t[-length:], u[-length:], np.ones(length)
     else:
+        from scipy.signal import get_window  # slow to load, for all that know cases
+
         weights = get_window("hann", len(t) + 1)[1:] if len(t) * step * spacing >= 2.0 else np.ones(len(t))
     # The normal equations of nearly orthogonal columns: nothing is lost by them.
     waves = 2 * len(frequencies)

@@ -100,7 +100,7 @@ def test_a_history_that_does_not_come_to_the_periodic_motion():
     history = sb.transient(
         r,
         [sb.Harmonic(300.0, first)],
-        1000.0 / first,
+        600.0 / first,
         1.0 / (2048 * first),
         initial=(beside[:m] / r.omega, beside[m:]),
         decimation=2048,

@@ -30,7 +30,7 @@ def held_beam(x, depth, order=5):
 def deep():
     """The crack of 6 mm and the motion that 240 periods of a history from rest settle on."""
     model = held_beam(0.13143, 0.006)
-    orbit = sb.periodic(model, sb.PointForce("M", fy=100.0), FREQUENCY)
+    orbit = sb.periodic(model, sb.PointForce("M", fy=100.0), FREQUENCY, modes=40, steps=STEPS)
     return model, orbit, settled(orbit.reduced, 240)
 
 

@@ -190,13 +190,14 @@ def test_a_turn_is_that_of_the_reduced_model():
 @pytest.mark.long
 def test_over_the_load():
     """From no load at all: while the crack stays open the motion is proportional to the load."""
-    model = narrow()
-    curve = sb.load_response(model, PUSH, 1350.0, steps=49, reduction=None, largest_step=0.25)
+    model, push = narrow(0.1), sb.PointForce("A", fy=3e3)
+    curve = sb.load_response(model, push, 1350.0, steps=49, reduction=None, largest_step=0.25)
     assert curve.complete and curve.value[0] == 0.0 and curve.amplitude("A")[0] == 0.0
     free = (curve.contact_peak == 0.0) & (curve.value > 0.0)
     ratio = curve.amplitude("A")[free] / curve.value[free]
     assert free.any() and np.ptp(ratio) < 1e-6 * ratio.max()
-    orbit = sb.periodic(model, PUSH, 1350.0, steps=49, reduction=None)
+    assert curve.contact_peak[-1] > 1000.0
+    orbit = sb.periodic(model, push, 1350.0, steps=49, reduction=None)
     assert curve.amplitude("A")[-1] == pytest.approx(orbit.amplitude("A"), rel=1e-6)
 
 

@@ -84,7 +84,7 @@ def unreduced(points=5, **file):
 def body():
     shape = Beam(0.1, 0.02, (VNotch(0.04, 0.008, 0.5),))
     material = sb.Material(young=70e9, poisson=0.33, density=2700)
-    ratios = sb.rayleigh_factors(1000.0, 0.003, 9000.0, 0.003)
+    ratios = sb.rayleigh_factors(1000.0, 0.1, 9000.0, 0.1)
     return sb.Model(shape.mesh(order=2, face_edges=2), material, rayleigh=ratios)
 
 

@@ -80,7 +80,7 @@ def test_a_bent_branch_has_gone_through_its_points(places, between):
     follower.metric = Metric(problem, follower.points[-1].u)
     assert follower._gone_through(on(between))
     assert not follower._gone_through(on(between, 0.9))
-    assert not follower._gone_through(on(places[-1] + 0.5))
+    assert not follower._gone_through(on(2.0 * places[-1] - places[-2]))
 
 
 @pytest.mark.parametrize("name", ["up", "down"])

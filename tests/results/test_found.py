@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sbfem_petsc.record.found import Found, labelled, of_points
+from sbfem_petsc.record.record import entries, record_class
 
 # of u(t) = Re sum c_k exp(i k t)
 HARMONICS = np.array([0.5, 2.0 * np.exp(0.7j), 0.3 * np.exp(-2.1j)])
@@ -65,3 +66,28 @@ def test_it_is_read_as_it_was_written(found, tmp_path):
     assert again.coordinates == ["time"] and list(again.tables()["time"]) == ["time [s]", "gap [m]"]
     assert again["stable"].value is None and again["gap"].about.detail and again["gap"].unit == "m"
     assert again["ways"][1]["frequency"].about.text == "of the largest amplitude"
+
+
+# What tables and summaries leave out unless details are asked for: what is as long as the motion, or of use
+# to a program alone.
+ROWS = {"gap", "contact_force", "slip", "friction_force"}
+CURVE = {"states", "steps", "excitation", "reduced_model", "multipliers", "point_harmonics"}
+DETAILS = {
+    "Static": {"tip_facts", "loads"},
+    "Modal": {"auxiliary_inertia"},
+    "LoadHistory": {*ROWS, "states"},
+    "History": {*ROWS, "states", "energy"},
+    "Orbit": {*ROWS, "state", "states"},
+    "Branch": {*CURVE, "contact", "iterations", "multiplier_error", "point_subharmonics"},
+    "Backbone": {*CURVE, "own_frequency"},
+    "Bifurcation": {"after", "direction", "state"},
+    "Locus": {"states"},
+    "QuasiPeriodic": {"states", "lines", "orders", "own", "reduced", "swapped"},
+    "Basins": {"initial_states", "orbits", "shape"},
+}
+
+
+@pytest.mark.parametrize("name", DETAILS)
+def test_what_is_left_out_until_asked_for(name):
+    found = entries(record_class(name))
+    assert {field for field, entry in found.items() if entry.about.detail} == DETAILS[name]

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
-from scipy.stats import qmc
 
 from ... import options
 from ...options import one_of
@@ -160,6 +159,8 @@ def rows(sweep: SweepTable) -> list[dict[str, Any]]:
     names = list(sweep.parameters)
     if sweep.method == "latin_hypercube":
         assert sweep.samples is not None
+        from scipy.stats import qmc  # slow to load, for all commands
+
         unit = qmc.LatinHypercube(d=len(names), seed=sweep.seed).random(sweep.samples)
         shares = [
             _between(values, unit[:, k])
