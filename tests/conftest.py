@@ -30,11 +30,11 @@ os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
-    """One more than there are cores for the long set, where programs on several ranks wait for one another
-    and for files a quarter of the time; else what xdist takes.
+    """One more than there are cores where all tests are run: programs on several ranks wait for one another,
+    for files and for their end. None: what xdist takes.
     """
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
-    return cores + 1 if config.option.markexpr == "long" and cores > 1 else None
+    return cores + 1 if cores > 1 and config.args_source == pytest.Config.ArgsSource.TESTPATHS else None
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
