@@ -156,9 +156,13 @@ def watch_for(comm: Any, quiet: bool = False, stream: TextIO | None = None) -> W
     return Bar(stream) if stream.isatty() and comm.size == 1 else LogLines(stream)
 
 
+def silent(done: float) -> None:
+    """Nobody is told the fraction that is done."""
+
+
 @contextlib.contextmanager
 def progress_bar(comm, text: str, progress: Progress = "auto"):
-    """A callable of the fraction done, or None where none is to be told.
+    """A callable of the fraction done, `silent` where nobody is to be told.
 
     Parameters
     ----------
@@ -174,10 +178,10 @@ def progress_bar(comm, text: str, progress: Progress = "auto"):
         For another value.
     """
     if check_progress(text, progress) != "auto":
-        yield progress
+        yield progress or silent
         return
     if comm.rank > 0 or not (in_notebook() or sys.stderr.isatty()):
-        yield None
+        yield silent
         return
     with Cell() if in_notebook() else Bar(sys.stderr) as bar:
         bar.stage(text)

@@ -10,8 +10,7 @@ import numpy as np
 
 from ..continuation.line_file import LineFile
 from ..continuation.problems.free import FreeMotions, FreeSystem
-from ..continuation.problems.free_branch import HARMONICS, Backbone, Rows, follow_backbone
-from ..continuation.problems.free_start import PACE
+from ..continuation.problems.free_branch import HARMONICS, PACE, Backbone, Rows, follow_backbone
 from ..errors import SolveError, on_all_ranks
 from ..motion.loading import communicator
 from ..motion.preparation import period_memory
@@ -107,15 +106,13 @@ def backbone(
     require_compiler("backbone", comm)
     most = _room_for(reduction, steps, points)
     with (
-        LineFile.opened(comm, file, resume=resume) as record,
         progress_bar(comm, "backbone", progress) as report,
+        LineFile(comm, file, resume=resume, report=report) as run,
     ):
-        if record is not None:
-            told: dict[str, Any] = {"mode": mode, "start": start, "stop": stop, "steps": steps}
-            told |= {"damped": damping, "interactions": interactions}
-            told |= {"refine": refine, "stability": stability}
-            told |= {"largest_step": largest_step or "none", "largest_change": largest_change}
-            reduction, _ = record.begin(reduction, told, np.array([start, stop]))
+        told: dict[str, Any] = {"mode": mode, "start": start, "stop": stop, "steps": steps}
+        told |= {"damped": damping, "interactions": interactions, "refine": refine, "stability": stability}
+        told |= {"largest_step": largest_step or "none", "largest_change": largest_change}
+        reduction, _ = run.begin(reduction, told, np.array([start, stop]))
         system = FreeSystem(reduction, mode - 1, steps)
         rows = Rows(system, refine, stability, damping, interactions)
         pace = replace(
@@ -125,7 +122,7 @@ def backbone(
             largest=largest_change,
             largest_step=largest_step or math.inf,
         )
-        result = follow_backbone(rows, start, stop, pace, record, report)
+        result = follow_backbone(rows, start, stop, pace, run)
     if not result.complete:
         more = "raise points" if most == points else "there is no memory for more points"
         failure = SolveError(

@@ -17,11 +17,11 @@ from ..continuation.branch import Branch
 from ..continuation.follow import CLOSED
 from ..continuation.line_file import LineFile
 from ..continuation.multipliers import eigenvalues
+from ..continuation.problems.driven_orbits import Family
 from ..continuation.problems.grazing import OpenRowFamily, find_grazing, grazing_row
 from ..continuation.problems.locus import AT_END, KINDS, PACE, Locus, follow_locus
 from ..continuation.problems.locus_problem import LocusStart
 from ..errors import SolveError, caller_level
-from ..motion.family import Family
 from ..motion.preparation import refuse_falling
 from ..progress import Progress, progress_bar
 from ..ranks.parallel import collective
@@ -141,21 +141,19 @@ def locus(
     limits, factor = (min(start, stop), max(start, stop)), driven.factor
     period = branch.period if branch.parameter == parameter else driven.period
     with (
-        LineFile.opened(comm, file, resume=resume) as record,
         progress_bar(comm, "locus", progress) as report,
+        LineFile(comm, file, resume=resume, report=report) as run,
     ):
-        if record is not None:
-            told = {"kind": bifurcation.kind, "row": -1 if row is None else row, "parameter": parameter}
-            told |= {"start": start, "stop": stop, "factor": factor}
-            told["largest_step"] = largest_step or "none"
-            told["frequency"] = begin.frequency
-            period, known = record.begin_period(period, told, begin.packed())
-            begin = LocusStart.unpacked(begin.kind, known)
+        told = {"kind": bifurcation.kind, "row": -1 if row is None else row, "parameter": parameter}
+        told |= {"start": start, "stop": stop, "factor": factor, "largest_step": largest_step or "none"}
+        told["frequency"] = begin.frequency
+        period, known = run.begin_period(period, told, begin.packed())
+        begin = LocusStart.unpacked(begin.kind, known)
         family = Family(period, parameter, factor)
         if row is not None:
             family = OpenRowFamily(period, row, parameter, factor)
         pace = replace(PACE, points=points + 1, largest_step=largest_step or np.inf)
-        return follow_locus(family, begin, limits, pace, record, report)
+        return follow_locus(family, begin, limits, pace, run)
 
 
 def _require_effect(what: str, branch: Branch, parameter: str) -> None:

@@ -37,8 +37,7 @@ from ..errors import SolveError, caller_level, on_all_ranks
 from ..motion.contact_work import MOST, times_more, warn_of_contact_work
 from ..motion.excitation import Excitation
 from ..motion.loading import Loading, Wanted, communicator, loading, serving
-from ..motion.preparation import FAST_STEPS, PeriodSettings, prepare, refuse_falling
-from ..motion.step_plan import contact_steps, warn_if_coarse
+from ..motion.preparation import PeriodSettings, prepare, refuse_falling, steps_of
 from ..motion.two_tones import drives, highest, tone
 from ..ranks.capacity import require_compiler
 from ..ranks.parallel import collective
@@ -254,7 +253,7 @@ def _steps(
     settings: PeriodSettings,
 ) -> int:
     """Time steps in a period of the faster tone; a warning where they or the samples given are few."""
-    contact, fastest, steps = len(reduced.initial_gap) > 0, highest(driven, frequencies), settings.steps
+    contact, fastest = len(reduced.initial_gap) > 0, highest(driven, frequencies)
     slow = int(driven[1].orders.max())
     if contact and samples // 2 < 2 * slow:
         warnings.warn(
@@ -264,16 +263,9 @@ def _steps(
             StepWarning,
             stacklevel=caller_level(),
         )
-    if steps is not None:
-        if contact:
-            warn_if_coarse(
-                "quasi_periodic", steps, frequencies[0], fastest, period="period of the faster tone"
-            )
-        return steps
-    if not contact:
-        return settings.least
-    fast = math.ceil(FAST_STEPS * fastest / frequencies[0])
-    return max(settings.least, contact_steps(reduced, frequencies[0]), fast)
+    return steps_of(
+        "quasi_periodic", reduced, settings, (frequencies[0], fastest), "period of the faster tone"
+    )
 
 
 def _checked(frequencies, samples: int, guess: QuasiPeriodic | None) -> tuple[float, float] | float:

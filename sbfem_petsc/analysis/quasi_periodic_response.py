@@ -91,25 +91,19 @@ def quasi_periodic_response(
             raise ValueError(f"{what}: stop = {stop:g} is where guess is; give another end")
     growing, pace = parameter is None, replace(PACE, points=points, largest_step=largest_step or np.inf)
     with (
-        LineFile.opened(own.comm, file, resume=resume) as record,
         progress_bar(own.comm, "quasi-periodic response", progress) as report,
+        LineFile(own.comm, file, resume=resume, report=report) as run,
     ):
-        if record is not None:
-            told: dict[str, Any] = {
-                "stop": stop,
-                "stability": stability,
-                "growing": growing,
-                "samples": own.samples,
-            }
-            told |= {"parameter": own.parameter, "frequency": own.frequency or 0.0}
-            told |= {"load": own.load, "damping": own.damping, "gap": own.gap}
-            told["largest_step"] = largest_step or "none"
-            period, known = record.begin_period(own.period, told, known)
-            own = replace(own, period=period)
+        told: dict[str, Any] = {"stop": stop, "stability": stability, "growing": growing}
+        told |= {"samples": own.samples, "parameter": own.parameter, "frequency": own.frequency or 0.0}
+        told |= {"load": own.load, "damping": own.damping, "gap": own.gap}
+        told["largest_step"] = largest_step or "none"
+        period, known = run.begin_period(own.period, told, known)
+        own = replace(own, period=period)
         finer = own.finer(what)
-        lines = [] if record is None else record.lines(Curves(own, known, finer))
+        line = run.line(Curves(own, known, finer))
         try:
-            line = lines[0] if lines else line_from(curve_near(own, known, finer=finer), growing)
-            return follow_curves(line, stop, pace, stability=stability, recorder=record, report=report)
+            line = line or line_from(curve_near(own, known, finer=finer), growing)
+            return follow_curves(line, stop, pace, stability=stability, run=run)
         except SolveError as error:
             raise on_all_ranks(error) from None

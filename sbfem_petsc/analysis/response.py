@@ -7,7 +7,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -210,8 +210,14 @@ class _Run:
         """The model's ranks."""
         return communicator(self.model)
 
-    def _recorder(self) -> contextlib.AbstractContextManager[LineFile | None]:
-        return LineFile.opened(self.comm, self.file, "branch", resume=self.resume)
+    @contextlib.contextmanager
+    def _opened(self, over: ParameterRange) -> Iterator[LineFile]:
+        """Where it is kept, and whom it tells."""
+        with (
+            progress_bar(self.comm, f"{over.name} response", self.progress) as report,
+            LineFile(self.comm, self.file, "branch", resume=self.resume, report=report) as run,
+        ):
+            yield run
 
     def _conditions(self, over: ParameterRange) -> dict[str, Any]:
         """What a run must have been begun with to be gone on with."""
@@ -245,41 +251,37 @@ class _Run:
         def prepared(settings: PeriodSettings) -> Period:
             return prepare(what, self.model, self.load, begins, settings=settings, guess=guess)
 
-        with self._recorder() as record:
-            period = self._opened(over, asked.accuracy, prepared, settings, record)
+        with self._opened(over) as run:
+            period = self._begun(over, asked.accuracy, prepared, settings, run)
             asked = replace(asked, stability=tells_stability(what, period, stability))
             asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
-            if record is not None:  # in the steps of the file where none are asked for
-                any_steps, begin = asked.most_steps > period.steps, np.array([over.start])
-                period, _ = record.begin_period(period, self._conditions(over), begin, any_steps)
-            with progress_bar(self.comm, f"{over.name} response", self.progress) as report:
-                while True:
-                    first = functools.partial(_first, period, over, guess)
-                    try:
-                        return follow_response(
-                            Orbits(period, over), first, settings=asked, recorder=record, report=report
-                        )
-                    except StepsTooLong as error:
-                        period = finer(what, period, error.times)
-                    except TooInaccurate as error:
-                        assert asked.accuracy is not None  # that raised it
-                        period = asked.accuracy.more(over, error, prepared)
-                        asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
-                    if record is not None:
-                        period = record.anew(period)
+            # in the steps of the file where none are asked for
+            any_steps, begin = asked.most_steps > period.steps, np.array([over.start])
+            period, _ = run.begin_period(period, self._conditions(over), begin, any_steps)
+            while True:
+                first = functools.partial(_first, period, over, guess)
+                try:
+                    return follow_response(Orbits(period, over), first, settings=asked, run=run)
+                except StepsTooLong as error:
+                    period = finer(what, period, error.times)
+                except TooInaccurate as error:
+                    assert asked.accuracy is not None  # that raised it
+                    period = asked.accuracy.more(over, error, prepared)
+                    asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
+                period = run.anew(period)
 
-    def _opened(
+    def _begun(
         self,
         over: ParameterRange,
         accuracy: Accuracy | None,
         prepared: Callable[[PeriodSettings], Period],
         settings: PeriodSettings,
-        record: LineFile | None,
+        run: LineFile,
     ) -> Period:
         """The map to begin with: of a run that is gone on with in its modes, else as an accuracy asks for."""
         if accuracy is None:
             return prepared(settings)
-        modes = None if record is None else record.modes()
+        modes = run.modes()
         if modes is not None and settings.modes is None and isinstance(self.model, Model):
             settings = replace(settings, modes=modes)
         period = prepared(settings)
@@ -306,23 +308,18 @@ class _Run:
         settings = replace(self.settings, periods=self.settings.periods or 1)
         begins = over.frequency or over.start
         with (
-            self._recorder() as record,
+            self._opened(over) as run,
             prepare_unreduced(what, self.model, self.load, begins, settings=settings) as period,
-            progress_bar(self.comm, f"{over.name} response", self.progress) as report,
         ):
-            if record is not None:
+            if self.file is not None:
                 march = period.march(begins)
                 told = {**self._conditions(over), "contact": period.contact, "steps": period.steps}
                 told |= {"fingerprint": march.fingerprint(), **conditions_of(period.excitation)}
-                record.begin(None, told, np.array([over.start]), period.pencil)
+                run.begin(None, told, np.array([over.start]), period.pencil)
             asked = replace(_with_room(what, period, self.asked), stability=False)
             orbits = UnreducedOrbits(period, over)
             return follow_response(
-                orbits,
-                lambda: UnreducedSteady(what, orbits, over.start).state,
-                settings=asked,
-                recorder=record,
-                report=report,
+                orbits, lambda: UnreducedSteady(what, orbits, over.start).state, settings=asked, run=run
             )
 
 

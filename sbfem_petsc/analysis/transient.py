@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import contextlib
 import warnings
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from ..errors import caller_level
 from ..motion.files.history_file import HistoryFile
 from ..motion.history import History
 from ..motion.initial import modal_start
-from ..motion.integration import FormerRun, Steps, integrate, row_size
+from ..motion.integration import FormerRun, Integrator, Rows, Steps, chunks, row_size
 from ..motion.loading import Loading, Wanted, communicator, loading, moved_up_to, serving, warn_of_unreduced
 from ..motion.preparation import check_reduction
 from ..motion.reduced_history import ReducedIntegrator, reduced_columns
@@ -146,39 +146,31 @@ def transient(
         loads = loads.over("transient", duration, isinstance(initial, str) and initial == "rest")
     require_compiler("transient", comm)
     with contextlib.ExitStack() as stack:
-        record = None
-        if file is not None:
-            kind = "unreduced" if unreduced else "reduced"
-            record = HistoryFile(comm, file, kind=kind, resume=resume, in_memory=in_memory)
-            stack.enter_context(record)
-        problem: _Unreduced | _Reduced
+        kind = "unreduced" if unreduced else "reduced"
+        record = HistoryFile(comm, file, kind=kind, resume=resume, in_memory=in_memory)
+        stack.enter_context(record)
         if isinstance(model, Model) and unreduced:
-            problem = _Unreduced.of(model, loads, initial, modes, contact, step is not None)
+            problem = _unreduced(model, loads, initial, modes, contact, step is not None)
         else:
             reduced = serving("transient", model, loads, Wanted(modes), loads.highest_frequency)
-            reduced = reduced if record is None else record.adopt(reduced)
-            problem = _Reduced.of(reduced, loads, initial, contact, scheme)
-        former = None if record is None else record.former
-        count, step, every = _planned(problem, duration, step, decimation, former)
+            problem = _reduced(record.adopt(reduced), loads, initial, contact, scheme)
+        count, step, every = _planned(problem, duration, step, decimation, record.former)
         integration = "implicit" if unreduced else scheme
         steps = Steps(count, step, contact, integration, every)
-        require_room(comm, steps, problem.row, file, in_memory=in_memory, former=former)
+        require_room(comm, steps, problem.row, file, in_memory=in_memory, former=record.former)
         report = stack.enter_context(progress_bar(comm, "transient", progress))
         integrator = problem.integrator(steps, stack)
-        if isinstance(problem, _Unreduced):
-            warn_of_unreduced("transient", problem.model, loads, problem.damped)
-        if record is not None:
-            integrator.begin(record, loads.signals)
-        history = integrate(integrator, steps, record, report)
+        if file is not None:
+            record.begin(loads.signals, integrator.told())
+        history = _integrated(integrator, steps, record, report)
     if isinstance(integrator, ReducedIntegrator):
         _warn_of_work(integrator, history)
         _warn_if_long(step, problem.highest, history)
     return history
 
 
-@dataclass(frozen=True, eq=False)
-class _Reduced:
-    """What is integrated in modal coordinates.
+class _Problem(NamedTuple):
+    """What is integrated.
 
     Attributes
     ----------
@@ -186,63 +178,82 @@ class _Reduced:
         Highest frequency of the modes, Hz, where that limits the step; 0 elsewhere.
     row : int
         Bytes of an instant.
+    integrator : callable
+        Of steps, what is to be freed on a stack.
     """
 
-    reduced: ReducedModel
     loads: Loading
-    initial: Any
     highest: float
     row: int
-
-    @classmethod
-    def of(cls, reduced: ReducedModel, loads: Loading, initial: Any, contact: bool, scheme: str) -> _Reduced:
-        limited = (contact and len(reduced.initial_gap) > 0) or (loads.jumps and scheme != "exact")
-        highest = float(reduced.frequencies[-1]) if limited else 0.0
-        if (
-            loads.jumps and not limited
-        ):  # a step that ends at a jump is exact: those behind it only tell of it
-            highest = moved_up_to(reduced, loads)
-        if isinstance(initial, tuple) and by_functions(initial):
-            initial = modal_start(reduced, initial)
-        return cls(reduced, loads, initial, highest, row_size(reduced_columns(reduced)))
-
-    def integrator(self, steps: Steps, stack: contextlib.ExitStack) -> ReducedIntegrator:
-        return ReducedIntegrator(self.reduced, self.loads.signals, steps, self.initial)
+    integrator: Callable[[Steps, contextlib.ExitStack], ReducedIntegrator | UnreducedIntegrator]
 
 
-@dataclass(frozen=True, eq=False)
-class _Unreduced:
-    """The model itself, integrated: as `_Reduced`, and the number of modes that are damped."""
+def _reduced(reduced: ReducedModel, loads: Loading, initial: Any, contact: bool, scheme: str) -> _Problem:
+    """In modal coordinates."""
+    limited = (contact and len(reduced.initial_gap) > 0) or (loads.jumps and scheme != "exact")
+    highest = float(reduced.frequencies[-1]) if limited else 0.0
+    if loads.jumps and not limited:  # a step that ends at a jump is exact: those behind it only tell of it
+        highest = moved_up_to(reduced, loads)
+    if isinstance(initial, tuple) and by_functions(initial):
+        initial = modal_start(reduced, initial)
 
-    model: Model
-    loads: Loading
-    initial: Any
-    highest: float
-    row: int
-    damped: int
+    def integrator(steps: Steps, _: contextlib.ExitStack) -> ReducedIntegrator:
+        return ReducedIntegrator(reduced, loads.signals, steps, initial)
 
-    @classmethod
-    def of(
-        cls, model: Model, loads: Loading, initial: Any, modes: int | None, contact: bool, given: bool
-    ) -> _Unreduced:
-        touching = contact and len(model.contact) > 0
-        limited = (touching or loads.jumps) and not given
-        needed = model.damping or limited
-        damped = (modes or default_modes(model, loads.highest_frequency)) if needed else 0
-        highest = float(model.modes(damped).frequencies[-1]) if limited else 0.0
-        return cls(model, loads, initial, highest, row_size(unreduced_columns(model)), damped)
+    return _Problem(loads, highest, row_size(reduced_columns(reduced)), integrator)
 
-    def integrator(self, steps: Steps, stack: contextlib.ExitStack) -> UnreducedIntegrator:
-        units, signals = self.loads.units, self.loads.signals
-        return stack.enter_context(
-            UnreducedIntegrator(
-                self.model, units, signals, steps=steps, initial=self.initial, modes=self.damped
-            )
-        )
+
+def _unreduced(
+    model: Model, loads: Loading, initial: Any, modes: int | None, contact: bool, given: bool
+) -> _Problem:
+    """The model itself; its integrator warns of cells too large for the loads."""
+    touching = contact and len(model.contact) > 0
+    limited = (touching or loads.jumps) and not given
+    needed = model.damping or limited
+    damped = (modes or default_modes(model, loads.highest_frequency)) if needed else 0
+    highest = float(model.modes(damped).frequencies[-1]) if limited else 0.0
+
+    def integrator(steps: Steps, stack: contextlib.ExitStack) -> UnreducedIntegrator:
+        asked = {"steps": steps, "initial": initial, "modes": damped}
+        made = stack.enter_context(UnreducedIntegrator(model, loads.units, loads.signals, **asked))
+        warn_of_unreduced("transient", model, loads, damped)
+        return made
+
+    return _Problem(loads, highest, row_size(unreduced_columns(model)), integrator)
+
+
+def _integrated(
+    integrator: Integrator, steps: Steps, recorder: HistoryFile, report: Callable[[float], None]
+) -> History:
+    """Advance a system over all steps."""
+    done, rows, former = 0, integrator.first(), recorder.resume()
+    if former is not None:
+        done, rows, checkpoint = former
+        integrator.restore(checkpoint)
+    else:
+        recorder.append(0, rows, integrator.checkpoint)
+    kept: Rows | None = None
+    if recorder.in_memory:  # made at once, so that nothing is held twice
+        kept = {name: np.empty((steps.kept, *shape)) for name, shape in integrator.columns.items()}
+    filled = _fill(kept, rows, 0)
+    for after, rows in chunks(integrator, steps, report, done):
+        filled = _fill(kept, rows, filled)
+        recorder.append(after, rows, integrator.checkpoint)
+    return integrator.history(recorder.recorded() if kept is None else kept)
+
+
+def _fill(kept: Rows | None, rows: Rows, first: int) -> int:
+    """Put rows in their place; the number of rows so far."""
+    if kept is None:
+        return 0
+    last = first + len(rows["time"])
+    for name, values in rows.items():
+        kept[name][first:last] = values
+    return last
 
 
 def _planned(
-    problem: _Reduced | _Unreduced,
+    problem: _Problem,
     duration: float,
     step: float | None,
     decimation: int | None,

@@ -16,7 +16,6 @@ from ..analysis.response import load_response
 from ..analysis.transient import transient
 from ..contact.law import Coulomb
 from ..contact.precompile import compile_kernels
-from ..continuation.periodic_schur import product_eigenvalues
 from ..loads import PointForce
 from ..material import Material
 from ..reduction.matrices import reduce_matrices
@@ -36,7 +35,6 @@ def compile_all() -> None:
     slider = reduce_matrices(one, one, one, stop, loads=one, sensors={"x": 0}, compliance=stop, **rubs)
     load_response(slider, [Harmonic(0.1, 0.2)], 0.2, 1.0, stop=1.001, steps=64, progress=None)
     basins(mass, [Harmonic(0.1, 0.2)], 0.2, (one, one), steps=64)
-    product_eigenvalues(np.ones((2, 2, 2)) + np.eye(2))
     beam = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.0)]).mesh(order=1)
     with Model(beam, Material(70e9, 0.33, 2700)) as model:
         push = PointForce("A", fy=Harmonic(1.0, 1e4))

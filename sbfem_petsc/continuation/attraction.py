@@ -17,8 +17,9 @@ from ..contact.repeating import REPEATS, UNSOLVED, Known, Patience, settle
 from ..errors import SolveError
 from ..motion.period_map import Period
 from ..petsc import MPI
+from ..progress import silent
 from .orbit import Orbit, make_orbit, orbit_stability
-from .problems.several_periods import minimal_periods
+from .problems.driven_orbits import minimal_periods
 from .shooting import shoot
 
 # Of an orbit's size, and of the distance to the nearest other known orbit: the distance at which a stable
@@ -92,7 +93,7 @@ class Attraction:
         return make_orbit(fixed, *orbit_stability(fixed), orbit.path)
 
     def follow(
-        self, starts: np.ndarray, report: Callable[[float], None] | None = None
+        self, starts: np.ndarray, report: Callable[[float], None] = silent
     ) -> tuple[np.ndarray, np.ndarray]:
         """Numbers of the orbits that (n, 2 m) states lead to, and the loads' periods until that was known.
 
@@ -101,24 +102,21 @@ class Attraction:
         reached, periods = np.full(len(starts), -1), np.zeros(len(starts), dtype=int)
         scouts = np.zeros(len(starts), dtype=bool)
         scouts[:: math.ceil(len(starts) / SCOUTS)] = True
-        reached[scouts], periods[scouts] = self._group(starts[scouts], None)
+        reached[scouts], periods[scouts] = self._group(starts[scouts], silent)
         reached[~scouts], periods[~scouts] = self._group(starts[~scouts], report)
         return reached, periods
 
     def _size(self, state: np.ndarray) -> float:
         return max(self.period.size(state), self.driven.oscillation)
 
-    def _group(
-        self, starts: np.ndarray, report: Callable[[float], None] | None
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _group(self, starts: np.ndarray, report: Callable[[float], None]) -> tuple[np.ndarray, np.ndarray]:
         outcome, periods, repeats = (np.zeros(len(starts), dtype=np.int64) for _ in range(3))
         ends = np.zeros_like(starts)
         known, radii, owners = self._targets()
         mine = range(self.comm.rank, len(starts), self.comm.size)
         for count, i in enumerate(mine):
             outcome[i], periods[i], repeats[i], ends[i] = self._history(starts[i], known, radii)
-            if report is not None:
-                report((count + 1) / len(mine))
+            report((count + 1) / len(mine))
         for array in (outcome, periods, repeats, ends):
             self.comm.Allreduce(MPI.IN_PLACE, array)
         if (outcome == UNSOLVED).any():

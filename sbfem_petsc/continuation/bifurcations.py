@@ -8,9 +8,8 @@ from ..record.record import Record, described, quantity
 from . import extrapolation
 from .events import find_zero, fold_between, folds, furthest
 from .follow import Line
-from .multipliers import Multipliers, multipliers_of
+from .multipliers import Multipliers, multipliers_of, outside
 from .problem import Point
-from .unit_circle import outside
 
 # A located multiplier this near the unit circle has passed it there.
 RESOLVED = 1e-2

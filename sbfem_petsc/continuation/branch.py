@@ -21,8 +21,8 @@ from ..record.record import derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
 from .bifurcations import Bifurcation
 from .follow import points_of, ran_out
+from .multipliers import FLOOR
 from .orbit import (
-    FLOOR,
     LOWEST,
     Orbit,
     Orbits,

@@ -25,13 +25,11 @@ from .extrapolation import uncertainty_at
 from .follow import CLOSED, Follower, Line, Settings, follow, points_of
 from .harmonic_errors import harmonic_error_estimates
 from .line_file import LineFile
-from .multipliers import Multipliers, multipliers_of
-from .orbit import FLOOR, LOWEST, NEAR, largest_error
+from .multipliers import FLOOR, Multipliers, ambiguous, excursion, hurried, multipliers_of, passages
+from .orbit import LOWEST, NEAR, largest_error
 from .problem import Point, Range
-from .problems.driven_orbits import Orbits, ParameterRange
-from .problems.several_periods import distances, minimal_periods
+from .problems.driven_orbits import Orbits, ParameterRange, distances, minimal_periods
 from .problems.unreduced import UnreducedOrbits
-from .unit_circle import ambiguous, excursion, hurried, passages
 
 # Harmonics kept of every point.
 HARMONICS = 20
@@ -87,8 +85,7 @@ def follow_response(
     first: Callable[[], np.ndarray],
     *,
     settings: BranchSettings,
-    recorder: LineFile | None = None,
-    report: Callable[[float], None] | None = None,
+    run: LineFile,
 ) -> Branch:
     """Follow a branch over a range of its parameter.
 
@@ -98,9 +95,7 @@ def follow_response(
     first : callable
         State of a motion at the start.
     settings : BranchSettings
-    recorder : LineFile, optional
-    report : callable, optional
-        Called with the fraction done.
+    run : LineFile
 
     Raises
     ------
@@ -126,8 +121,7 @@ def follow_response(
         raise on_all_ranks(
             ValueError(f"{what}: no load oscillates; give a number, the amplitude of sin(2 pi f t)")
         )
-    lines = recorder.lines(problem) if recorder is not None else []
-    line = lines[0] if lines else Line([Point.known(problem, np.append(first(), parameter.start))])
+    line = run.line(problem) or Line([Point.known(problem, np.append(first(), parameter.start))])
     rows, within = PointRows(period, settings.stability, settings.most_steps), parameter.range
     if settings.leave:
         within = led_away(line, within)
@@ -139,10 +133,8 @@ def follow_response(
 
     def step(_: Line) -> None:
         rows.add(line.points[-1])
-        if recorder is not None:
-            recorder.update(lambda: made(False), [line])
-        if report is not None:
-            report(min(1.0, abs(line.points[-1].value - parameter.start) / within.extent))
+        run.update(lambda: made(False), [line])
+        run.report(min(1.0, abs(line.points[-1].value - parameter.start) / within.extent))
 
     new = not line.complete
     if new:
@@ -155,8 +147,7 @@ def follow_response(
         _separate(line, rows)
     result = made(True)
     warn_of_contact_work(what, rows.work, period.steps // period.excitation.periods)
-    if recorder is not None:
-        recorder.update(lambda: result, [line], last=True)
+    run.update(lambda: result, [line], last=True)
     _tell(line, parameter, settings, result)
     return result
 
@@ -422,24 +413,11 @@ def linear_branch(period: Period, start: float, stop: float, accuracy: Accuracy 
     values = np.unique(np.concatenate([np.linspace(lower, upper, EVEN), *near]))
     values = values[(values >= lower) & (values <= upper)]
     values = values if stop > start else values[::-1]
-    rows, points = PointRows(period, stability=False), []
+    rows = PointRows(period, stability=False)
     orbits = Orbits(period, ParameterRange("frequency", start, stop))
-    for value in values:
-        points.append(Point.known(orbits, np.append(period.at(float(value)).linear_state, value)))
-        rows.add(points[-1])
-    rows.judge(Line(points), accuracy)
-    return Branch(
-        "frequency",
-        values,
-        orbits.states(points),
-        *rows.arrays(),
-        np.full(len(values), np.nan),
-        np.zeros(len(values), dtype=int),
-        (),
-        f"end of the range at {values[-1]:g}",
-        True,
-        period.excitation.periods,
-        period.points,
-        period,
-        mode_error=rows.errors_found,
-    )
+    line = Line([], reason=f"end of the range at {values[-1]:g}", complete=True)
+    for value in values.tolist():
+        line.points.append(Point.known(orbits, np.append(period.at(value).linear_state, value)))
+        rows.add(line.points[-1])
+    rows.judge(line, accuracy)
+    return _branch(line, rows, orbits, True)

@@ -16,10 +16,9 @@ import numpy as np
 from ..errors import SolveError
 from .events import in_finer_steps, place_of
 from .follow import Line
-from .multipliers import multipliers_of
+from .multipliers import multipliers_of, outside
 from .orbit import uncertainty_of
 from .problem import Point
-from .unit_circle import outside
 
 # So many times the steps.
 TIMES = 2, 4

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import sys
 from collections.abc import Callable, Iterator
@@ -9,8 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..errors import PetscFailure
-from .newton import FAILURES, correct
+from .newton import attempt, correct
 from .problem import Linear, Metric, Point, Problem, Range
 
 # A step that is the value's by more than this share is taken to a value of it, so that what is prepared for
@@ -235,11 +235,8 @@ class Follower:
     def next(self) -> Point | None:
         """Take one step; None, with the line's reason, where there is none."""
         line, last = self.line, self.points[-1]
-        try:
-            tangent = self.tangent()
-        except PetscFailure:
-            raise
-        except FAILURES:
+        tangent = attempt(self.tangent)
+        if tangent is None:
             line.reason, line.advice = self.problem.isolated.format(last.value), ""
             return None
         point = self._found(tangent)
@@ -312,7 +309,7 @@ class Follower:
         self.why = f"no further point within a step of {self.settings.smallest:g} at {last.value:.8g}"
         length = min(self.line.length, self.settings.largest_step / max(pace, 1e-300))
         while length >= max(self.settings.smallest, least):
-            point = self._step(problem, tangent, length)
+            point = attempt(functools.partial(self._step, problem, tangent, length))
             if point is None and length < CORNER and problem.corners:
                 if self.fallen:  # turning about there would be going back
                     return None
@@ -327,15 +324,13 @@ class Follower:
         """A point beyond a corner of the branch, where a pair begins or ceases to touch: in the direction of
         the derivative on the corner's far side.
         """
-        try:
-            there = problem.at(self.points[-1].u + length * tangent * self.metric.units)
-            beyond, _ = self._tangent(there.linear(), tangent)
-        except PetscFailure:
-            raise
-        except FAILURES:
+        there = self.points[-1].u + length * tangent * self.metric.units
+        beyond = attempt(lambda: self._tangent(problem.at(there).linear(), tangent))
+        if beyond is None:
             return None
         for reach in REACHES:
-            point = self._step(problem, beyond, min(reach * length, CORNER), behind=-tangent)
+            step = functools.partial(self._step, problem, beyond[0], min(reach * length, CORNER), -tangent)
+            point = attempt(step)
             if point is not None:
                 return point
         return None
@@ -347,20 +342,15 @@ class Follower:
         method finds it at ease and it lies ahead; sets the length of the step after it.
         """
         last = self.points[-1]
-        try:
-            point = self._corrected(problem, tangent, length, behind is None)
-            if point is None:
-                return None
-            chord = self.metric.chord(last, point)
-            refused = problem.refuse(last, point)
-            self.fallen = refused or self.fallen
-            if refused or self._aside(point, chord, tangent, behind):
-                return None
-            onward, _ = self._tangent(point.linear, chord)
-        except PetscFailure:
-            raise
-        except FAILURES:
+        point = self._corrected(problem, tangent, length, behind is None)
+        if point is None:
             return None
+        chord = self.metric.chord(last, point)
+        refused = problem.refuse(last, point)
+        self.fallen = refused or self.fallen
+        if refused or self._aside(point, chord, tangent, behind):
+            return None
+        onward, _ = self._tangent(point.linear, chord)
         straight = min(self.metric.dot(onward, chord), self.metric.dot(chord, tangent))
         turn = math.acos(min(max(straight, -1.0), 1.0))
         if length > CORNER and turn > TOO_SHARP:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
@@ -15,6 +14,7 @@ from ..motion.files.run_file import RunFile
 from ..motion.period_map import Period
 from ..motion.unreduced.ranks import Labels, alike, kept_layouts, layout_of, layouts_in, moved_whole
 from ..petsc import MPI
+from ..progress import silent
 from ..ranks.parallel import collective, on_root
 from ..record.files import image
 from ..record.journal import Frame
@@ -41,22 +41,26 @@ class LineFile(RunFile):
     ----------
     comm, path, kept, resume
         See `RunFile`.
+    report : callable
+        Is told the fraction done by those who follow the lines.
     """
 
-    def __init__(self, comm: MPI.Comm, path: Any, kept: str = "result", *, resume: bool = False):
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        path: Any,
+        kept: str = "result",
+        *,
+        resume: bool = False,
+        report: Callable[[float], None] = silent,
+    ):
         super().__init__(comm, path, kept, resume=resume)
+        self.report = report
         self._head, self._lines = dict[str, Any](), list[Frame]()
         self._recorded: list[tuple[list[Point], tuple]] = []
         self._begun, self._written = False, -np.inf
         self._model: ReducedModel | None = None  # that of the head, on rank 0
         self._layouts: dict[str, np.ndarray] = {}  # those that are to stand in the next frame; on rank 0
-
-    @classmethod
-    def opened(
-        cls, comm: MPI.Comm, path: Any, kept: str = "result", *, resume: bool = False
-    ) -> contextlib.AbstractContextManager[LineFile | None]:
-        """The file at a path; None where there is to be none."""
-        return contextlib.nullcontext() if path is None else cls(comm, path, kept, resume=resume)
 
     def begin(
         self,
@@ -89,6 +93,8 @@ class LineFile(RunFile):
         ValueError
             If the file was written for another model or under other conditions.
         """
+        if self.path is None:
+            return reduced, start
         known: Any = None if reduced is None else self.adopt(reduced)
         found = self.comm.bcast(on_root(self.comm, lambda: self._read(conditions)))
         begin = np.array(start, dtype=float)
@@ -112,6 +118,8 @@ class LineFile(RunFile):
         """As `begin`, of motions of a map, whose loads and steps are conditions as well; `any_steps` goes on
         in the steps of the former run, whatever they are. Collective.
         """
+        if self.path is None:
+            return period, start
         steps = period.steps
         if any_steps:
             former = self._former
@@ -123,6 +131,8 @@ class LineFile(RunFile):
 
     def anew(self, period: Period) -> Period:
         """Begin again, in other steps or modes. The map to go on with, as it would come from the file."""
+        if self.path is None:
+            return period
         period = Period(in_rows(period.reduced), period.excitation, period.steps, period.pairs > 0)
         if self.comm.rank == 0:
             self._head |= {"steps": period.steps, "model": image(period.reduced)}
@@ -184,10 +194,16 @@ class LineFile(RunFile):
         self._recorded = [(list(line.points), _facts(line)) for line in found]
         return found
 
+    def line(self, problem: Problem) -> Line | None:
+        """The first of them; None of a new run."""
+        return next(iter(self.lines(problem)), None)
+
     def update(self, result: Callable[[], Record], lines: Sequence[Line], last: bool = False) -> None:
         """Keep what is new of the lines, and at most every two seconds but for the last time the result made
         of them. Collective.
         """
+        if self.path is None:
+            return
         due = self.comm.bcast(last or time.monotonic() - self._written > run_file.PAUSE)
         found, news = (
             result() if due else None,

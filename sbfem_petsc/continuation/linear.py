@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import linalg
 
-from ..petsc import MPI, PETSc, configure, free, scripted, solving
+from ..petsc import MPI, PETSc, check_ksp, configure, free, require_thread, scripted, solving
 from .problem import Lost
 
 PREFIX = "shooting_"
@@ -169,9 +169,8 @@ class KrylovBorder:
         last = (right[-1] - self._total(float(self.row @ x))) / beside
         return np.append(x - last * column, last)
 
-    def gathered(self, vector: PETSc.Vec) -> np.ndarray:
+    def gathered(self, local: np.ndarray) -> np.ndarray:
         """A vector's entries with the border's, which rank 0 has, on all ranks."""
-        local = vector.array_r.copy()
         if self.alone:
             return local
         own, last = (local[:-1], local[-1]) if self.comm.rank == 0 else (local, 0.0)
@@ -185,68 +184,109 @@ class KrylovBorder:
         whole = right if value is None else np.append(right, value)
         if not self._total(float(whole @ whole)):
             return whole
-        b = PETSc.Vec().createMPI((len(self.own(whole)), None), comm=self.comm)
-        b.array, x = self.own(whole), b.duplicate()
-        matrix = PETSc.Mat().createPython([b.getSizes()] * 2, context=Product(self), comm=self.comm)
-        matrix.setUp()
-        ksp = PETSc.KSP().create(self.comm)
-        ksp.setOptionsPrefix(PREFIX)
-        ksp.setOperators(matrix)
-        pc = preconditioned(ksp, KEPT, self.linear.tolerance, self)
-        try:
-            with solving("continuation"), scripted(matrix, pc):
-                configure(ksp)
-                ksp.solve(b, x)
-            if ksp.getConvergedReason() <= 0:
-                raise Lost(
-                    f"the linear system of Newton's method was not solved in {ksp.getIterationNumber()} "
-                    f"iterations; see -{PREFIX}ksp_..."
-                )
-            return self.gathered(x)
-        finally:
-            free(self.comm, ksp, pc, b, x, matrix)
+        own, settings = self.own(whole), GmresSettings("continuation", PREFIX, self.linear.tolerance, KEPT)
+        return self.gathered(by_gmres(self.comm, own, self.mult, self.apply, settings))
+
+    def mult(self, vector: np.ndarray) -> np.ndarray:
+        """This rank's part of the left side of one."""
+        return self.own(self.product(self.gathered(vector)))
+
+    def apply(self, vector: np.ndarray) -> np.ndarray:
+        """The same of the inverse nearby."""
+        return self.own(self.nearby(self.gathered(vector)))
 
 
-def preconditioned(
-    ksp: PETSc.KSP, kept: int, tolerance: float, border: KrylovBorder | None = None
-) -> PETSc.PC:
-    """Let a solver be GMRES with the inverse nearby of a border, which its preconditioner has."""
-    ksp.setType(PETSc.KSP.Type.FGMRES)
-    ksp.setGMRESRestart(kept)
-    ksp.setTolerances(rtol=tolerance, max_it=RESTARTS * kept)
-    pc = ksp.getPC()
+class Operator:
+    """A matrix or a preconditioner of PETSc by what it makes of this rank's part of a vector.
+
+    Parameters
+    ----------
+    product : callable
+        May be set later.
+    set_up : callable, optional
+        Called with PETSc's own before the first product of each solve.
+    """
+
+    def __init__(self, product: Any = None, set_up: Any = None):
+        self.product, self._set_up = product, set_up
+
+    def setUp(self, item: PETSc.Mat | PETSc.PC) -> None:
+        """Called by PETSc."""
+        if self._set_up is not None:
+            self._set_up(item)
+
+    def mult(self, item: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """y of x, of a matrix."""
+        y.array[:] = self.product(x.array_r)
+
+    def apply(self, item: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """y of x, of a preconditioner."""
+        y.array[:] = self.product(x.array_r)
+
+
+def operator(comm: MPI.Comm, size: int, of: Operator) -> PETSc.Mat:
+    """It as a matrix, of which this rank has so many rows and columns."""
+    matrix = PETSc.Mat().createPython([(size, None)] * 2, context=of, comm=comm)
+    matrix.setUp()
+    return matrix
+
+
+def by_operator(pc: PETSc.PC, of: Operator) -> PETSc.PC:
+    """A preconditioner that is one."""
     pc.setType(PETSc.PC.Type.PYTHON)
-    pc.setPythonContext(Nearby(border))
+    pc.setPythonContext(of)
     return pc
 
 
-class Product:
-    """A border's left side as a matrix of PETSc."""
+class GmresSettings(NamedTuple):
+    """Of a solve by GMRES: what asks for it, the options' prefix, residual relative to the right side,
+    vectors kept, and what helps where it does not converge.
+    """
 
-    def __init__(self, border: KrylovBorder | None = None):
-        self.border = border
-
-    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """y of x."""
-        border = self.border
-        assert border is not None
-        y.array = border.own(border.product(border.gathered(x)))
+    owner: str
+    prefix: str
+    tolerance: float
+    kept: int
+    remedy: str | None = None
 
 
-class Nearby:
-    """A border's inverse nearby as a preconditioner of PETSc."""
+def preconditioned(ksp: PETSc.KSP, kept: int, tolerance: float, nearby: Operator) -> PETSc.PC:
+    """Let a solver be GMRES, whose residual is that of the system itself; its preconditioner."""
+    ksp.setType(PETSc.KSP.Type.GMRES)
+    ksp.setPCSide(PETSc.PC.Side.RIGHT)
+    ksp.setGMRESRestart(kept)
+    ksp.setTolerances(rtol=tolerance, max_it=RESTARTS * kept)
+    return by_operator(ksp.getPC(), nearby)
 
-    def __init__(self, border: KrylovBorder | None = None):
-        self.border = border
 
-    def setUp(self, pc: PETSc.PC) -> None:
-        """Nothing."""
+def by_gmres(
+    comm: MPI.Comm, right: np.ndarray, product: Any, nearby: Any, settings: GmresSettings
+) -> np.ndarray:
+    """This rank's part of what a product with has the right side; `nearby` is an inverse of about it.
+    Collective.
 
-    def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """y of x."""
-        border = self.border
-        assert border is not None
-        y.array = border.own(border.nearby(border.gathered(x)))
+    Raises
+    ------
+    SolveError
+        If the iteration does not converge; a `PetscFailure` if PETSc cannot do it.
+    """
+    require_thread()
+    owner, prefix, tolerance, kept, remedy = settings
+    matrix = operator(comm, len(right), Operator(product))
+    found, given = matrix.createVecs()
+    given.array = right
+    ksp = PETSc.KSP().create(comm)
+    ksp.setOptionsPrefix(prefix)
+    ksp.setOperators(matrix)
+    pc = preconditioned(ksp, min(kept, given.getSize()), tolerance, Operator(nearby))
+    try:
+        with solving(owner), scripted(matrix, pc):
+            configure(ksp)
+            ksp.solve(given, found)
+        check_ksp(ksp, owner, remedy)
+        return found.array_r.copy()
+    finally:
+        free(comm, ksp, pc, given, found, matrix)
 
 
 class Cyclic:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -14,8 +16,19 @@ from .problem import Border, Condition, Linear, Lost, Point, Problem
 ITERATIONS = 30
 # Where none gains, rounding is all there is if the step is no longer than this many times what settles.
 ROUNDED = 10.0
+Found = TypeVar("Found")
 # What a step that leads nowhere ends with.
 FAILURES = SolveError, np.linalg.LinAlgError, ValueError
+
+
+def attempt(call: Callable[[], Found], failures: Any = FAILURES) -> Found | None:
+    """What a call gives, None where that leads nowhere; PETSc's own failures are no such thing."""
+    try:
+        return call()
+    except PetscFailure:
+        raise
+    except failures:
+        return None
 
 
 class TooManyIterations(Lost):
@@ -159,13 +172,9 @@ class _Newton:
         """
         bound = max(self.residuals[-self.problem.patience :])
         for share in self.problem.shares:
-            try:
-                tried = _Iterate(self.problem, here.u + share * whole, self.condition, here.scale)
-            except PetscFailure:
-                raise
-            except SolveError:
-                continue
-            if tried.norm < bound:
+            iterate = partial(_Iterate, self.problem, here.u + share * whole, self.condition, here.scale)
+            tried = attempt(iterate, SolveError)
+            if tried is not None and tried.norm < bound:
                 return share, tried
         return 0.0, None
 

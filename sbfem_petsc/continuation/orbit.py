@@ -20,11 +20,9 @@ from ..motion.states import ModalStates, Point
 from ..record.record import derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
 from ..system.elements.plausibility import furthest_of_lines
-from .multipliers import multipliers_of
+from .multipliers import FLOOR, multipliers_of
 from .shooting import WHOLE, shoot, shoot_nearby
 
-# Uncertainty of multipliers below which rounding is all there is.
-FLOOR = 1e-9
 # Modulus' distance from one beyond which the steps' error is not asked for: of 300 random masses with stops
 # in 256 steps it was at most 0.021.
 NEAR = 0.05

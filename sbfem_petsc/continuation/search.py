@@ -17,7 +17,7 @@ import numpy as np
 
 from ..errors import PetscFailure, SolveError, on_all_ranks
 from ..motion.period_map import DrivenPeriod, FixedPoint, Period
-from ..progress import Progress, progress_bar
+from ..progress import Progress, progress_bar, silent
 from .follow import Line, Settings, follow
 from .newton import FAILURES
 from .problem import Point
@@ -167,13 +167,12 @@ def _trembles(driven: DrivenPeriod) -> str:
 class _Share:
     """A part of the search, and who is told how much is behind."""
 
-    report: Callable[[float], None] | None = None
+    report: Callable[[float], None] = silent
     begin: float = 0.0
     width: float = 1.0
 
     def tell(self, done: float) -> None:
-        if self.report is not None:
-            self.report(min(1.0, self.begin + self.width * min(1.0, done)))
+        self.report(min(1.0, self.begin + self.width * min(1.0, done)))
 
     def part(self, number: int, count: int) -> _Share:
         """One of several equal parts."""

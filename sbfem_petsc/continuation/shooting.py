@@ -11,8 +11,8 @@ import numpy as np
 from ..errors import PetscFailure, SolveError, called, on_all_ranks
 from ..motion.period_map import DrivenPeriod, FixedPoint
 from ..motion.period_motion import PeriodMotion
-from ..petsc import PETSc, asked, configure, finite, require_thread, scripted
-from .linear import PREFIX, Factors
+from ..petsc import MPI, PETSc, asked, configure, finite, require_thread, scripted
+from .linear import PREFIX, Factors, Operator, by_operator, operator
 from .newton import ITERATIONS, Updated
 from .problem import GAIN, Lost
 
@@ -159,6 +159,7 @@ class Shooting:
         self.inverse = Updated(Factors(np.eye(1)))
         self.known = False
         self._key: bytes | None = None
+        self._linearised: PeriodMotion | None = None
         self._last: tuple[np.ndarray, np.ndarray] | None = None
 
     def solve(self, state: np.ndarray) -> FixedPoint:
@@ -212,23 +213,30 @@ class Shooting:
     ) -> tuple[PETSc.Mat, tuple[PETSc.Mat | PETSc.PC, ...]]:
         """The Jacobian for its kind and how it is solved with, and what of it is written in Python."""
         if self.jacobian == "matrix-free":
-            matrix = PETSc.Mat().createPython([size, size], context=_Products(self), comm=PETSc.COMM_SELF)
-            matrix.setUp()
+            matrix = operator(MPI.COMM_SELF, size, Operator(self._product))
             ksp.setType(PETSc.KSP.Type.GMRES)
             ksp.setGMRESRestart(min(size, 200))
             ksp.setTolerances(rtol=1e-11, max_it=2 * size)
-            pc.setType(PETSc.PC.Type.PYTHON)
-            pc.setPythonContext(_Uncoupled(self))
-            return matrix, (matrix, pc)
+            return matrix, (matrix, by_operator(pc, Operator(self.driven.linear_resolvent)))
         matrix = PETSc.Mat().createDense([size, size], comm=PETSc.COMM_SELF)
         matrix.setUp()
         ksp.setType(PETSc.KSP.Type.PREONLY)
         if self.jacobian != "updated":
             pc.setType(PETSc.PC.Type.LU)
             return matrix, ()
-        pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(_Broyden(self))
-        return matrix, (pc,)
+        update = Operator(lambda vector: self.inverse.solve(vector), self._renew)
+        return matrix, (by_operator(pc, update),)
+
+    def _product(self, vector: np.ndarray) -> np.ndarray:
+        """Phi - 1 along a vector: one linearised period."""
+        assert self._linearised is not None  # PETSc has asked for the derivative
+        return self.driven.carried(self._linearised, vector[:, None])[:, 0] - vector
+
+    def _renew(self, pc: PETSc.PC) -> None:
+        """Factors of a matrix of PETSc's own, such as that of -shooting_snes_fd."""
+        if not self.known:
+            self.inverse = Updated(Factors(pc.getOperators()[1].getDenseArray()))
+        self.known = False
 
     def _motion(self, array: np.ndarray) -> PeriodMotion:
         key = array.tobytes()
@@ -244,7 +252,7 @@ class Shooting:
         if self.hurries and self.residuals[-1] > 0.5 * min(self.residuals[:-SLOW], default=math.inf):
             raise SolveError(f"{called()}: Newton's method hardly gains")
         if self.jacobian == "matrix-free":
-            matrix.getPythonContext().motion = motion
+            self._linearised = motion
         elif self.jacobian == "differences":
             self._by_differences(state, motion, matrix.getDenseArray())
         elif self.jacobian == "dense":
@@ -322,45 +330,3 @@ def snes_reason(reason: int) -> str:
         ),
         str(reason),
     )
-
-
-class _Broyden:
-    """Preconditioner: the inverse that is updated from an iteration to the next."""
-
-    def __init__(self, shooting: Shooting):
-        self.shooting = shooting
-
-    def setUp(self, pc: PETSc.PC) -> None:
-        shooting = self.shooting
-        if not shooting.known:  # a matrix of PETSc's own, such as that of -shooting_snes_fd
-            shooting.inverse = Updated(Factors(pc.getOperators()[1].getDenseArray()))
-        shooting.known = False
-
-    def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        y.array[:] = self.shooting.inverse.solve(x.array_r)
-
-
-class _Products:
-    """Phi - 1 as products: one linearised period each."""
-
-    motion: PeriodMotion
-
-    def __init__(self, shooting: Shooting):
-        self.shooting = shooting
-
-    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        vector = x.array_r[:, None]
-        y.array[:] = (self.shooting.driven.carried(self.motion, vector) - vector)[:, 0]
-
-
-class _Uncoupled:
-    """Preconditioner: the motion without contact, closed form."""
-
-    def __init__(self, shooting: Shooting):
-        self.shooting = shooting
-
-    def setUp(self, pc: PETSc.PC) -> None:
-        pass
-
-    def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        y.array[:] = self.shooting.driven.linear_resolvent(x.array_r)

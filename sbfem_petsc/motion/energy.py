@@ -15,6 +15,9 @@ from ..reduction.reduced_model import ReducedModel
 WORK_LIMIT = 0.01
 # Share of the energy that a displacement would have without the supports', that rounding is at most.
 ROUND_OFF = 1e-12
+# Loads and rows of contact, all of them or some.
+Acting = tuple[np.ndarray | slice, np.ndarray | slice]
+ALL: Acting = (slice(None), slice(None))
 
 
 @described
@@ -80,10 +83,9 @@ class Ledger:
         (n + 1, loads) begins with the step before.
         """
         states, velocities, forces, contact, _, lost, *_ = history
-        loaded, touched = self._acting(amplitudes, forces)
-        drive, moved, stored, loss, rate = self._instants(
-            states, velocities, amplitudes[1:], forces, loaded, touched
-        )
+        acting = self._acting(amplitudes, forces)
+        drive, moved, stored, loss, rate = self._instants(states, velocities, amplitudes[1:], forces, acting)
+        loaded = acting[0]
         last = self.last
         before = (last[0][:, loaded], last[1][:, loaded], last[3], last[4][:, loaded])
         pairs = zip(before, (drive, moved, loss, rate))
@@ -102,8 +104,8 @@ class Ledger:
         self.last = self._instants(states[-1:], velocities[-1:], amplitudes[-1:], forces[-1:])
         return np.concatenate([stored.T, work])
 
-    def _acting(self, amplitudes: np.ndarray, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Loads and rows of contact that act meanwhile: mostly few of them."""
+    def _acting(self, amplitudes: np.ndarray, forces: np.ndarray) -> Acting:
+        """Those that act meanwhile: mostly few of them."""
         return (amplitudes != 0.0).any(axis=0), (forces != 0.0).any(axis=0)
 
     def _jump_work(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
@@ -138,13 +140,13 @@ class Ledger:
         v: np.ndarray,
         amplitudes: np.ndarray,
         forces: np.ndarray,
-        loaded: np.ndarray | slice = np.s_[:],
-        touched: np.ndarray | slice = np.s_[:],
+        acting: Acting = ALL,
     ) -> tuple[np.ndarray, ...]:
         """Loads, the displacements they work on, stored energies (n, 2), dissipated power (n,), velocities at
         the loads; of all loads and rows of contact, or of some of them that alone act.
         """
         count, places = self.r.load_modes.shape[1], np.arange(len(self.flexibility))
+        loaded, touched = acting
         if isinstance(loaded, np.ndarray) and isinstance(touched, np.ndarray):
             amplitudes, forces = np.compress(loaded, amplitudes, axis=1), np.compress(touched, forces, axis=1)
         loads = amplitudes.shape[1]
@@ -186,8 +188,8 @@ class MovedLedger(Ledger):
         self.supplied += ROUND_OFF * float(q**2 @ self.stiffness)
         return energies
 
-    def _acting(self, amplitudes: np.ndarray, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return np.ones(self.loads, dtype=bool), np.ones(forces.shape[1], dtype=bool)
+    def _acting(self, amplitudes: np.ndarray, forces: np.ndarray) -> Acting:
+        return ALL
 
     def _pushing(self, amplitudes: np.ndarray) -> np.ndarray:
         """(..., loads): forces alone."""
@@ -206,8 +208,7 @@ class MovedLedger(Ledger):
         v: np.ndarray,
         amplitudes: np.ndarray,
         forces: np.ndarray,
-        loaded: np.ndarray | slice = np.s_[:],
-        touched: np.ndarray | slice = np.s_[:],
+        acting: Acting = ALL,
     ) -> tuple[np.ndarray, ...]:
         r, edges = self.r, self.edges
         loads, (w, rate, acceleration) = amplitudes[:, : self.loads], self._displaced(amplitudes)

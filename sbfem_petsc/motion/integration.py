@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -11,19 +11,11 @@ import numpy as np
 
 from ..errors import SolveError, on_all_ranks
 from ..petsc import MPI
-from ..signals.signal import Signal
-from ..system.fields.tip_facts import TipFacts
 from .history import History
 
 Rows = dict[str, np.ndarray]
-
-
-class Column(NamedTuple):
-    """What a row holds under a name."""
-
-    shape: tuple[int, ...]
-    unit: str
-    description: str
+# Shapes of what a row holds, by name.
+Columns = dict[str, tuple[int, ...]]
 
 
 @dataclass(frozen=True)
@@ -73,16 +65,13 @@ class FormerRun:
     decimation: int
 
 
-class UnreducedFacts(NamedTuple):
-    """What the file of an unreduced model's history tells of the model: names of points, the tips, what is
-    supported, what tells models apart, and what tells this rank's unknowns apart.
+class Told(NamedTuple):
+    """What the file of a history tells of its run: numbers, texts, arrays and records by name, of an
+    unreduced model also what tells models apart, and beside it what tells this rank's unknowns apart.
     """
 
-    points: tuple[str, ...]
-    tips: TipFacts
-    supports: tuple[str, ...]
-    fingerprint: np.ndarray
-    layout: Mapping[str, np.ndarray]
+    head: dict[str, Any]
+    layout: Mapping[str, np.ndarray] = {}
 
 
 class OfOtherRanks(NamedTuple):
@@ -97,10 +86,10 @@ class Integrator(Protocol):
 
     comm: MPI.Comm
     chunk: int
-    columns: dict[str, Column]
+    columns: Columns
 
-    def begin(self, record: Recorder, signals: Sequence[Signal]) -> None:
-        """Tell a recorder what the history will hold. Collective."""
+    def told(self) -> Told:
+        """What a file tells of the run. Collective."""
 
     def first(self) -> Rows:
         """The row of t = 0, each array of length 1."""
@@ -120,65 +109,17 @@ class Integrator(Protocol):
         """The motion of all rows."""
 
 
-class Recorder(Protocol):
-    """Keeps rows and checkpoints while a motion is integrated."""
-
-    in_memory: bool
-
-    def begin(
-        self,
-        columns: Mapping[str, Column],
-        settings: Mapping[str, Any],
-        signals: Sequence[Signal],
-        unreduced: UnreducedFacts | None = None,
-    ) -> None:
-        """What is recorded, and under which conditions. Collective."""
-
-    def resume(self) -> tuple[int, Rows, np.ndarray | OfOtherRanks] | None:
-        """Steps done, rows (none but in memory) and this rank's checkpoint of a former run; None for a new
-        one. Collective.
-        """
-
-    def append(self, done: int, rows: Rows, checkpoint: np.ndarray) -> None:
-        """Keep the rows of a chunk and the state after it. Collective."""
-
-    def recorded(self) -> Rows:
-        """All rows. Collective."""
-
-
-def integrate(
-    integrator: Integrator,
-    steps: Steps,
-    recorder: Recorder | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> History:
-    """Advance a system over all steps."""
-    done, former = 0, recorder.resume() if recorder is not None else None
-    if former is not None:
-        done, rows, checkpoint = former
-        integrator.restore(checkpoint)
-    else:
-        rows = integrator.first()
-        if recorder is not None:
-            recorder.append(0, rows, integrator.checkpoint())
-    kept: Rows | None = None
-    if recorder is None or recorder.in_memory:  # made at once, so that nothing is held twice
-        kept = {name: np.empty((steps.kept, *column.shape)) for name, column in integrator.columns.items()}
-    filled = _fill(kept, rows, 0)
+def chunks(
+    integrator: Integrator, steps: Steps, report: Callable[[float], None], done: int = 0
+) -> Iterator[tuple[int, Rows]]:
+    """Steps taken after each chunk of those that are left, and the rows of it that are kept."""
     while done < steps.count:
         size = min(integrator.chunk, steps.count - done)
         rows = integrator.advance(done, size, steps.decimation)
         _require_finite(rows)
         done += size
-        filled = _fill(kept, rows, filled)
-        if recorder is not None:
-            recorder.append(done, rows, integrator.checkpoint())
-        if progress is not None:
-            progress(done / steps.count)
-    if kept is None:
-        assert recorder is not None
-        kept = recorder.recorded()
-    return integrator.history(kept)
+        yield done, rows
+        report(done / steps.count)
 
 
 def _require_finite(rows: Rows) -> None:
@@ -195,16 +136,6 @@ def _require_finite(rows: Rows) -> None:
             )
 
 
-def _fill(kept: Rows | None, rows: Rows, first: int) -> int:
-    """Put rows in their place; the number of rows so far."""
-    if kept is None:
-        return 0
-    last = first + len(rows["time"])
-    for name, values in rows.items():
-        kept[name][first:last] = values
-    return last
-
-
-def row_size(columns: dict[str, Column]) -> int:
+def row_size(columns: Columns) -> int:
     """Bytes of a row."""
-    return 8 * sum(math.prod(column.shape) for column in columns.values())
+    return 8 * sum(math.prod(shape) for shape in columns.values())

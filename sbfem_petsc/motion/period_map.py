@@ -93,12 +93,6 @@ class Period:
         """Ranks that have the model."""
         return self.reduced.comm
 
-    def under(self, excitation: Excitation) -> Period:
-        """The same period under other loads, over as many forcing periods."""
-        result = copy.copy(self)
-        result._load(excitation)
-        return result
-
     def in_steps(self, steps: int) -> Period:
         """The same period in so many steps."""
         result = self.of(steps)
@@ -199,18 +193,18 @@ class Period:
         return self._scaled[1]
 
     def at(
-        self, frequency: float, factor: float = 1.0, *, damping: float = 1.0, gap: float = 1.0
+        self, frequency: float, load: float = 1.0, *, damping: float = 1.0, gap: float = 1.0
     ) -> DrivenPeriod:
         """The period at a forcing frequency (Hz) and factors on the oscillating loads, the damping and the
         initial gaps.
         """
         if not damping == gap == 1.0:
-            return self.scaled(damping=damping, gap=gap).at(frequency, factor)
-        key = (frequency, factor)
+            return self.scaled(damping=damping, gap=gap).at(frequency, load)
+        key = (frequency, load)
         if key not in self._prepared:
             if len(self._prepared) > 4:
                 self._prepared.clear()
-            self._prepared[key] = DrivenPeriod(self, frequency, factor)
+            self._prepared[key] = DrivenPeriod(self, frequency, load)
         return self._prepared[key]
 
 

@@ -127,21 +127,30 @@ def prepare(
         if guess is not None:
             check_guess(owner, guess, reduced)
     excitation = excitation.moving(reduced, frequency)
-    steps, contact = settings.steps, settings.contact and len(reduced.initial_gap) > 0
-    fastest = max((signal.highest_frequency or 0.0 for signal in loads.signals), default=0.0)
-    if steps is None:
-        steps = settings.least
-        if contact:
-            fast = math.ceil(FAST_STEPS * fastest / frequency)
-            steps = max(steps, contact_steps(reduced, frequency), fast)
+    steps = steps_of(owner, reduced, settings, (frequency, loads.highest_frequency), "forcing period")
+    if settings.steps is None:
         if len(excitation.orders) > LINES:  # none of them is to fold back
             steps = max(steps, math.ceil((2 * excitation.orders.max() + 1) / excitation.periods))
         multiple = settings.segments // math.gcd(settings.segments, excitation.periods)
         steps = multiple * math.ceil(steps / multiple)
-    elif contact:
-        warn_if_coarse(owner, steps, frequency, fastest, period="forcing period")
     require_period(owner, reduced, steps * excitation.periods, len(excitation.orders), settings.contact)
     return Period(reduced, excitation, steps * excitation.periods, settings.contact)
+
+
+def steps_of(
+    owner: str, reduced: ReducedModel, settings: PeriodSettings, frequencies: tuple[float, float], period: str
+) -> int:
+    """Time steps in a period of a frequency, Hz, under loads up to another one; the owner's caller is warned
+    of few that are given. `period` says which it is.
+    """
+    frequency, fastest = frequencies
+    contact, steps = settings.contact and len(reduced.initial_gap) > 0, settings.steps
+    if steps is None:
+        fast = math.ceil(FAST_STEPS * fastest / frequency)
+        return max(settings.least, contact_steps(reduced, frequency), fast) if contact else settings.least
+    if contact:
+        warn_if_coarse(owner, steps, frequency, fastest, period=period)
+    return steps
 
 
 def _refuse_jumps(owner: str, loads: Loading, excitation: Excitation) -> None:

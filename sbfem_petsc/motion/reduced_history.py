@@ -26,7 +26,7 @@ from ..signals.signal import Signal
 from .drive import Drive, Piece
 from .energy import Energy, Ledger, MovedLedger, guard
 from .history import History
-from .integration import Column, Recorder, Rows, Steps
+from .integration import Columns, Rows, Steps, Told
 from .rest import at_rest
 from .states import ModalStates
 from .steps import HALVING, halved_coefficients, lengths
@@ -93,11 +93,11 @@ class ReducedIntegrator:
         self.columns = reduced_columns(r)
         self.begun = initial if isinstance(initial, str) else "modal"
 
-    def begin(self, record: Recorder, signals: Sequence[Signal]) -> None:
-        """Tell a recorder what the history will hold. Collective."""
+    def told(self) -> Told:
+        """See `integration.Integrator`."""
         norms = (np.linalg.norm(self.reduced.omega * self.q), np.linalg.norm(self.v))
         told = {"initial": self.begun, "initial_norms": np.array(norms if self.begun == "modal" else ())}
-        record.begin(self.columns, {**self.steps.settings, **told, "chunk": self.chunk}, signals)
+        return Told({**self.steps.settings, **told, "chunk": self.chunk, "model": self.reduced})
 
     def _driven(self, amplitudes: np.ndarray) -> StepLoads:
         """Of load amplitudes (n + 1, loads); by `dot`, for `@` of one column is slow."""
@@ -209,58 +209,41 @@ class ReducedIntegrator:
             self.q, self.v, amplitude, *self._padded(np.array([before, self.force])), lost=lost
         )
 
-    def checkpoint(self) -> np.ndarray:
-        """State, states of the rows, slips and the energies' account; the number of exchanges comes first."""
+    def _kept(self) -> list[np.ndarray]:
+        """What further steps depend on, but for three numbers: state, states of the rows, slips, account."""
         ledger = self.ledger
-        parts = [
-            [self.exchanges, self.unresolved, ledger.supplied],
-            ledger.work,
-            self.q,
-            self.v,
-            self.force,
-            self.contact,
-            self.slip,
-        ]
-        return np.concatenate([*parts, *(part.ravel() for part in ledger.last)]).astype(float)
+        return [ledger.work, self.q, self.v, self.force, self.contact, self.slip, *ledger.last]
+
+    def checkpoint(self) -> np.ndarray:
+        """See `integration.Integrator`; the number of exchanges comes first."""
+        numbers = [self.exchanges, self.unresolved, self.ledger.supplied]
+        return np.concatenate([numbers, *(part.ravel() for part in self._kept())]).astype(float)
 
     def restore(self, checkpoint: np.ndarray) -> None:
-        """Go on from a checkpoint."""
-        modes, loads = len(self.q), self.reduced.load_modes.shape[1]
-        slips, works = len(self.slip), len(self.ledger.work)
-        sizes = (3, works, modes, modes, self.rows, self.rows, slips, loads, loads, 2, 1, loads)
-        head, work, q, v, force, contact, slip, drive, moved, stored, loss, rates = np.split(
-            checkpoint, np.cumsum(sizes)[:-1]
-        )
-        self.exchanges, self.unresolved = int(head[0]), int(head[1])
-        self.q[:], self.v[:], self.force[:], self.contact[:], self.slip[:] = q, v, force, contact, slip
-        self.ledger.supplied, self.ledger.work = float(head[2]), work.copy()
-        self.ledger.last = (drive[None], moved[None], stored[None], loss, rates[None])
+        """Go on from a checkpoint, behind `first`."""
+        self.exchanges, self.unresolved = int(checkpoint[0]), int(checkpoint[1])
+        self.ledger.supplied, parts = float(checkpoint[2]), self._kept()
+        found = np.split(checkpoint[3:], np.cumsum([part.size for part in parts])[:-1])
+        for part, values in zip(parts, found):
+            part[...] = values.reshape(part.shape)
 
     def history(self, rows: Rows) -> History:
         """The motion of all rows."""
         return reduced_history(rows, self.reduced, self.steps.step, self.exchanges)
 
 
-def reduced_columns(reduced: ReducedModel) -> dict[str, Column]:
+def reduced_columns(reduced: ReducedModel) -> Columns:
     """What is kept of each instant."""
     modes, loads = reduced.load_modes.shape
-    energies = ["kinetic", "strain", "external", "damping", "contact"]
-    energies += [] if reduced.friction is None else ["friction"]
-    edges = Column(
-        (2 * len(reduced.edges),), "SI", "rates of prescribed displacements, then their accelerations"
-    )
+    edges = 2 * len(reduced.edges)
     return {
-        "time": Column((), "s", "instants"),
-        "modal_displacement": Column((modes,), "m sqrt(kg)", "modal coordinates q"),
-        "modal_velocity": Column((modes,), "m sqrt(kg)/s", "derivative of q"),
-        "amplitudes": Column((loads,), "unit of the load", "values of the load signals"),
-        **({"edge_rates": edges} if edges.shape[0] else {}),
-        "contact_force": Column(
-            (len(reduced.initial_gap),),
-            "N",
-            "forces of the contact rows, compression positive, then friction",
-        ),
-        "energies": Column((len(energies),), "J", ", ".join(energies)),
+        "time": (),
+        "modal_displacement": (modes,),
+        "modal_velocity": (modes,),
+        "amplitudes": (loads,),
+        **({"edge_rates": (edges,)} if edges else {}),
+        "contact_force": (len(reduced.initial_gap),),
+        "energies": (5 if reduced.friction is None else 6,),
     }
 
 

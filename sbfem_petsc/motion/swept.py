@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from ..checks import choice, positive
 from ..errors import SolveError, at_point
 from ..record.record import Record, described, quantity
 from ..reduction.reduced_model import ReducedModel
-from .integration import Rows
+from .integration import chunks
 from .reduced_history import ReducedIntegrator
 
 # Settling times between the means that are compared.
@@ -222,7 +223,7 @@ def directions(reduced: ReducedModel) -> int:
 
 
 def swept_motion(
-    integrator: ReducedIntegrator, report: Callable[[float], None] | None
+    integrator: ReducedIntegrator, report: Callable[[float], None]
 ) -> tuple[np.ndarray, np.ndarray]:
     """(n + 1, points, directions), m, and (n + 1, 1), N: displacements of all named points, of rows the
     one that they have, and the contact resultant.
@@ -230,20 +231,12 @@ def swept_motion(
     reduced, count = integrator.reduced, integrator.steps.count
     displacements = np.empty((count + 1, len(reduced.points.names), directions(reduced)))
     contact = np.empty((count + 1, 1))
-
-    def keep(at: int, rows: Rows) -> None:
+    rest = chunks(integrator, integrator.steps, report)
+    for done, rows in itertools.chain([(0, integrator.first())], rest):
         part = reduced.points(rows["modal_displacement"], rows["amplitudes"], rows["contact_force"])
-        displacements[at : at + len(part)] = part[:, :, -displacements.shape[2] :]
-        contact[at : at + len(part), 0] = rows["contact_force"][:, : reduced.gaps].sum(axis=1)
-
-    keep(0, integrator.first())
-    done = 0
-    while done < count:
-        size = min(integrator.chunk, count - done)
-        keep(done + 1, integrator.advance(done, size, 1))
-        done += size
-        if report is not None:
-            report(done / count)
+        kept = slice(done + 1 - len(part), done + 1)
+        displacements[kept] = part[:, :, -displacements.shape[2] :]
+        contact[kept, 0] = rows["contact_force"][:, : reduced.gaps].sum(axis=1)
     return displacements, contact
 
 

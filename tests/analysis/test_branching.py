@@ -10,7 +10,7 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from meshing.warnings import BranchWarning
-from sbfem_petsc.continuation.problems.several_periods import minimal_periods
+from sbfem_petsc.continuation.problems.driven_orbits import minimal_periods
 from sbfem_petsc.motion.excitation import Excitation
 from sbfem_petsc.motion.period_map import FixedPoint, Period
 from tests.systems import case_p, one_mass, same_products, two_masses

@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 
 import sbfem_petsc as sb
 from sbfem_petsc.continuation.linear import Cyclic
-from sbfem_petsc.continuation.periodic_schur import product_eigenvalues
 from sbfem_petsc.continuation.problems.segments import at_segments, segmented_stability, shoot_segments
 from sbfem_petsc.continuation.search import NEWTON_ALONE
+from sbfem_petsc.continuation.segment_products import product_eigenvalues
 from tests.systems import one_mass, two_masses
 
 TURN = 2.0 * np.pi

@@ -12,11 +12,18 @@ from scipy import optimize
 import sbfem_petsc as sb
 from sbfem_petsc.continuation import bifurcations, branch_following, events, extrapolation
 from sbfem_petsc.continuation.follow import Settings
-from sbfem_petsc.continuation.multipliers import Multipliers, eigenvalues, inverse_iteration, multipliers
+from sbfem_petsc.continuation.multipliers import (
+    Multipliers,
+    ambiguous,
+    eigenvalues,
+    excursion,
+    inverse_iteration,
+    multipliers,
+    passages,
+)
 from sbfem_petsc.continuation.problem import Point, Problem
 from sbfem_petsc.continuation.problems import driven_orbits
 from sbfem_petsc.continuation.shooting import shoot
-from sbfem_petsc.continuation.unit_circle import ambiguous, excursion, passages
 from sbfem_petsc.motion.preparation import PeriodSettings, prepare
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.event_map import two_masses_exactly

@@ -149,10 +149,8 @@ def test_one_signature():
 
 
 OTHERS = """
-from sbfem_petsc.continuation.periodic_schur import product_eigenvalues
 sb.basins(reduced, [sb.Harmonic(1.0, 0.1)], 0.1, (np.zeros((1, 3)), np.zeros((1, 3))), steps=64, limit=8)
 sb.transient(coarse_beam(), sb.PointForce("A", fy=100.0), 2e-5, step=2e-6, reduction=None)
-product_eigenvalues(np.random.default_rng(0).normal(size=(3, 4, 4)))
 """
 # Of what is kept on disk: the kinds of arguments, and whether files had them.
 KINDS = """

@@ -15,7 +15,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from sbfem_petsc.continuation import multipliers as of_motions
 from sbfem_petsc.continuation import linear, shooting as fixed_points
-from sbfem_petsc.continuation.problems import curve_system, unreduced as unreduced_shooting
+from sbfem_petsc.continuation.problems import unreduced as unreduced_shooting
 from sbfem_petsc.system.contact import dual_contact
 from sbfem_petsc.system.solve import krylov_step
 from tests.systems import two_masses
@@ -48,14 +48,14 @@ CALLS = [
     (dual_contact.Dual, "mult", 2, lambda: sb.static(body(), push)),
     (fixed_points.Shooting, "_function", 2, lambda: shooting("auto")),
     (fixed_points.Shooting, "_jacobian", 1, lambda: shooting("dense")),
-    (fixed_points._Products, "mult", 3, lambda: shooting("matrix-free")),
-    (fixed_points._Uncoupled, "apply", 3, lambda: shooting("matrix-free")),
+    (linear.Operator, "mult", 3, lambda: shooting("matrix-free")),
+    (linear.Operator, "apply", 3, lambda: shooting("matrix-free")),
     (unreduced_shooting.UnreducedSteady, "_function", 2, unreduced),
-    (linear.Product, "mult", 2, unreduced),
-    (linear.Nearby, "apply", 2, unreduced),
-    (curve_system.CurveSystem, "mult", 2, tones),
-    (curve_system._Precondition, "apply", 2, tones),
-    (of_motions._Monodromy, "mult", 1, multipliers),
+    (linear.Operator, "mult", 2, unreduced),
+    (linear.Operator, "apply", 2, unreduced),
+    (linear.Operator, "mult", 2, tones),
+    (linear.Operator, "apply", 2, tones),
+    (linear.Operator, "mult", 1, multipliers),
 ]
 kept = []
 
@@ -97,14 +97,14 @@ KrylovStep apply 8
 Dual mult 2
 Shooting _function 2
 Shooting _jacobian 1
-_Products mult 3
-_Uncoupled apply 3
+Operator mult 3
+Operator apply 3
 UnreducedSteady _function 2
-Product mult 2
-Nearby apply 2
-CurveSystem mult 2
-_Precondition apply 2
-_Monodromy mult 1
+Operator mult 2
+Operator apply 2
+Operator mult 2
+Operator apply 2
+Operator mult 1
 """
 
 

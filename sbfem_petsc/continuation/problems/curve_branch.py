@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import ClassVar
 
@@ -136,8 +135,7 @@ def follow_curves(
     pace: Settings,
     *,
     stability: bool,
-    recorder: LineFile | None = None,
-    report: Callable[[float], None] | None = None,
+    run: LineFile,
 ) -> QuasiPeriodicBranch:
     """Invariant curves from one on.
 
@@ -151,25 +149,19 @@ def follow_curves(
     stability : bool
         Compute exponents; behind a motion that a history stays with the branch ends before one that it
         leaves.
-    recorder : LineFile, optional
-    report : callable, optional
-        Called with the fraction done.
+    run : LineFile
     """
     branch = _Branch(line, stop, stability)
     if not line.reason or ran_out(line.reason):  # otherwise a former run has come to its end
         for point in Follower(line, branch.within, branch.settings(pace)):
             if not branch.add(line.points[-1], len(line.points) - 1):
                 break
-            if recorder is not None:
-                recorder.update(branch.result, [line])
-            if report is not None:
-                report(min(1.0, abs(point.value - line.points[0].value) / abs(stop - line.points[0].value)))
+            run.update(branch.result, [line])
+            run.report(min(1.0, abs(point.value - line.points[0].value) / abs(stop - line.points[0].value)))
         branch.finish()
     result = branch.result()
-    if recorder is not None:
-        recorder.update(lambda: result, [line], last=True)
-    if report is not None:
-        report(1.0)
+    run.update(lambda: result, [line], last=True)
+    run.report(1.0)
     return result
 
 

@@ -16,13 +16,14 @@ from scipy import linalg
 
 from ...errors import SolveError, on_all_ranks
 from ...motion.preparation import period_memory
-from ...petsc import MPI, PETSc, check_ksp, configure, free, require_thread, scripted, solving
+from ...petsc import MPI
 from ...ranks.capacity import require_memory
 from ...reduction.reduced_model import ReducedModel
+from ..linear import GmresSettings, by_gmres
 
 PREFIX = "torus_"
-# Iterations of GMRES before it starts anew, and in all.
-RESTART, MOST = 150, 450
+# Vectors that GMRES keeps.
+KEPT = 150
 # Reciprocal condition of a harmonic's system below which it is singular but for rounding.
 SINGULAR = 1e-14
 
@@ -68,7 +69,7 @@ def require_room(
     # the derivatives and the preconditioner's factors of two curves and an iteration, and work
     derivatives = 8.0 * mine * size**2 * 7
     motions = 8.0 * mine * steps * (size + rows)
-    krylov = 8.0 * mine * size * RESTART
+    krylov = 8.0 * mine * size * KEPT
     period = period_memory(reduced, steps, orders)
     require_memory(
         owner,
@@ -195,42 +196,13 @@ class CurveSystem:
         SolveError
             If the iteration does not converge; a `PetscFailure` if PETSc cannot do it.
         """
-        require_thread()
-        comm, size = self._maps.comm, float(np.linalg.norm(right))
+        size = float(np.linalg.norm(right))
         if not size:
             return np.zeros(len(right))
-        own = self.own(right / size)
-        sizes = (len(own), len(right))
-        items: list = []
-        try:
-            matrix = PETSc.Mat().createPython([sizes, sizes], context=self, comm=comm)
-            items.append(matrix)
-            matrix.setUp()
-            given, found = matrix.createVecs()
-            ksp = PETSc.KSP().create(comm)
-            items += [given, found, ksp]
-            ksp.setOptionsPrefix(PREFIX)
-            ksp.setOperators(matrix)
-            ksp.setType(PETSc.KSP.Type.GMRES)
-            ksp.setGMRESRestart(min(len(right), RESTART))
-            ksp.setPCSide(PETSc.PC.Side.RIGHT)  # the residual is that of the system itself
-            ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=MOST)
-            pc = ksp.getPC()
-            items.append(pc)
-            pc.setType(PETSc.PC.Type.PYTHON)
-            pc.setPythonContext(_Precondition(self))
-            given.array = own
-            with solving("quasi_periodic"), scripted(matrix, pc):
-                configure(ksp)
-                ksp.solve(given, found)
-            check_ksp(
-                ksp,
-                "quasi_periodic",
-                f"take more samples, or another solver or more iterations under -{PREFIX}ksp_...",
-            )
-            return size * self.everywhere(found.array_r)
-        finally:
-            free(comm, *reversed(items))
+        remedy = f"take more samples, or another solver or more iterations under -{PREFIX}ksp_..."
+        settings = GmresSettings("quasi_periodic", PREFIX, tolerance, KEPT, remedy)
+        own = by_gmres(self._maps.comm, self.own(right / size), self.product, self.nearby, settings)
+        return size * self.everywhere(own)
 
     def own(self, vector: np.ndarray) -> np.ndarray:
         """This rank's part of a vector of all unknowns; the first rank has the numbers behind its samples."""
@@ -248,31 +220,19 @@ class CurveSystem:
         self._maps.comm.Allreduce(MPI.IN_PLACE, result)
         return result
 
-    def mult(self, matrix: PETSc.Mat, given: PETSc.Vec, result: PETSc.Vec) -> None:
-        """PETSc's product."""
-        maps, vector = self._maps, self.everywhere(given.array_r)
+    def product(self, own: np.ndarray) -> np.ndarray:
+        """This rank's part of the system's left side."""
+        maps, vector = self._maps, self.everywhere(own)
         states = vector[: self._coordinates].reshape(-1, maps.size)
         image = np.matmul(maps.states, states[maps.mine, :, None])[:, :, 0]
         image -= filtered(states, self._harmonics.shift)[maps.mine]
         if self._border is None:
-            result.array = image.ravel()
-            return
+            return image.ravel()
         for column, value in zip(self._border.columns, vector[self._coordinates :]):
             image += value * column.reshape(-1, maps.size)[maps.mine]
         conditions = self._border.rows @ vector if maps.comm.rank == 0 else ()
-        result.array = np.append(image, conditions)
+        return np.append(image, conditions)
 
-    def precondition(self, own: np.ndarray) -> np.ndarray:
+    def nearby(self, own: np.ndarray) -> np.ndarray:
         """This rank's part of the preconditioner's product with a vector."""
         return self.own(self._harmonics.solve(self.everywhere(own)))
-
-
-class _Precondition:
-    """Context of PETSc's preconditioner."""
-
-    def __init__(self, system: CurveSystem):
-        self._system = system
-
-    def apply(self, pc: PETSc.PC, given: PETSc.Vec, result: PETSc.Vec) -> None:
-        """PETSc's product."""
-        result.array = self._system.precondition(given.array_r)

@@ -17,7 +17,6 @@ from ...motion.period_motion import PeriodMotion
 from ..linear import Dense
 from ..orbit import modal_motion
 from ..problem import Lost, Point, Problem, Range
-from .several_periods import minimal_periods, passes_shorter
 
 # Arc length in which the state's relative change and SPAN times the parameter's change, as a share of its
 # range, are summed as squares.
@@ -30,6 +29,8 @@ DIFFERENCE, LEAST = 1e-7, 1e-3
 REST = 1e-3
 # Of updates of derivatives in finer steps, each of which is as dear as some five periods.
 FINER_GAIN = 0.6
+# Change of the state over fewer periods, relative to its size, below which a motion is one of fewer periods.
+SAME = 1e-7
 # Parameters along which the derivative of x(T) is exact.
 EXACT = "frequency", "load"
 
@@ -73,7 +74,39 @@ class ParameterRange:
             raise Lost(f"the {self.name} has become {value:.6g}")
         if self.frequency is None:
             return period.at(value)
-        return period.at(self.frequency, **{"factor" if self.name == "load" else self.name: value})
+        return period.at(self.frequency, **{self.name: value})
+
+
+class Family:
+    """The periods of a reduced model over the forcing frequency and a second parameter.
+
+    Parameters
+    ----------
+    period : Period
+    parameter : {"load", "damping", "gap"}
+    factor : float
+        On the oscillating loads, where the second parameter is another.
+    """
+
+    def __init__(self, period: Period, parameter: str, factor: float = 1.0):
+        self.period, self.parameter, self.factor = period, parameter, factor
+
+    def at(self, frequency: float, value: float) -> DrivenPeriod:
+        """The driven period of both parameters."""
+        return self.period.at(frequency, **{"load": self.factor, self.parameter: value})
+
+    def derivative(
+        self, driven: DrivenPeriod, motion: PeriodMotion, state: np.ndarray, value: float
+    ) -> np.ndarray:
+        """dx(T) along x(0), the frequency and the second parameter, (2 m, 2 m + 2)."""
+        identity = np.eye(len(state))
+        if self.parameter == "load":
+            return driven.carried(motion, identity, ("frequency", "load"))
+        step = 1e-6 * max(abs(value), 1e-3)
+        ahead = self.at(driven.frequency, value + step).run(state)
+        behind = self.at(driven.frequency, value - step).run(state)
+        rate = (ahead.residual - behind.residual) / (2.0 * step)
+        return np.column_stack([driven.carried(motion, identity, ("frequency",)), rate])
 
 
 class Orbits(Problem):
@@ -224,3 +257,53 @@ class OrbitState(FixedPoint):
         """Of x(T) - x(0), by that of x(T)."""
         matrix[:, :-1] -= np.eye(len(matrix))
         return Dense(matrix)
+
+
+# ---------------------------------------------------------------------- motions of several periods
+def distances(driven: DrivenPeriod, motion: PeriodMotion) -> dict[int, float]:
+    """For each number of periods that divides that of the map, and after which the loads repeat: the change
+    of the state over so many periods, relative to its size.
+    """
+    p = driven.period
+    periods = p.excitation.periods
+    begin = driven.linear_state.copy()
+    begin[: 2 * p.modes] += _difference(p, motion, 0)
+    size = p.size(begin)
+    result = {}
+    for fewer in range(1, periods):
+        if periods % fewer or (p.steps * fewer) % periods or (p.excitation.orders * fewer % periods).any():
+            continue
+        k = p.steps * fewer // periods
+        # the linear response repeats with the loads
+        change = np.linalg.norm(_difference(p, motion, k) - _difference(p, motion, 0))
+        result[fewer] = float(change) / max(size, 1e-300)
+    return result
+
+
+def _difference(period: Period, motion: PeriodMotion, k: int) -> np.ndarray:
+    return np.concatenate([period.weights * motion.states[k], motion.velocities[k]])
+
+
+def minimal_periods(fixed: FixedPoint) -> int:
+    """The fewest of the loads' periods after which a motion repeats itself."""
+    for fewer, change in distances(fixed.driven, fixed.motion).items():
+        if change < SAME:
+            return fewer
+    return fixed.driven.period.excitation.periods
+
+
+def passes_shorter(one: FixedPoint, other: FixedPoint) -> int:
+    """Periods of the shorter motion on which a branch of several has landed, or through which it has passed
+    between two points to its own motions begun half a period later; 0 if neither.
+    """
+    periods = other.driven.period.excitation.periods
+    fewer = minimal_periods(other)
+    if fewer < periods:
+        return fewer
+    if periods % 2 or periods // 2 not in distances(other.driven, other.motion):
+        return 0
+    halves = []
+    for fixed in (one, other):
+        p = fixed.driven.period
+        halves.append(_difference(p, fixed.motion, p.steps // 2) - _difference(p, fixed.motion, 0))
+    return periods // 2 if halves[0] @ halves[1] < 0.0 else 0

@@ -15,7 +15,6 @@ from scipy.optimize import root_scalar
 from meshing.warnings import BranchWarning
 
 from ...errors import SolveError, caller_level
-from ...motion.family import Family
 from ...motion.period_map import DrivenPeriod, FixedPoint, Period
 from ...motion.period_motion import PeriodMotion
 from ...reduction.outputs import LinearOutput
@@ -24,6 +23,7 @@ from ..bifurcations import Bifurcation
 from ..branch import Branch
 from ..extrapolation import extrapolated
 from ..shooting import shoot
+from .driven_orbits import Family
 
 # Distance of a grazing point from the last one that is open, in steps of the branch: further away it belongs
 # to another part of it.

@@ -8,14 +8,13 @@ point is a line of its own.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
 
 from ...errors import SolveError
-from ...motion.family import Family
 from ...record.record import Record, described, quantity
 from ..events import folds
 from ..follow import CLOSED, Line, Settings, follow, points_of, ran_out
@@ -23,6 +22,7 @@ from ..line_file import LineFile
 from ..newton import correct
 from ..orbit import make_orbit, run_again
 from ..problem import Lost, Metric, Point, Range
+from .driven_orbits import Family
 from .locus_problem import LocusProblem, LocusStart
 
 KINDS = ("fold", "period doubling", "Neimark-Sacker", "grazing")
@@ -81,9 +81,8 @@ def follow_locus(
     family: Family,
     start: LocusStart,
     limits: tuple[float, float],
-    pace: Settings = PACE,
-    recorder: LineFile | None = None,
-    report: Callable[[float], None] | None = None,
+    pace: Settings,
+    run: LineFile,
 ) -> Locus:
     """Follow a bifurcation over the frequency and a second parameter, from a known point to both sides.
 
@@ -96,9 +95,7 @@ def follow_locus(
         Of the second parameter, between which the locus is followed.
     pace : Settings
         Of each side.
-    recorder : LineFile, optional
-    report : callable, optional
-        Called with the fraction done.
+    run : LineFile
 
     Raises
     ------
@@ -106,16 +103,14 @@ def follow_locus(
         If no point is found near the first one.
     """
     problem = LocusProblem(family, start, limits[1] - limits[0])
-    lines = recorder.lines(problem) if recorder is not None else []
+    lines = run.lines(problem)
 
     def keep(line: Line) -> None:
-        if report is not None:
-            end = limits[0] if line is lines[0] else limits[1]
-            begin, last = line.points[0].value, line.points[-1].value
-            done = min(1.0, abs(last - begin) / max(abs(end - begin), 1e-300))
-            report(0.5 * (len(lines) - 1 + done))
-        if recorder is not None:
-            recorder.update(lambda: _joined(family, start.kind, lines), lines)
+        end = limits[0] if line is lines[0] else limits[1]
+        begin, last = line.points[0].value, line.points[-1].value
+        done = min(1.0, abs(last - begin) / max(abs(end - begin), 1e-300))
+        run.report(0.5 * (len(lines) - 1 + done))
+        run.update(lambda: _joined(family, start.kind, lines), lines)
 
     for number, direction in enumerate((-1, 1)):
         if number and lines[0].reason == CLOSED:
@@ -129,10 +124,8 @@ def follow_locus(
             follow(line, Range(*limits, direction), pace, keep)
     result = _joined(family, start.kind, lines, located=True)
     result = replace(result, largest_displacement=_largest_displacement(family, result))
-    if recorder is not None:
-        recorder.update(lambda: result, lines, last=True)
-    if report is not None:
-        report(1.0)
+    run.update(lambda: result, lines, last=True)
+    run.report(1.0)
     return result
 
 

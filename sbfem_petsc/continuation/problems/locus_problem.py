@@ -24,11 +24,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg
 
-from ...motion.family import Family
 from ...motion.period_map import DrivenPeriod
 from ...motion.period_motion import PeriodMotion
 from ..multipliers import inverse_iteration
 from ..problem import Linear, Lost, Point, Problem
+from .driven_orbits import Family
 from .grazing import OpenRowFamily, least
 
 # Unit of the frequency: itself over this number. Share of g in the residual.

@@ -5,6 +5,7 @@ that of the curve before it.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -18,7 +19,7 @@ from ...motion.period_map import DrivenPeriod, Period
 from ...petsc import MPI
 from ...record.record import described, quantity
 from ..bifurcations import Bifurcation
-from ..newton import correct
+from ..newton import attempt, correct
 from ..problem import Lost, Metric, Point
 from .curve import RESOLVED, InvariantCurves, named, spectral_tail
 from .curve_system import filtered, require_room, resampled, shift, tangents
@@ -195,13 +196,10 @@ class Curves(InvariantCurves):
             u, along = (
                 np.append(own.resampled(self.split(item)[0]).ravel(), item[-2:]) for item in (point.u, chord)
             )
-            try:
-                found = curve_near(own, u, None, self.finer_maps[k + 1 :], along, EASE)
-            except PetscFailure:
-                raise
-            except SolveError:
-                continue
-            if found.state.resolved:
+            found = attempt(
+                functools.partial(curve_near, own, u, None, self.finer_maps[k + 1 :], along, EASE), SolveError
+            )
+            if found is not None and found.state.resolved:
                 found.value = point.value
                 return found
         return None

@@ -17,8 +17,8 @@ from ...motion.states import ModalStates
 from ..linear import Cyclic
 from ..newton import correct
 from ..orbit import Orbit, uncertainty_of
-from ..periodic_schur import product_eigenvalues
 from ..problem import Metric, Point
+from ..segment_products import product_eigenvalues
 from .driven_orbits import DIFFERENCE, Orbits, ParameterRange
 
 

@@ -12,7 +12,8 @@ import numpy as np
 from ...errors import SolveError, on_all_ranks
 from ...motion.unreduced.period import KRYLOV, UnreducedDriven, UnreducedMotion, UnreducedPeriod
 from ...petsc import PETSc, configure, finite, free, scripted, solving
-from ..linear import PREFIX, Krylov, Product, preconditioned
+from ...progress import silent
+from ..linear import PREFIX, Krylov, Operator, operator, preconditioned
 from ..problem import Point, Problem
 from ..shooting import snes_reason
 from .driven_orbits import LEAST, REST, SPAN, ParameterRange
@@ -198,7 +199,7 @@ class UnreducedSteady:
         owner: str,
         orbits: UnreducedOrbits,
         value: float,
-        report: Callable[[float], None] | None = None,
+        report: Callable[[float], None] = silent,
     ):
         self.orbits, self.value, self.path, self.residuals = orbits, value, "Newton", list[float]()
         self._report = report
@@ -210,12 +211,12 @@ class UnreducedSteady:
         norm = orbits.norm(guess)
         snes = PETSc.SNES().create(comm)
         snes.setOptionsPrefix(PREFIX)
-        matrix = PETSc.Mat().createPython([x.getSizes()] * 2, context=Product(), comm=comm)
-        matrix.setUp()
+        self._product, self._nearby = Operator(), Operator()
+        matrix = operator(comm, len(guess), self._product)
         snes.setFunction(self._function, f)
         snes.setJacobian(self._jacobian, matrix)
         ksp = snes.getKSP()
-        pc = preconditioned(ksp, KRYLOV, LINEAR)
+        pc = preconditioned(ksp, KRYLOV, LINEAR, self._nearby)
         snes.setTolerances(
             rtol=RELATIVE, atol=finite(EPSILON * max(norm, 1e-300)), stol=0.0, max_it=ITERATIONS
         )
@@ -251,9 +252,8 @@ class UnreducedSteady:
     def _monitor(self, snes: PETSc.SNES, iteration: int, residual: float) -> None:
         """The share is that of the digits the residual is to lose."""
         self.residuals.append(float(residual))
-        if self._report is not None:
-            lost = max(residual, 1e-300) / max(self.residuals[0], 1e-300)
-            self._report(min(1.0, max(0.0, math.log(lost) / math.log(RELATIVE))))
+        lost = max(residual, 1e-300) / max(self.residuals[0], 1e-300)
+        self._report(min(1.0, max(0.0, math.log(lost) / math.log(RELATIVE))))
 
     def _at(self, array: np.ndarray) -> UnreducedState:
         same = self._kept is not None and np.array_equal(self._kept.state, array)
@@ -271,6 +271,5 @@ class UnreducedSteady:
             snes.setTolerances(rtol, max(atol, finite(ROUNDED * state.round_off())), stol, most)
         linear = state.linear()
         border = linear.bordered(self.orbits.value(np.zeros(linear.rows + 1))[1])
-        for item in (matrix, snes.getKSP().getPC()):
-            item.getPythonContext().border = border
+        self._product.product, self._nearby.product = border.mult, border.apply
         matrix.assemble()

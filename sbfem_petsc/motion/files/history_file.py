@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,11 +17,11 @@ from ...ranks.capacity import SHARE, available_memory, in_bytes
 from ...ranks.parallel import collective
 from ...record.files import from_image, image
 from ...record.journal import Kept, read
+from ...record.record import Record
 from ...reduction.comparison import close
-from ...reduction.reduced_model import ReducedModel
 from ...signals.signal import Signal
 from ..history import History
-from ..integration import Column, FormerRun, OfOtherRanks, Rows, UnreducedFacts
+from ..integration import FormerRun, OfOtherRanks, Rows, Told
 from ..reduced_history import recorded_exchanges, reduced_columns, reduced_history
 from ..unreduced.history import SampledRun, sampled_columns, unreduced_history
 from ..unreduced.ranks import Labels, alike, kept_layouts, layouts_in
@@ -33,7 +33,7 @@ SIGNAL_CHECKS = 4097
 
 
 class HistoryFile(RunFile):
-    """The file of a running history; an `integration.Recorder` and a context manager. Rank 0 writes.
+    """The file of a running history; a context manager. Rank 0 writes.
 
     A frame holds the rows of a chunk, the state beside the journal what the next chunk goes on from. A
     reduced model's state is the same on all ranks; of an unreduced one each has a part, and the layouts say
@@ -58,7 +58,6 @@ class HistoryFile(RunFile):
     def __init__(self, comm: MPI.Comm, path: Any, *, kind: str, resume: bool = False, in_memory: bool = True):
         super().__init__(comm, path, "history", resume=resume)
         self.kind, self.in_memory = kind, in_memory
-        self._reduced: ReducedModel | None = None
         self._layouts: dict[str, np.ndarray] = {}  # those that are to stand beside the state; on rank 0
         self._own: list[Labels] = []
         former = None
@@ -92,45 +91,29 @@ class HistoryFile(RunFile):
         return FormerRun(kept.state["count"], kept.head["step"], kept.head["decimation"])
 
     # ------------------------------------------------------------------ before the first step
-    def adopt(self, reduced: ReducedModel) -> ReducedModel:
-        """See `RunFile`."""
-        self._reduced = super().adopt(reduced)
-        return self._reduced
-
-    def begin(
-        self,
-        columns: Mapping[str, Column],
-        settings: Mapping[str, Any],
-        signals: Sequence[Signal],
-        unreduced: UnreducedFacts | None = None,
-    ) -> None:
+    def begin(self, signals: Sequence[Signal], told: Told) -> None:
         """What is recorded, and under which conditions; of a run that is resumed they must be the file's.
         Collective.
 
         Parameters
         ----------
-        columns : dict of str to Column
-        settings : dict
-            Numbers, texts and arrays by name, "count", "step", "decimation" and "chunk" among them.
         signals : sequence of Signal
-        unreduced : UnreducedFacts, optional
+        told : Told
+            With "count", "step", "decimation" and "chunk" among the numbers.
 
         Raises
         ------
         ValueError
             If the file was written otherwise, or is that of a longer run.
         """
-        self._count = int(settings["count"])
-        layouts = kept_layouts(self.comm, {} if unreduced is None else unreduced.layout)
+        self._count = int(told.head["count"])
+        layouts = kept_layouts(self.comm, told.layout)
         with collective(self.comm):
             if self._journal is None:
                 return
-            head = {"kept": "history", "record": "History", "kind": self.kind, **settings}
-            if unreduced is not None:
-                names = {"points": unreduced.points, "tip_names": unreduced.tips.names}
-                names |= {"supports": unreduced.supports}
-                head |= {name: list(found) for name, found in names.items()}
-                head["fingerprint"] = unreduced.fingerprint
+            records = {name: value for name, value in told.head.items() if isinstance(value, Record)}
+            head = {name: value for name, value in told.head.items() if name not in records}
+            head = {"kept": "history", "record": "History", "kind": self.kind, **head}
             self._layouts, self._own = layouts, layouts_in(layouts)
             former = self._journal.former
             if former is not None:
@@ -139,11 +122,8 @@ class HistoryFile(RunFile):
                     self._layouts = {}
                 self._journal.begin({}, former.vouched)
                 return
-            head["signals"] = signal_checks(signals, settings["count"] * settings["step"])
-            tips = None if unreduced is None else unreduced.tips
-            for name, record in (("model", self._reduced), ("tips", tips)):
-                if record is not None:
-                    head[name] = image(record)
+            head["signals"] = signal_checks(signals, head["count"] * head["step"])
+            head |= {name: image(record) for name, record in records.items()}
             self._journal.begin(head | self._layouts)
             self._layouts = {}
 
@@ -167,7 +147,7 @@ class HistoryFile(RunFile):
         # last, for other loads make it another one
         self.require_same({name: v for name, v in mine.items() if name in OF_START})
 
-    # ------------------------------------------------------------------ an integration.Recorder
+    # ------------------------------------------------------------------ while it runs
     def resume(self) -> tuple[int, Rows, np.ndarray | OfOtherRanks] | None:
         """Steps done, rows (none but in memory) and this rank's checkpoint of the former run, of one on other
         ranks all of them; None for a new one. Collective.
@@ -189,9 +169,12 @@ class HistoryFile(RunFile):
             return done, rows, parts[0]
         return done, rows, OfOtherRanks(parts, layouts) if layouts else parts[comm.rank]
 
-    def append(self, done: int, rows: Rows, checkpoint: np.ndarray) -> None:
+    def append(self, done: int, rows: Rows, checkpoint: Callable[[], np.ndarray]) -> None:
         """Record the rows of a chunk, then the state after it, which vouches for them. Collective."""
-        parts = self.comm.gather(checkpoint) if self.kind == "unreduced" else [checkpoint]
+        if self.path is None:
+            return
+        state = checkpoint()
+        parts = self.comm.gather(state) if self.kind == "unreduced" else [state]
         with collective(self.comm):
             if self._journal is not None and parts is not None:
                 self._journal.append(rows)
@@ -275,9 +258,8 @@ def result_of(kept: Kept, in_memory: bool = True) -> History:
         supports = tuple(head.get("supports", ()))
         if not supports:  # of a file of before motions of the unreduced model told reactions
             rows["reactions"], found["reactions"] = np.zeros((len(rows["time"]), 0, 2)), (0, 2)
-        counts = (len(head["points"]), len(tips.names), size, gaps)
-        columns = sampled_columns(*counts, supports=len(supports))
-    if found != {name: column.shape for name, column in columns.items()}:
+        columns = sampled_columns(len(head["points"]), len(tips.names), size, gaps, supports=len(supports))
+    if found != columns:
         raise ValueError(f"its rows are {found}, which is not what the model has")
     if head["kind"] == "reduced":
         return reduced_history(rows, reduced, head["step"], recorded_exchanges(state["state"]), complete)

@@ -29,7 +29,8 @@ class RunFile:
     Parameters
     ----------
     comm : Comm
-    path : str
+    path : str or None
+        None: nothing is kept, nor gone on with.
     kept : str
         What is kept, one of `record.files.KEPT`.
     resume : bool
@@ -47,7 +48,7 @@ class RunFile:
         self._journal: Journal | None = None
         try:
             with collective(comm):
-                if comm.rank == 0:
+                if comm.rank == 0 and path is not None:
                     self._journal = Journal(path, self.what, resume=resume)
                     former = self._former
                     if former is not None and former.head.get("kept") != kept:
@@ -85,6 +86,8 @@ class RunFile:
         ValueError
             If the file was written for another model or other loads.
         """
+        if self.path is None:
+            return reduced
         stored = self.comm.bcast(on_root(self.comm, lambda: self._stored(reduced)))
         return in_rows(reduced if stored is None else adopted(stored, reduced))
 

@@ -36,7 +36,7 @@ from ..drive import Drive
 from ..energy import Energy
 from ..history import History
 from ..initial import unreduced_state
-from ..integration import Column, OfOtherRanks, Recorder, Rows, Steps, UnreducedFacts
+from ..integration import Columns, OfOtherRanks, Rows, Steps, Told
 from ..states import SampledStates
 from .kept_fields import KeptFields
 from .ranks import layout_of, moved
@@ -89,7 +89,7 @@ class UnreducedIntegrator:
             freed.callback(self.pencil.destroy)
             self.march = UnreducedSteps(model, self.pencil, units, steps, found)
             freed.callback(self.march.release)
-            self.columns = unreduced_columns(model)
+            self.run, self.columns = SampledRun.of(self.march), unreduced_columns(model)
             self.fields = KeptFields(model, self.pencil, units, steps.kept)
             self.force = self._set_initial(units, initial)
             self._freed = freed.pop_all()
@@ -102,37 +102,31 @@ class UnreducedIntegrator:
     def __exit__(self, *_: object) -> None:
         self._freed.close()
 
-    def begin(self, record: Recorder, signals: Sequence[Signal]) -> None:
-        """Tell a recorder what the history will hold. Collective."""
-        model, march = self.model, self.march
-        settings = self.steps.settings | {
+    def told(self) -> Told:
+        """See `integration.Integrator`."""
+        model, march, run = self.model, self.march, self.run
+        head = self.steps.settings | {
             "initial": self.begun,
             "initial_norms": np.sqrt(march.summed(np.array([march.u @ march.u, march.v @ march.v]))),
             "chunk": self.chunk,
             "damping": np.array(
                 model.damping.points if isinstance(model.damping, DampingTable) else model.damping
             ),
-            "damped_modes": len(march.omega),
+            "damped_modes": run.damped_modes,
             "rayleigh": np.array(model.rayleigh),
-            "pairs": model.contact.pairs,
+            "pairs": run.pairs,
             "continued_fraction": model.continued_fraction,
             "unknowns": model.unknowns,
+            "points": list(run.points),
+            "tips": run.tips,
+            "tip_names": list(run.tips.names),
+            "supports": list(run.supports),
+            "fingerprint": march.fingerprint(),
         }
         friction = model.contact.friction
         if friction is not None:
-            settings["friction"] = np.array([friction.kinetic, friction.static])
-        record.begin(
-            self.columns,
-            settings,
-            signals,
-            UnreducedFacts(
-                tuple(model.points),
-                model.tips.intensities.facts,
-                march.ground.names,
-                march.fingerprint(),
-                layout_of(self.pencil),
-            ),
-        )
+            head["friction"] = np.array([friction.kinetic, friction.static])
+        return Told(head, layout_of(self.pencil))
 
     def first(self) -> Rows:
         """The row of t = 0."""
@@ -177,7 +171,7 @@ class UnreducedIntegrator:
 
     def _stacked(self, rows: list[tuple]) -> Rows:
         if not rows:
-            return {name: np.zeros((0, *column.shape)) for name, column in self.columns.items()}
+            return {name: np.zeros((0, *shape)) for name, shape in self.columns.items()}
         return {name: np.array(part) for name, part in zip(self.columns, zip(*rows))}
 
     def checkpoint(self) -> np.ndarray:
@@ -213,20 +207,7 @@ class UnreducedIntegrator:
 
     def history(self, rows: Rows) -> History:
         """The motion of all rows."""
-        model = self.model
-        return unreduced_history(
-            rows,
-            SampledRun(
-                tuple(model.points),
-                model.tips.intensities.facts,
-                model.contact.pairs,
-                len(model.contact.laws),
-                self.march.step,
-                len(self.march.omega),
-                self.march.ground.names,
-            ),
-            fields=self.fields.complete(len(rows["time"])),
-        )
+        return unreduced_history(rows, self.run, fields=self.fields.complete(len(rows["time"])))
 
     def _set_initial(self, units: Sequence[Load], initial: str | Sequence[Callable | None]) -> np.ndarray:
         """Set the state at t = 0; the contact forces there."""
@@ -250,7 +231,7 @@ class UnreducedIntegrator:
         return force
 
 
-def unreduced_columns(model: Model) -> dict[str, Column]:
+def unreduced_columns(model: Model) -> Columns:
     """What is kept of each instant."""
     rows, laws = model.contact, model.contact.laws
     supports = len(model.support_forces.names)
@@ -259,22 +240,18 @@ def unreduced_columns(model: Model) -> dict[str, Column]:
     )
 
 
-def sampled_columns(points: int, tips: int, size: int, gaps: int, *, supports: int) -> dict[str, Column]:
+def sampled_columns(points: int, tips: int, size: int, gaps: int, *, supports: int) -> Columns:
     """The same of so many points, crack tips and contact rows, of which so many are gaps, and supports."""
-    energies = ["kinetic", "strain", "external", "damping", "contact"]
-    energies += [] if gaps == size else ["friction"]
     return {
-        "time": Column((), "s", "instants"),
-        "displacement": Column((points, 2), "m", "of the named points"),
-        "velocity": Column((points, 2), "m/s", "of the named points"),
-        "acceleration": Column((points, 2), "m/s^2", "of the named points"),
-        "contact_force": Column(
-            (size,), "N", "forces of the contact rows, compression positive, then friction"
-        ),
-        "gap": Column((size,), "m", "gaps of the contact rows, then slips"),
-        "energies": Column((len(energies),), "J", ", ".join(energies)),
-        "stress_intensity": Column((tips, 2), "Pa m^(1/2)", "K_I and K_II of the tips"),
-        "reactions": Column((supports, 2), "N", "forces of the supports on the structure"),
+        "time": (),
+        "displacement": (points, 2),
+        "velocity": (points, 2),
+        "acceleration": (points, 2),
+        "contact_force": (size,),
+        "gap": (size,),
+        "energies": (5 if gaps == size else 6,),
+        "stress_intensity": (tips, 2),
+        "reactions": (supports, 2),
     }
 
 
@@ -291,27 +268,39 @@ class SampledRun(NamedTuple):
     damped_modes: int
     supports: tuple[str, ...]
 
+    @classmethod
+    def of(cls, march: UnreducedSteps) -> SampledRun:
+        """Of steps."""
+        model = march.model
+        counts = model.contact.pairs, len(model.contact.laws), march.step, len(march.omega)
+        return cls(tuple(model.points), model.tips.intensities.facts, *counts, march.ground.names)
+
+    def states(self, rows: Rows, fields: KeptFields | None) -> SampledStates:
+        """Instants from their rows by the names of `sampled_columns`, but for time and energies, and their
+        fields.
+        """
+
+        def of_each(field: str, names: Sequence[str]) -> dict[str, np.ndarray]:
+            return {name: rows[field][:, k] for k, name in enumerate(names)}
+
+        return SampledStates(
+            of_each("displacement", self.points),
+            of_each("velocity", self.points),
+            of_each("acceleration", self.points),
+            rows["contact_force"],
+            rows["gap"],
+            self.pairs,
+            of_each("stress_intensity", self.tips.names),
+            self.tips,
+            self.gaps if self.gaps < rows["gap"].shape[1] else None,
+            of_each("reactions", self.supports),
+            fields,
+        )
+
 
 def unreduced_history(
     rows: Rows, run: SampledRun, complete: bool = True, fields: KeptFields | None = None
 ) -> History:
-    """A history from its rows by the names of `UnreducedIntegrator.columns`, and its fields."""
-    places, speeds, accelerations = (
-        {name: rows[field][:, k] for k, name in enumerate(run.points)}
-        for field in ("displacement", "velocity", "acceleration")
-    )
-    intensities = {name: rows["stress_intensity"][:, k] for k, name in enumerate(run.tips.names)}
-    states = SampledStates(
-        places,
-        speeds,
-        accelerations,
-        rows["contact_force"],
-        rows["gap"],
-        run.pairs,
-        intensities,
-        run.tips,
-        run.gaps if run.gaps < rows["gap"].shape[1] else None,
-        {name: rows["reactions"][:, k] for k, name in enumerate(run.supports)},
-        fields,
-    )
-    return History(rows["time"], states, Energy(*rows["energies"].T), run.step, 0, run.damped_modes, complete)
+    """A history from its rows by the names of `sampled_columns`, and its fields."""
+    states, energy = run.states(rows, fields), Energy(*rows["energies"].T)
+    return History(rows["time"], states, energy, run.step, 0, run.damped_modes, complete)

@@ -30,7 +30,7 @@ from ..integration import Steps, row_size
 from ..loading import Loading, loading, warn_of_unreduced
 from ..preparation import STEPS, PeriodSettings
 from ..states import SampledStates
-from .history import unreduced_columns
+from .history import SampledRun, unreduced_columns
 from .kept_fields import KeptFields
 from .steps import KEPT_RESPONSES, UnreducedSteps
 
@@ -115,9 +115,9 @@ class UnreducedPeriod:
         """Of a state, this rank's."""
         return 2 * int(self.pencil.stiffness.getLocalSize()[0])
 
-    def at(self, frequency: float, factor: float = 1.0) -> UnreducedDriven:
+    def at(self, frequency: float, load: float = 1.0) -> UnreducedDriven:
         """The period at a forcing frequency (Hz) and a factor on the oscillating loads."""
-        return UnreducedDriven(self, frequency, factor)
+        return UnreducedDriven(self, frequency, load)
 
     def march(self, frequency: float) -> UnreducedSteps:
         """The steps of a forcing frequency (Hz), of which the last ones are kept. Collective."""
@@ -254,28 +254,14 @@ class UnreducedDriven:
 
         self.run(state, watch)
         # the last instant is the first one: the rows begin after it
-        places, speeds, forces, gaps, intensities, borne = (
-            np.roll(np.array(part), 1, axis=0) for part in zip(*rows)
-        )
-        borne = 0.5 * (borne + np.roll(borne, -1, axis=0))
+        names = "displacement", "velocity", "contact_force", "gap", "stress_intensity", "reactions"
+        found = {name: np.roll(np.array(part), 1, axis=0) for name, part in zip(names, zip(*rows))}
+        borne, speeds, apart = found["reactions"], found["velocity"], 2.0 * march.step
+        found["reactions"] = 0.5 * (borne + np.roll(borne, -1, axis=0))
         # the mean of the accelerations of the two steps beside an instant
-        slopes = (np.roll(speeds, -1, axis=0) - np.roll(speeds, 1, axis=0)) / (2.0 * march.step)
-        names, tips = march.model.points, march.model.tips.intensities.facts
-        at_places, at_speeds, at_slopes = (
-            {name: part[:, k] for k, name in enumerate(names)} for part in (places, speeds, slopes)
-        )
-        return SampledStates(
-            at_places,
-            at_speeds,
-            at_slopes,
-            forces,
-            gaps,
-            march.model.contact.pairs,
-            {name: intensities[:, k] for k, name in enumerate(tips.names)},
-            tips,
-            borne={name: borne[:, k] for k, name in enumerate(march.ground.names)},
-            fields=fields.rolled(1).complete(count) if fields.wanted else None,
-        )
+        found["acceleration"] = (np.roll(speeds, -1, axis=0) - np.roll(speeds, 1, axis=0)) / apart
+        kept = fields.rolled(1).complete(count) if fields.wanted else None
+        return SampledRun.of(march).states(found, kept)
 
 
 def odd_steps(steps: int | None, periods: int) -> int:

@@ -34,9 +34,8 @@ from ...system.solve.static_solver import block_width
 from ..initial import full_shapes
 from ..integration import Steps
 from .contact import StepContact
-from .ground import Ground
+from .ground import Ground, SparseColumns, probe_rows
 from .kernels import Increment, Moving, StepFactors, add_columns, advance, form
-from .probes import SparseColumns, probe_rows
 
 # Contact rows up to which the responses of all unknowns are kept: adding more vectors takes longer than a
 # second solve does.
