@@ -55,15 +55,13 @@ class Panel:
             CHECKS[name]("Panel", name, getattr(self, name))
         real("Panel", "scale", self.scale)
         flag("Panel", "zero", self.zero)
-        if not isinstance(self.curves, Mapping) or not self.curves:
+        if not table_of(curve)("Panel", "curves", self.curves):
             raise TypeError(
                 f"Panel: curves = {shown(self.curves)} must be a dict of at least one curve by name"
             )
-        for name, values in self.curves.items():
-            curve("Panel", f"curves[{name!r}]", values)
-            start, stop = self.window or (-np.inf, np.inf)
-            time = np.asarray(values[0])
-            if not ((time >= start) & (time <= stop)).any():
+        start, stop = self.window or (-np.inf, np.inf)
+        for name, (time, _) in self.curves.items():
+            if not ((np.asarray(time) >= start) & (np.asarray(time) <= stop)).any():
                 raise ValueError(f"Panel: curves[{name!r}] has no instant in window = {self.window!r}")
 
 

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import ScaledTranslation
 
@@ -62,7 +61,7 @@ def plot_discretisation(
     whole.set_title(facts + (f"; y stretched {stretch:.2g} times" if stretch > 1 else ""))
     for crack, around, at_tip in zip(zoomed, zooms[::2], zooms[1::2]):
         _draw_zooms(around, at_tip, mesh, crack)
-    _add_legend(sheet, whole, mesh)
+    _add_legend(sheet, panels)
     return panels
 
 
@@ -86,14 +85,16 @@ def _draw_zooms(around: Axes, at_tip: Axes, mesh: BoundaryMesh, crack: Any) -> N
         edge.set_color(PURPLE)
 
 
-def _add_legend(sheet: Sheet, whole: Axes, mesh: BoundaryMesh) -> None:
-    """Below the figure, or in the axes that were given."""
-    handles = _legend(mesh)
+def _add_legend(sheet: Sheet, panels: list[Axes]) -> None:
+    """Below the figure, or in the axes that were given: what is drawn in any panel."""
+    found = [axes.get_legend_handles_labels() for axes in panels]
+    drawn = {label: handle for handles, labels in found for handle, label in zip(handles, labels)}
+    style: Any = {"handles": drawn.values(), "labels": drawn.keys(), "markerscale": 1.6}
     if sheet.figure is None:
-        whole.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4)
+        panels[0].legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4, **style)
         return
     narrow = {"handletextpad": 0.3, "columnspacing": 1.2, "handlelength": 1.6}
-    sheet.figure.legend(handles=handles, loc="outside lower center", ncols=7, **narrow)
+    sheet.figure.legend(loc="outside lower center", ncols=7, **narrow, **style)
 
 
 def _tip_size(mesh, crack) -> float:
@@ -110,7 +111,8 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
     lines = values @ mesh.nodes[mesh.edges]
     seen = ((lines.max(axis=1) >= lower) & (lines.min(axis=1) <= upper)).all(axis=1)
     outer = np.bincount(mesh.element_edges, minlength=len(mesh.edges)) == 1
-    fills, faces = [], []
+    fills: dict[bool, list[np.ndarray]] = {True: [], False: []}
+    faces = []
     for element in range(mesh.elements):
         part = slice(mesh.element_start[element], mesh.element_start[element + 1])
         if not seen[mesh.element_edges[part]].any():
@@ -123,19 +125,22 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
         if not mesh.closed[element]:
             faces += [np.array([ring[0][0], centre]), np.array([ring[-1][-1], centre])]
             ring.append(centre[None])
-        fills.append((np.concatenate(ring) * scale, OPEN if not mesh.closed[element] else MATERIAL))
-    axes.add_collection(
-        PolyCollection([f for f, _ in fills], facecolors=[c for _, c in fills], edgecolors="none")
-    )
-    axes.add_collection(LineCollection(lines[seen & ~outer] * scale, colors=EDGE, linewidths=0.5))
-    axes.add_collection(LineCollection(lines[seen & outer] * scale, colors=BLACK, linewidths=0.9))
+        fills[bool(mesh.closed[element])].append(np.concatenate(ring) * scale)
+    for rings, colour, label in ((fills[True], MATERIAL, None), (fills[False], OPEN, "open S-elements")):
+        if rings:
+            axes.add_collection(PolyCollection(rings, facecolors=colour, edgecolors="none", label=label))
+    edges: Any = {"colors": EDGE, "linewidths": 0.5, "label": "edges of S-elements"}
+    axes.add_collection(LineCollection(lines[seen & ~outer] * scale, **edges))
+    edges |= {"colors": BLACK, "linewidths": 0.9, "label": "outline"}
+    axes.add_collection(LineCollection(lines[seen & outer] * scale, **edges))
     ends = list(np.array(faces).reshape(-1, 2, 2) * scale)
     axes.add_collection(LineCollection(ends, colors=BLACK, linewidths=0.9, linestyles=(0, (2, 1))))
     if nodes:
         places = _inside(mesh.nodes, lower, upper).T * scale
-        dots(axes, places, ".", 2.2 if stretch == 1.0 else 1.2, BLUE, markeredgewidth=0)
+        dots(axes, places, ".", 2.2 if stretch == 1.0 else 1.2, BLUE, markeredgewidth=0, label="nodes")
     places = _inside(mesh.scaling_centres, lower, upper).T * scale
-    dots(axes, places, "+", 4.5 if stretch == 1.0 else 2.8, VERMILION, markeredgewidth=0.7)
+    size = 4.5 if stretch == 1.0 else 2.8
+    dots(axes, places, "+", size, VERMILION, markeredgewidth=0.7, label="scaling centres")
     if len(mesh.pairs) and stretch == 1.0:
         _mark_pairs(axes, mesh, lower, upper, scale)
     _label_points(axes, mesh, lower, upper, scale)
@@ -164,7 +169,8 @@ def _mark_pairs(axes: Axes, mesh: BoundaryMesh, lower: np.ndarray, upper: np.nda
             beside = axes.transData + ScaledTranslation(x, y, axes.figure.dpi_scale_trans)
             places = _inside(mesh.nodes[mesh.pairs.nodes[rows, side]], lower, upper).T * scale
             triangle = (3, 0, np.degrees(np.arctan2(-outwards[1], -outwards[0])) - 90.0)
-            dots(axes, places, triangle, 3.4, GREEN, markeredgewidth=0, transform=beside)
+            style: Any = {"markeredgewidth": 0, "transform": beside, "label": "contact pairs"}
+            dots(axes, places, triangle, 3.4, GREEN, **style)
 
 
 def _inside(points: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
@@ -187,33 +193,13 @@ def _label_points(axes: Axes, mesh: BoundaryMesh, lower: np.ndarray, upper: np.n
         else:
             groups.append((at, [name]))
     for at, names in groups:
-        dots(axes, at * scale, "o", 3.5, BLACK, markerfacecolor="white", markeredgewidth=0.8)
+        style: Any = {"markerfacecolor": "white", "markeredgewidth": 0.8, "label": "named points"}
+        dots(axes, at * scale, "o", 3.5, BLACK, **style)
         centred = at[0] < lower[0] + 0.9 * (upper[0] - lower[0])
         above = mesh.scaling_centres[np.abs(mesh.scaling_centres - at).sum(axis=1).argmin(), 1] <= at[1]
-        style: Any = {"fontsize": 8, "fontweight": "bold", "va": "baseline" if above else "top"}
+        style = {"fontsize": 8, "fontweight": "bold", "va": "baseline" if above else "top"}
         style |= {
             "xytext": (0 if centred else -3, 4 if above else -4),
             "ha": "center" if centred else "right",
         }
         note(axes, ", ".join(names), (at[0] * scale, at[1] * scale), **style)
-
-
-def _legend(mesh) -> list:
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], color=BLACK, linewidth=0.9, label="outline"),
-        Line2D([], [], color=EDGE, linewidth=0.7, label="edges of S-elements"),
-    ]
-    marks: list[tuple[bool, str, float, str, str]] = [
-        (True, ".", 5, BLUE, "nodes"),
-        (True, "+", 5, VERMILION, "scaling centres"),
-        (len(mesh.pairs) > 0, ">", 4, GREEN, "contact pairs"),
-        (bool(mesh.points), "o", 4, BLACK, "named points"),
-    ]
-    for there, marker, size, colour, words in marks:
-        if there:
-            fill = "white" if marker == "o" else colour
-            style: Any = {"marker": marker, "markersize": size, "markerfacecolor": fill, "linestyle": "none"}
-            handles.append(Line2D([], [], color=colour, label=words, **style))
-    if not mesh.closed.all():
-        handles.append(Patch(facecolor=OPEN, edgecolor="none", label="open S-elements"))
-    return handles

@@ -188,11 +188,10 @@ def table_of(check: Check) -> Check:
 
 def fields_by_name(owner: str, name: str, value: Any) -> Mapping[str, Any]:
     """Displacement fields of a model."""
-    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
-        raise TypeError(f"{owner}: {name} = {shown(value)} must be a dict of fields by name")
-    if not value:
+    found: dict[str, Any] = table_of(lambda owner, name, item: item)(owner, name, value)
+    if not found:
         raise ValueError(f"{owner}: {name} is empty; give one field at least")
-    return value
+    return found
 
 
 def _numbers(owner: str, name: str, value: Any) -> list[float]:

@@ -101,7 +101,7 @@ def test_a_pulled_bar_as_a_whole(tmp_path):
         assert painted.get_array().max() == pytest.approx(100.0, rel=1e-9)  # µm
         with pytest.raises(ValueError, match="colour = 'heat' must be one of"):
             plot_field(model, pulls, colour="heat")
-        with pytest.raises(TypeError, match="must be a dict of fields by name"):
+        with pytest.raises(TypeError, match="must be a dict by name"):
             plot_field(model, pulls["+"])
 
 
