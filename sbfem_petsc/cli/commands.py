@@ -23,9 +23,12 @@ def _say(options: Options, comm: Any, text: str) -> None:
         tell(text)
 
 
-def _answer(comm: Any, value: Any) -> None:
-    if comm.rank == 0:
-        tell(json.dumps(value, indent=1, allow_nan=False))
+def _answer(options: Options, comm: Any, facts: Any, text: str) -> None:
+    """Facts as JSON where that is asked for, else in words."""
+    if not options.json:
+        _say(options, comm, text)
+    elif comm.rank == 0:
+        tell(json.dumps(facts, indent=1, allow_nan=False))
 
 
 def _case(options: Options, comm: Any) -> Case:
@@ -51,10 +54,7 @@ def check(options: Options, comm: Any) -> int:
 
     case = _case(options, comm)
     facts = estimate(case, comm)
-    if options.json:
-        _answer(comm, facts)
-    else:
-        _say(options, comm, as_text(case, facts))
+    _answer(options, comm, facts, as_text(case, facts))
     return 0
 
 
@@ -87,10 +87,7 @@ def run(options: Options, comm: Any) -> int:
     output = options.output or os.path.join("output", _stem(options.case))
     with watch_for(comm, options.quiet) as watch:
         outcome = run_case(case, output, comm=comm, replace=options.replace, watch=watch)
-    if options.json:
-        _answer(comm, outcome.summary)
-    else:
-        _say(options, comm, f"results are in {outcome.folder}")
+    _answer(options, comm, outcome.summary, f"results are in {outcome.folder}")
     for name, reason in outcome.failed.items():
         if comm.rank == 0:
             tell(f"error: {name}: {reason}", sys.stderr)
@@ -107,11 +104,9 @@ def sweep(options: Options, comm: Any) -> int:
         keep = {"output": output, "replace": options.replace, "rows": options.rows}
         found = run_sweep(case, **keep, comm=comm, watch=watch)
     failed = [reason for reason in found.reasons if reason]
-    if options.json:
-        _answer(comm, found.facts())
-    else:
-        further = "; a last call without --rows writes the table of all" if options.rows else ""
-        _say(options, comm, f"{found!r}\nresults are in {os.path.abspath(output)}{further}")
+    further = "; a last call without --rows writes the table of all" if options.rows else ""
+    text = f"{found!r}\nresults are in {os.path.abspath(output)}{further}"
+    _answer(options, comm, found.facts(), text)
     if failed and comm.rank == 0:
         tell(f"error: {len(failed)} of {len(found.reasons)} rows failed; the first: {failed[0]}", sys.stderr)
     return FAILED_ROWS if failed else 0
@@ -145,10 +140,8 @@ def info(options: Options, comm: Any) -> int:
         results = read_any(options.results)
         if options.case:
             tell(results.text, end="")
-        elif options.json:
-            _answer(comm, results.facts())
         else:
-            tell(described(results))
+            _answer(options, comm, results.facts(), described(results))
     return 0
 
 
@@ -170,10 +163,7 @@ def doctor(options: Options, comm: Any) -> int:
     from .doctor import as_text, examine
 
     findings = examine(comm)
-    if options.json:
-        _answer(comm, findings)
-    else:
-        _say(options, comm, as_text(findings))
+    _answer(options, comm, findings, as_text(findings))
     return 1 if findings["faults"] else 0
 
 

@@ -228,10 +228,7 @@ def _json(results: RunResults | Sweep, folder: str) -> list[str]:
             "reasons": results.reasons,
         }
     else:
-        value = {
-            "run": results.run,
-            **{name: own.summary(True) for name, own in results.analyses.items()},
-        }
+        value = {"run": results.run, **{name: own.summary(True) for name, own in results.analyses.items()}}
     write_json(path, value)
     return [path]
 

@@ -114,11 +114,7 @@ def mesh(case: Given) -> BoundaryMesh:
 
 def _check_names(case: Given, found: BoundaryMesh) -> None:
     points, sets, regions = tuple(found.points), tuple(found.edge_sets), tuple(found.material_names)
-    valid = {
-        "neither an edge set nor a point": (*sets, *points),
-        "no point": points,
-        "no edge set": sets,
-    }
+    valid = {"neither an edge set nor a point": (*sets, *points), "no point": points, "no edge set": sets}
     for path, name, what in named_places(case.tables):
         if name not in valid[what]:
             raise case.problem(path, f"= {name!r} is {what}; {one_of(valid[what], name)}")

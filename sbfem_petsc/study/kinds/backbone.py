@@ -11,7 +11,8 @@ from ...analysis.options import BackboneOptions
 from ...options import item
 from ...record.about import Quantity
 from ...record.found import column, labelled
-from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
+from ..costs import Cost, Size
+from .frequency_response import curve_cost
 from .kind import Drawn, Kind, Run
 
 
@@ -37,7 +38,4 @@ class Backbone(BackboneOptions, Kind):
 
     def cost(self, size: Size) -> Cost:
         # some iterations a point, and each once more with half the step
-        modes, count = size.modes(self.modes), min(self.points, CURVE_POINTS)
-        seconds, memory = size.period(modes, self.steps or STEPS)
-        seconds *= 6 * count * (MULTIPLIERS if self.stability else 1.0)
-        return Cost(size.extracting(modes), seconds, memory, 400.0 * count * (modes + size.points * 60))
+        return curve_cost(size, self, iterations=6)

@@ -101,12 +101,7 @@ class Basins(BasinsOptions, Loaded):
                         "N",
                         "largest resultant",
                     ),
-                    labelled(
-                        "integrity",
-                        result.integrity(k),
-                        "J",
-                        "least energy that leads away",
-                    ),
+                    labelled("integrity", result.integrity(k), "J", "least energy that leads away"),
                     of_points("amplitude", points, orbit.amplitude, "m", "half the peak-to-peak of u_y"),
                 ]
             )

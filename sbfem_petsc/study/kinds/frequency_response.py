@@ -99,14 +99,14 @@ class FrequencyResponse(FrequencyResponseOptions, Curve, Loaded):
     def cost(self, size: Size) -> Cost:
         if not self.contact:
             return Cost(size.extracting(size.modes(self.modes)), 0.0, disk=1e6)
-        return curve_cost(size, self)
+        return curve_cost(size, self, self.periods or 1)
 
 
-def curve_cost(size: Size, table: Any) -> Cost:
-    """Of a curve of steady states."""
+def curve_cost(size: Size, table: Any, periods: int = 1, iterations: int = 1) -> Cost:
+    """Of a curve of motions of so many forcing periods, and so many iterations for each of its points."""
     modes, count = size.modes(table.modes), min(table.points, CURVE_POINTS)
-    seconds, memory = size.period(modes, (table.steps or STEPS) * (table.periods or 1))
-    seconds *= count * (1.0 if table.stability is False else MULTIPLIERS)
+    seconds, memory = size.period(modes, (table.steps or STEPS) * periods)
+    seconds *= iterations * count * (1.0 if table.stability is False else MULTIPLIERS)
     return Cost(
         size.extracting(modes, errors=True), seconds, memory, 400.0 * count * (modes + size.points * 60)
     )

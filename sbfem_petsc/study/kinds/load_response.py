@@ -32,4 +32,4 @@ class LoadResponse(LoadResponseOptions, Curve):
         common_period(self, case, path)
 
     def cost(self, size: Size) -> Cost:
-        return curve_cost(size, self)
+        return curve_cost(size, self, self.periods or 1)

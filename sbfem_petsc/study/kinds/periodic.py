@@ -84,10 +84,7 @@ class Steady(Kind):
         levels = {name: 1e6 * np.abs(c if c.ndim == 1 else c[:, 1]) for name, c in harmonics}
         orders = range(min([SHOWN, *map(len, levels.values())]) if levels else 0)
         heading = ("harmonic", *(f"|{symbol(found, point)}|, µm" for point in levels))
-        yield (
-            heading,
-            [(k, *(float(values[k]) for values in levels.values())) for k in orders],
-        )
+        yield heading, [(k, *(float(values[k]) for values in levels.values())) for k in orders]
 
 
 class Periodic(PeriodicOptions, Steady, Loaded):
