@@ -9,6 +9,7 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.continuation.harmonic_errors import FAINT
+from sbfem_petsc.motion.steps import free_motion
 from tests.systems import ALUMINIUM, chain, coarse_beam
 
 TURN = 2.0 * np.pi
@@ -211,3 +212,17 @@ def test_a_body_at_rest_has_no_error():
     pressed = sb.periodic(rod(6), [sb.Constant(0.1)], 0.45 / TURN, steps=256, stability=False)
     for orbit in (resting, pressed):
         assert orbit.mode_error[1:].max() < 1e-6, orbit.mode_error
+
+
+def test_free_motion_over_a_step():
+    """Each mode by exp(lambda h), in whatever unit its coordinate is told; of what stands behind nothing."""
+    omega, damping, step = np.array([3.0, 50.0]), np.array([0.02, 0.3]), 0.01
+    matrix = free_motion((omega, damping), step, np.array([0.5, 7.0]), 5)
+    exponents = omega * (-damping + 1j * np.sqrt(1.0 - damping**2))
+    expected = np.exp(step * np.concatenate([exponents, exponents.conj()]))
+    np.testing.assert_allclose(np.sort_complex(np.linalg.eigvals(matrix[:4, :4])), np.sort_complex(expected))
+    step_of = matrix[:4, :4] @ [0.5, 0.0, 0.0, 0.0]  # the first mode at 1
+    rate = exponents[0]
+    assert step_of[0] / 0.5 == pytest.approx((np.exp(step * rate) * rate.conj()).imag / rate.conj().imag)
+    assert step_of[2] == pytest.approx(-3.0 * (3.0 / rate.imag) * np.exp(step * rate).imag)
+    assert not matrix[4].any() and not matrix[:, 4].any()

@@ -85,7 +85,7 @@ def test_iterations_and_residual(model):
     )
 
 
-@pytest.mark.parametrize("opening", [pytest.param(0.0458366, marks=pytest.mark.slow), 0.0])
+@pytest.mark.parametrize("opening", [pytest.param(0.0458366, marks=pytest.mark.long), 0.0])
 def test_ends_at_rounding(opening):
     """A slender beam far below most of its modes, whose steps leave more to rounding than they do elsewhere:
     Newton's method ends there, beside 120 modes; of the closed notch the crack breathes.

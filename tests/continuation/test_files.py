@@ -125,7 +125,7 @@ if MPI.COMM_WORLD.rank == 0:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("kind", ["tori", "backbone", "locus"])
+@pytest.mark.parametrize("kind", ["tori", "locus"])
 def test_killed_and_resumed_by_two_ranks(kind, tmp_path):
     """Tori, whose samples the ranks share, and lines that both follow: to the same points, 1e-12 of each
     number.
