@@ -134,6 +134,9 @@ def count_pivots(pc: PETSc.PC) -> PETSc.Mat:
     factor = pc.getFactorMatrix()
     factor.setMumpsIcntl(24, 1)  # null pivots are looked for, which the count needs
     factor.setMumpsIcntl(13, 1)  # no ScaLAPACK at the root: its pivots would not be counted
+    width = pc.getOperators()[1].getBlockSize()
+    if width > 1:
+        factor.setMumpsIcntl(15, -width)  # nodes are ordered, not their unknowns
     return factor
 
 

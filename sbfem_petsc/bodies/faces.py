@@ -99,12 +99,8 @@ def moving_pairs(
             "faces but slides: no contact force presses on it; free it, or leave it out"
         )
     laws = tuple(law if rubs else Unilateral() for rubs in slides) if law.rubs else (law,) * len(one)
-    return Contact(
-        rows[moves],
-        distance[moves],
-        tuple(law for law, gives in zip(laws, moves) if gives),
-        sparse.csr_matrix(slips[moves]),
-    )
+    kept = tuple(law for law, gives in zip(laws, moves) if gives)
+    return Contact(rows[moves], distance[moves], kept, sparse.csr_matrix(slips[moves]))
 
 
 def given_gap(gap: Any, x: np.ndarray) -> np.ndarray:

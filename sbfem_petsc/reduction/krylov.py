@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg.blas import dger
+from scipy.linalg.blas import dgemm, dger
 
 from ..errors import SolveError, on_all_ranks
 from ..petsc import MPI
@@ -37,9 +38,18 @@ def by_columns(
     """
     if comm.size == 1:
         return work(rows)
-    width = rows.shape[1]
-    found = work(np.asfortranarray(whole(comm, rows, count)[:, share(comm, width)]))
-    return whole(comm, found.T, width)[:, share(comm, count)].T
+    found = work(np.asfortranarray(_turned(comm, rows, count)))
+    return _turned(comm, found.T, rows.shape[1]).T
+
+
+def _turned(comm: MPI.Comm, rows: np.ndarray, count: int) -> np.ndarray:
+    """(count, own): this rank's share of the columns of (count, k), of which each rank has its rows."""
+    columns = _bounds(comm, rows.shape[1])
+    sent = np.concatenate([rows[:, first:last].ravel() for first, last in pairwise(columns)])
+    result = np.empty((count, columns[comm.rank + 1] - columns[comm.rank]))
+    sizes = len(rows) * np.diff(columns), np.diff(_bounds(comm, count)) * result.shape[1]
+    comm.Alltoallv((sent, sizes[0]), (result, sizes[1]))
+    return result
 
 
 def whole(comm: MPI.Comm, own: np.ndarray, count: int) -> np.ndarray:
@@ -118,7 +128,7 @@ class _Space:
         self.basis, self.inertia = (np.empty((self.mass.shape[0], most), order="F") for _ in range(2))
 
     def add(self, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Take in what columns, (own, k), have beside the vectors.
+        """Take in what columns, (own, k), have beside the vectors; they are overwritten.
 
         Returns
         -------
@@ -126,10 +136,11 @@ class _Space:
             Their coefficients of the vectors that were there, and of those that come in.
         """
         before, size = slice(self.used), block.shape[1]
-        inside, outside, rows = np.zeros((self.used, size)), np.eye(size), block
+        inside, outside, rows = np.zeros((self.used, size)), np.eye(size), np.asfortranarray(block)
         for lost in (LOST, ENOUGH):
             along = self._summed(self.inertia[:, before].T @ rows)
-            rows = np.asfortranarray(rows - self.basis[:, before] @ along)
+            if rows.size:  # in place, without an array of that size
+                rows = dgemm(-1.0, self.basis[:, before], along, 1.0, rows, overwrite_c=True)
             heavy = np.asfortranarray(self.mass @ whole(self.comm, rows, self.mass.shape[1]))
             inside += along @ outside
             kept, triangle, least = self._triangle(rows, heavy, (along**2).sum(axis=0), lost)
@@ -170,7 +181,7 @@ class _Space:
             kept.append(j)
             for part in (rows, heavy):
                 part[:, j] /= length
-                if part[:, j + 1 :].size:  # in place, without an array of that size
+                if part[:, j + 1 :].size:
                     dger(-1.0 / length, part[:, j], row[1:], a=part[:, j + 1 :], overwrite_a=True)
         return kept, triangle[: len(kept)], least
 

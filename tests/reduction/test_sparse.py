@@ -332,3 +332,16 @@ def test_eigensolver_by_options_where_nothing_holds(monkeypatch):
             squares(1e4, 1.0)
     finally:
         options.delValue("modal_eps_type")
+
+
+def test_orderings_take_nodes(beam):
+    """Three unknowns of a node are one to MUMPS, in a mass that couples no directions, too, and not where an
+    unknown is missing; rows of the user's keep their zeros.
+    """
+    mass, stiffness, (_, y, _) = beam
+    for matrix in (mass, stiffness):
+        assert sparse._matrix(matrix).getBlockSize() == 3
+        assert sparse._matrix(matrix[1:, 1:]).getBlockSize() != 3
+    rows = scipy.sparse.csr_matrix(([1.0, 0.0], ([0, 0], y[:2])), (1, mass.shape[0]))
+    sb.reduce_matrices(mass, stiffness, rows, np.zeros(1), loads=rows.T, sensors={"y": y[0]}, modes=4)
+    assert rows.nnz == 2
