@@ -16,6 +16,7 @@ from ..errors import on_all_ranks
 from ..motion.history import History
 from ..ranks.parallel import collective
 from ..system.model import Model
+from .accurate_history import distance
 from .analysis import analysis
 from .options import ErrorOptions
 from .transient import by_functions, transient
@@ -100,7 +101,7 @@ def estimate_error(
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", StepWarning)  # it was told when the history was made
-        off = _distance(history, again(1, 0))
+        off = distance(history, again(1, 0))
     if not off < REPEATED:
         raise on_all_ranks(
             ValueError(
@@ -110,7 +111,7 @@ def estimate_error(
         )
     # at half of the step too: more modes need a finer one where there is contact
     halved, richer = again(2, 0), again(2, math.ceil(0.5 * modes))
-    return ErrorEstimate(_distance(history, halved), _distance(halved, richer))
+    return ErrorEstimate(distance(history, halved), distance(halved, richer))
 
 
 def _kept_of(model: Model, history: History) -> tuple[int, int]:
@@ -132,12 +133,3 @@ def _kept_of(model: Model, history: History) -> tuple[int, int]:
     if len(history.time) < 2:
         raise ValueError("estimate_error: the history has one instant only; give one that was integrated")
     return len(history.reduced.omega), round(float(history.time[1]) / history.step)
-
-
-def _distance(one: History, other: History) -> float:
-    """Relative to the second, L2 over all named points and instants."""
-    if one.time.shape != other.time.shape:
-        return math.inf
-    found, exact = (np.stack([h.displacement(p) for p in h.points]) for h in (one, other))
-    off = float(np.linalg.norm(found - exact))
-    return off / max(float(np.linalg.norm(exact)), 1e-300) if off else 0.0

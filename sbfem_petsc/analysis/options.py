@@ -37,7 +37,7 @@ def _accuracy(default: float | None = None) -> Any:
 def _harmonics() -> Any:
     text = (
         "relative error of harmonics 1 to 4 of points and resultant asked for: default modes and steps are "
-        "as many as it needs"
+        "as many as it needs; default: 1e-3 where at most 40 modes do, none elsewhere and of two tones"
     )
     return item(None, text=text, ge=1e-8, le=0.1)
 
@@ -106,6 +106,13 @@ class TransientOptions(Options):
     contact: bool = item(True, text=_CONTACT)
     scheme: Literal["exact", "newmark"] = item("exact", text="time integration")
     decimation: int | None = _counted("every so many steps are kept; default: all that 1 GB holds")
+    accuracy: float | None = item(
+        None,
+        text="relative error of the displacements of points over time asked for: default modes and step are "
+        "as many, or as short, as it needs",
+        ge=1e-8,
+        le=0.1,
+    )
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """A step that is longer than the history."""

@@ -28,6 +28,7 @@ from ..motion.preparation import (
     finer,
     prepare,
     require_unreduced,
+    saving,
     tells_stability,
 )
 from ..motion.unreduced.period import prepare_unreduced
@@ -86,7 +87,9 @@ def periodic(
         work between smooth faces, does more of it than 1e-3 of what the loads exchange with the modes (see
         `motion.contact_work`), to 32 times as many at most.
     modes : int, optional
-        Default: all modes up to 8 times the loads' highest frequency, at least 80.
+        Default: as many as an `accuracy` of 1e-3 needs where at most 40 do, as under slow loads, and `steps`,
+        `guess` and `tolerance` are not given, of a Model; elsewhere all modes up to 8 times the loads'
+        highest frequency, at least 80, whatever is told of their error.
     contact : bool
         False: the faces may overlap.
     reduction : "modes" or None
@@ -165,7 +168,9 @@ def periodic(
         return _unreduced(model, load, frequency, settings, progress)
     search = search if contact else NEWTON_ALONE
     task = _Task(model, load, frequency, stability, search, progress)
-    return _shot(task, settings, guess) if tolerance is None else _refined(task, settings, guess, tolerance)
+    if tolerance is not None:
+        return _refined(task, settings, guess, tolerance)
+    return _shot(task, settings if segments > 1 else saving(settings, model, guess), guess)
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,6 +31,7 @@ from ..motion.preparation import (
     finer,
     prepare,
     require_unreduced,
+    saving,
     tells_stability,
 )
 from ..motion.unreduced.period import UnreducedPeriod, prepare_unreduced
@@ -245,6 +246,7 @@ class _Run:
             steps = self.settings.steps or len(guess.time) // guess.periods
             settings = replace(settings, steps=steps, periods=guess.periods)
             asked = replace(asked, leave=guess.path == DOUBLED)
+        settings = saving(settings, self.model, guess)
         if settings.accuracy is not None:
             asked = replace(asked, accuracy=Accuracy(what, self.model, settings, guess is not None))
 

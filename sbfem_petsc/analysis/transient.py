@@ -5,8 +5,10 @@ model.
 from __future__ import annotations
 
 import contextlib
+import functools
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,6 +33,7 @@ from ..ranks.parallel import collective
 from ..reduction.build import default_modes
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
+from .accurate_history import accurate_history
 from .analysis import analysis
 from .options import TransientOptions
 
@@ -51,6 +54,7 @@ def transient(
     scheme: str = "exact",
     initial: Any = "rest",
     decimation: int | None = None,
+    accuracy: float | None = None,
     reduction: str | None = "modes",
     progress: Progress = "auto",
     file: str | None = None,
@@ -96,6 +100,12 @@ def transient(
         Every so many steps are kept; the step is shortened so that the last one is among them. Default: every
         one, unless the history would take more than 1 GB; then the fewest that are left out to stay below,
         with a warning.
+    accuracy : float, optional
+        Of the displacements of all named points over time, relative L2, `History.mode_error`: modes and step
+        that are not given are as many, or as short, as that needs. To begin with modes as for `periodic`, and
+        the default step; more of them, shorter ones, where the told error is above. It is told by the history
+        in shorter steps and, in these, in half as many modes again; all of these are kept in memory. Of the
+        reduced model; a run that goes on with a `file` finds its modes and step again.
     reduction : "modes" or None
         "modes": lowest modes and residual flexibility; None: the unreduced model by Newmark's average
         acceleration with implicit contact, which takes energy and never gives any: some 1e-3 to 1e-2 of what
@@ -124,6 +134,8 @@ def transient(
 
     Warns
     -----
+    AccuracyWarning
+        If the told error is above `accuracy` in the modes or the step given, or in all that the mesh has.
     StepWarning
         If the step takes fewer than 20 steps a period of the highest load frequency, or is longer than the
         period of the highest mode of a reduced model and pairs close; if contact does work in parts of steps
@@ -144,7 +156,18 @@ def transient(
         check_initial(initial, unreduced)
         loads = loading("transient", model, load)
         loads = loads.over("transient", duration, isinstance(initial, str) and initial == "rest")
+        _check_accuracy(accuracy, unreduced, initial)
     require_compiler("transient", comm)
+    if accuracy is not None:
+        given: dict[str, Any] = {
+            "contact": contact,
+            "scheme": scheme,
+            "initial": initial,
+            "progress": progress,
+        }
+        again = functools.partial(transient, load=load, duration=duration, **given)
+        recorded = {"decimation": decimation, "file": file, "resume": resume, "in_memory": in_memory}
+        return _accurate(model, loads, (accuracy, modes, step), again, recorded)
     with contextlib.ExitStack() as stack:
         kind = "unreduced" if unreduced else "reduced"
         record = HistoryFile(comm, file, kind=kind, resume=resume, in_memory=in_memory)
@@ -167,6 +190,26 @@ def transient(
         _warn_of_work(integrator, history)
         _warn_if_long(step, problem.highest, history)
     return history
+
+
+def _accurate(
+    model: Model | ReducedModel,
+    loads: Loading,
+    asked: tuple[float, int | None, float | None],
+    history: Callable[..., History],
+    recorded: dict[str, Any],
+) -> History:
+    """The history in modes and a step in which it is accurate, and once more into a file where that is
+    wanted.
+    """
+
+    def run(reduced: ReducedModel, step: float | None, every: int | None) -> History:
+        return history(reduced, step=step, decimation=every or recorded["decimation"])
+
+    found = accurate_history(model, loads, asked, run)
+    if recorded["file"] is None:
+        return found
+    return replace(history(found.reduced, step=found.step, **recorded), mode_error=found.mode_error)
 
 
 class _Problem(NamedTuple):
@@ -304,6 +347,15 @@ def _warn_if_long(step: float, highest: float, history: History) -> None:
             f"lines, are likely; use a step of {CONTACT_STEP / highest:.2g} s, the default, or fewer modes",
             StepWarning,
             stacklevel=caller_level(),
+        )
+
+
+def _check_accuracy(accuracy: float | None, unreduced: bool, initial: Any) -> None:
+    """Raise unless there are modes that may become more."""
+    if accuracy is not None and (unreduced or (isinstance(initial, tuple) and not by_functions(initial))):
+        raise ValueError(
+            f"transient: accuracy = {accuracy:g} is for the reduced model from a state that is not given in "
+            "modal coordinates: leave it out"
         )
 
 

@@ -9,6 +9,7 @@ import math
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from ..errors import SolveError, caller_level
 from ..motion.contact_work import MOST
 from ..motion.period_map import FixedPoint, Period
 from ..motion.preparation import PeriodSettings
-from ..reduction.build import modes_beyond, most_modes
+from ..reduction.build import FEW, few_modes, modes_beyond, most_modes
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 from .harmonic_errors import added, harmonic_error_estimates
@@ -49,8 +50,23 @@ class TooInaccurate(Exception):
         self.fixed, self.settings, self.value = fixed, settings, value
 
 
+class Words(NamedTuple):
+    """What is said of results that are less accurate: what has the error, what steps are counted in and what
+    helps against theirs.
+    """
+
+    subject: str = "harmonics 1 to 4"
+    each: str = " a forcing period"
+    remedy: str = "give more than steps = {}"
+
+
+HARMONICS = Words()
+
+
 class Accuracy:
     """What is asked of harmonics 1 to 4, and which of modes and steps may grow: those that were not given.
+    By default, where a few modes do (`preparation.saving`), nothing is said of what is missing, and there are
+    the usual modes and steps where these few do not.
 
     Parameters
     ----------
@@ -61,11 +77,20 @@ class Accuracy:
         As a user gave them, with an accuracy.
     begun : bool
         Whether there is a motion to begin from: it has its modes.
+    words : Words
     """
 
-    def __init__(self, owner: str, system: Model | ReducedModel, settings: PeriodSettings, begun: bool):
+    def __init__(
+        self,
+        owner: str,
+        system: Model | ReducedModel,
+        settings: PeriodSettings,
+        begun: bool,
+        words: Words = HARMONICS,
+    ):
         assert settings.accuracy is not None  # the caller has asked
         self.owner, self.value, self.settings = owner, settings.accuracy, settings
+        self.words, self.by_default = words, settings.few
         self._begun = begun and isinstance(system, Model)
         self._model = system if isinstance(system, Model) and settings.modes is None and not begun else None
         self._most_steps = MOST * settings.least if settings.steps is None else 0
@@ -79,15 +104,13 @@ class Accuracy:
         errors are within it or nothing may grow.
         """
         by_modes, by_steps = (largest_error(part) for part in errors)
-        if self.met(errors) or math.isnan(by_modes + by_steps):
+        if self.met(errors) or math.isnan(by_modes + by_steps) or self.settled(reduced):
             return None
         modes = more = len(reduced.omega)
         times = 1
         if self._model is not None and by_modes > (1.0 - OF_STEPS) * self.value:
             share = min(max(math.sqrt(2.0 * by_modes / self.value), LEAST_MORE), MOST_MORE)
-            most = min(most_modes(self._model), max(MOST_MODES, modes))
-            beyond = modes_beyond(self._model, share * reduced.frequencies.max(), modes + 1)
-            more = min(most, max(beyond, math.ceil(LEAST_MORE * modes)))
+            more = self._more_modes(share * reduced.frequencies.max(), modes)
         if more == modes and by_modes > self.value:
             return None  # steps alone do not help
         if by_steps > OF_STEPS * self.value or more == modes:
@@ -98,6 +121,19 @@ class Accuracy:
             return None
         return more if self._model is not None else self.settings.modes, times * steps
 
+    def _more_modes(self, band: float, modes: int) -> int:
+        """Modes up to a frequency (Hz), some more than there are."""
+        model, least = self._model, math.ceil(LEAST_MORE * modes)
+        assert model is not None  # the caller has asked
+        if self.by_default:
+            return few_modes(model, band, least) or max(FEW, modes) + 1
+        most = min(most_modes(model), max(MOST_MODES, modes))
+        return min(most, max(modes_beyond(model, band, modes + 1), least))
+
+    def settled(self, reduced: ReducedModel) -> bool:
+        """Whether these are the modes that are taken by default where a few do not do."""
+        return self.by_default and len(reduced.omega) > FEW
+
     def require(self, fixed: FixedPoint, errors: np.ndarray, value: float = math.nan) -> None:
         """Raise TooInaccurate where a motion's told errors are above it and modes or steps may grow."""
         period = fixed.driven.period
@@ -105,6 +141,9 @@ class Accuracy:
         more = self.further(period.reduced, period.steps // periods, errors)
         if more is not None:
             settings = replace(self.settings, modes=more[0], periods=periods)
+            if self.by_default and (more[0] or 0) > FEW:
+                usual = replace(settings, modes=None, accuracy=None, few=False, least=0)
+                raise TooInaccurate(fixed, usual, value)
             if self._most_steps:
                 settings = replace(settings, least=more[1])
             raise TooInaccurate(fixed, settings, value)
@@ -142,6 +181,8 @@ class Accuracy:
         """The map of a curve in whose modes and steps both ends and the linear peak are accurate, as far as
         Newton's method finds motions there at once.
         """
+        if self.settled(period.reduced):
+            return period
         places = [over.start, over.stop]
         if over.name == "frequency":
             inside = [float(f) for f in period.reduced.frequencies if min(places) < f < max(places)]
@@ -189,8 +230,9 @@ class Accuracy:
             return ""
         if math.isnan(by_modes + by_steps):
             return (
-                "the error of harmonics is not told, as no point is named or the model was read from a "
-                "file; name points of the mesh, or reduce the model again"
+                f"the error of {self.words.subject} is not told, as no point is named, the model was read "
+                "from a file or there is no memory for more modes; name points of the mesh, or reduce the "
+                "model again"
             )
         modes = len(reduced.omega)
         if by_modes >= by_steps:
@@ -202,17 +244,19 @@ class Accuracy:
             elif self.settings.modes is None:
                 remedy = "reduce the model to more modes"
         else:
-            cause, remedy = f"lost in {steps} steps a forcing period", f"give more than steps = {steps}"
+            cause, remedy = f"lost in {steps} steps{self.words.each}", self.words.remedy.format(steps)
         worst = largest_error(errors.sum(axis=0))
         off = f"told to be {worst:.2g} off" if math.isfinite(worst) else "off by what is not found"
         return (
-            f"harmonics 1 to 4 are {off}, not within accuracy = {self.value:g}, most by what is {cause}; "
+            f"{self.words.subject} are {off}, not within accuracy = {self.value:g}, most by what is {cause}; "
             f"{remedy}"
         )
 
     def tell(self, reduced: ReducedModel, steps: int, errors: np.ndarray) -> str:
-        """Warn the owner's caller of told errors above it; what is missing is returned."""
-        missing = self.missing(reduced, steps, errors)
+        """Warn the owner's caller of told errors above it, if it was asked for; what is missing is
+        returned.
+        """
+        missing = "" if self.by_default else self.missing(reduced, steps, errors)
         if missing:
             warnings.warn(f"{self.owner}: {missing}", AccuracyWarning, stacklevel=caller_level())
         return missing

@@ -8,9 +8,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..errors import SolveError
+from ..errors import PetscFailure, SolveError
 from ..motion.excitation import one_sided
 from ..motion.period_map import DrivenPeriod, FixedPoint, Period
+from ..motion.preparation import finer, require_period
 from ..motion.steps import free_motion
 from ..reduction.build import wider
 from ..reduction.reduced_model import ReducedModel
@@ -26,6 +27,8 @@ SECOND, MODES, MOST = 4.0 / 3.0, 2.0, 4.0
 # Of the motion in twice the steps what Newton's next step would add, of how far it is; iterations with
 # derivatives of their own, and the residual relative to the first one.
 ACCURATE_ENOUGH, NEWTON, RELATIVE = 0.1, 16, 1e-3
+# Whose memory is checked, for messages that nobody sees.
+OWNER = "harmonic_error_estimates"
 # Of the flexibility that is left out, what further modes take at least where they tell what all of them do:
 # .05 to .65 on beams and plates, 1e-4 and less where those of other parts come next. What of a flexibility is
 # rounding.
@@ -38,27 +41,41 @@ def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
     that oscillates. Collective.
 
     The motion is found again in twice the steps, and in these in a model of half as many modes again. inf
-    where it is not found; nan where nothing is known of the left-out modes, or there is no named point.
+    where it is not found, or has no room; nan where nothing is known of the left-out modes, or there is no
+    named point.
     """
     driven, p = fixed.driven, fixed.driven.period
     more = wider(p.reduced)
     if more is None or not len(p.points):
         return np.full((2, LOWEST), np.nan)
-    errors, finer = np.full((2, LOWEST), np.inf), fixed
+    errors, best, where = np.full((2, LOWEST), np.inf), fixed, (driven.frequency, driven.factor)
     if not fixed.touching.any():  # known in closed form
         errors[1] = 0.0
-    elif found := _nearby(
-        driven.in_steps(2 * p.steps), fixed.state, lambda: fixed.monodromy, ACCURATE_ENOUGH
-    ):
-        errors[1], finer = SECOND * change(lowest(fixed), lowest(found)), found
-    wide = Period(more, p.excitation, finer.driven.period.steps, p.pairs > 0)
-    beside = wide.at(driven.frequency, driven.factor)
-    factor = beyond(p.reduced, more)
-    if np.isfinite(factor) and (
-        found := _nearby(beside, beside.linear_state + added(finer, wide), lambda: _derivative(fixed, beside))
-    ):
-        errors[0] = factor * change(lowest(finer), lowest(found))
+    elif period := _if_room(lambda: finer(OWNER, p, 2)):
+        found = _nearby(period.at(*where), fixed.state, lambda: fixed.monodromy, ACCURATE_ENOUGH)
+        if found:
+            errors[1], best = SECOND * change(lowest(fixed), lowest(found)), found
+    factor, steps = beyond(p.reduced, more), best.driven.period.steps
+    if np.isfinite(factor) and (wide := _if_room(lambda: _wide(p, more, steps))):
+        beside = wide.at(*where)
+        state = beside.linear_state + added(best, wide)
+        if found := _nearby(beside, state, lambda: _derivative(fixed, beside)):
+            errors[0] = factor * change(lowest(best), lowest(found))
     return errors
+
+
+def _wide(period: Period, more: ReducedModel, steps: int) -> Period:
+    """The map in more modes and so many steps, if there is room for it."""
+    require_period(OWNER, more, steps, len(period.excitation.orders), period.pairs > 0)
+    return Period(more, period.excitation, steps, period.pairs > 0)
+
+
+def _if_room(make: Callable[[], Period]) -> Period | None:
+    """A map, None where there is no memory for it."""
+    try:
+        return make()
+    except ValueError:
+        return None
 
 
 def beyond(reduced: ReducedModel, more: ReducedModel) -> float:
@@ -96,6 +113,8 @@ def _nearby(
         shooting = Shooting(driven, "updated" if whole else "matrix-free", NEWTON)
         shooting.hurries, shooting.relative = True, RELATIVE
         return shooting.solve(state)
+    except PetscFailure:
+        raise
     except SolveError:
         return None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from typing import ClassVar
 
@@ -240,6 +241,14 @@ class History(Motion):
         default=0,
     )
     complete: bool = quantity("1", "whether the run that made it has reached its end", default=True)
+    mode_error: float = quantity(
+        "1",
+        "error of the displacements of all named points over time, relative L2, by left-out modes and the "
+        "steps; inf where it is not found, nan where no accuracy was asked for",
+        default=math.nan,
+        finite=False,
+        row=True,
+    )
 
     @derived("1", "largest imbalance of the energies, relative to the loads' work", row=True)
     def energy_error(self) -> float:
@@ -259,9 +268,10 @@ class History(Motion):
 
     def __repr__(self) -> str:
         kind = f"{len(self.reduced.omega)} modes" if self.reduced is not None else "unreduced model"
+        told = "" if math.isnan(self.mode_error) else f"error of displacements {self.mode_error:.2g}, "
         return (
             f"History({len(self.time)} instants to {self.time[-1]:.6g} s, step {self.step:.3g} s, {kind}, "
-            f"{self.states.pairs} pairs, peak contact resultant "
+            f"{self.states.pairs} pairs, {told}peak contact resultant "
             f"{self.contact_resultant.max(initial=0.0):.6g} N, largest energy error "
             f"{'; '.join([f'{np.abs(self.energy.balance).max():.2e} J', *self._borne(), *self.notes])})"
         )

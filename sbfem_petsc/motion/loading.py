@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,7 +16,7 @@ from ..errors import on_all_ranks
 from ..loads import EdgeMotion, Load, Loads, as_loads, separate
 from ..petsc import MPI
 from ..ranks.parallel import collective
-from ..reduction.build import ACCURATE_LEAST, LEAST_MODES, default_modes, modes_for, reduced
+from ..reduction.build import ACCURATE_BAND, LEAST_MODES, default_modes, few_modes, modes_for, reduced
 from ..reduction.reduced_model import ReducedModel, wider_count
 from ..signals.sampling import known
 from ..signals.signal import Constant, Signal, as_signal
@@ -246,6 +247,8 @@ class Wanted(NamedTuple):
         None: by default all modes up to 8 times the loads' highest frequency, at least 80.
     accuracy : float or None
         Of the lowest harmonics, which then tells the default number of modes.
+    few : bool
+        That it does so under slow loads alone, for which a few modes do.
     told : bool
         Whether their errors are told, for which modes are computed at once that `wider` takes.
     """
@@ -253,6 +256,7 @@ class Wanted(NamedTuple):
     modes: int | None
     accuracy: float | None = None
     told: bool = False
+    few: bool = False
 
 
 def serving(
@@ -271,7 +275,7 @@ def serving(
     highest : float
         Highest load frequency, Hz.
     """
-    modes, accuracy, told = wanted
+    modes, accuracy, told, few = wanted
     if isinstance(system, ReducedModel):
         if modes is not None:
             raise on_all_ranks(
@@ -285,12 +289,14 @@ def serving(
     with collective(system.comm):
         modes = optional_integer(owner, "modes", modes, least=1, most=system.boundary_unknowns // 2)
     system.require_support(f"{owner} of the reduced model")
-    if told:
-        least = LEAST_MODES if accuracy is None else ACCURATE_LEAST
-        system.modes(min(wider_count(modes or least), system.boundary_unknowns // 2))
     if modes is None and accuracy is not None:
         known = all(signal.highest_frequency is not None for signal in loads.signals)
-        modes = modes_for(system, highest if known else 0.0, accuracy)
+        asked = highest if known else 0.0
+        modes = few_modes(system, ACCURATE_BAND * asked) if few else modes_for(system, asked, accuracy)
+    if told:
+        count = wider_count(modes or LEAST_MODES)
+        with contextlib.suppress(ValueError):  # without room for them nothing is told
+            system.modes(min(count, system.boundary_unknowns // 2))
     result = reduced(system, loads.units, modes or default_modes(system, highest))
     _warn_of_reduced(owner, result, loads, highest)
     return result

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from ..checks import shown
@@ -61,6 +61,8 @@ class PeriodSettings:
         Highest forcing frequency that the modes are to serve, Hz; None: the one of the period.
     accuracy : float or None
         Of harmonics 1 to 4: tells how many modes there are to begin with where they are not given.
+    few : bool
+        That it does so where a few modes are enough; there are the default ones and as many steps elsewhere.
     least : int
         Steps a forcing period at least where they are not given; 0: by default or as the accuracy asks for.
     told : bool
@@ -76,6 +78,7 @@ class PeriodSettings:
     segments: int = 1
     band: float | None = None
     accuracy: float | None = None
+    few: bool = False
     least: int = 0
     told: bool = False
 
@@ -83,6 +86,16 @@ class PeriodSettings:
         if not self.least:
             least = STEPS if self.accuracy is None else accurate_steps(self.accuracy)
             object.__setattr__(self, "least", least)
+
+
+def saving(settings: PeriodSettings, system: Model | ReducedModel, guess: object) -> PeriodSettings:
+    """Settings that ask for an accuracy of 1e-3 where a few modes are enough for it: of a model whose modes
+    and steps are left to us, and that begins from no motion in modes of its own.
+    """
+    given = guess is not None or not isinstance(system, Model)
+    if given or any(v is not None for v in (settings.accuracy, settings.modes, settings.steps)):
+        return settings
+    return replace(settings, accuracy=ACCURATE, few=True)
 
 
 def accurate_steps(accuracy: float) -> int:
@@ -121,7 +134,7 @@ def prepare(
     modes = settings.modes
     if modes is None and guess is not None and guess.reduced is not None and isinstance(system, Model):
         modes = len(guess.reduced.omega)
-    wanted = Wanted(modes, settings.accuracy, settings.told)
+    wanted = Wanted(modes, settings.accuracy, settings.told, settings.few)
     reduced = serving(owner, system, loads, wanted, highest)
     with collective(communicator(system)):
         if guess is not None:

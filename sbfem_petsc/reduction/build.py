@@ -25,6 +25,7 @@ from ..system.fields.resolution import warn_of_tips
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
 from ..system.solve.modal_result import Modal
+from ..system.solve.pencil import top_of_band
 from ..system.solve.static_solver import block_width
 from .matrices import reduce_matrices
 from .outputs import LinearOutput
@@ -36,6 +37,9 @@ BAND, LEAST_MODES = 8.0, 80
 # The same for an accuracy of 1e-3 of the lowest harmonics, and one mode more; of loads of no known band the
 # default is the least. The error falls as the square of the band: 15 motions of beams, plates, bimaterials.
 ACCURATE_BAND, ACCURATE_LEAST, ACCURATE = 16.0, 12, 1e-3
+# So many that this accuracy asks for, or fewer, are taken in the place of the default ones: with more of them
+# attempts in few modes cost what they save.
+FEW = LEAST_MODES // 2
 
 
 @agreed()
@@ -212,6 +216,24 @@ def modes_for(model: Model, highest: float, accuracy: float) -> int:
     return modes_beyond(model, band, ACCURATE_LEAST if highest > 0.0 else LEAST_MODES)
 
 
+def few_modes(model: Model, band: float, least: int = ACCURATE_LEAST) -> int | None:
+    """Number of modes up to a frequency (Hz) and one more, at least so many; None where they are more than
+    `FEW`, or the frequency is 0. Those that tell their errors are computed with them.
+    """
+    most = min(FEW, most_modes(model))
+    if not 0.0 < 2.0 * math.pi * band < top_of_band(model.statics.elements, FEW):
+        return None
+    count = max(least, FEW // 2)
+    while least <= most and count <= most:
+        known = model.modes(min(wider_count(count), most_modes(model))).frequencies
+        if known[-1] >= band:
+            count = max(least, 1 + int((known <= band).sum()))
+            return count if count <= most else None
+        # frequencies of a beam rise as the square of their number, others less
+        count = max(len(known), math.ceil(len(known) * math.sqrt(band / known[-1])))
+    return None
+
+
 def modes_beyond(model: Model, frequency: float, least: int) -> int:
     """Number of modes up to a frequency (Hz) and one more, at least so many, if the mesh is good for them."""
     count = _passing(model, frequency, min(least, most_modes(model)))
@@ -254,14 +276,18 @@ def reduced(model: Model, units: tuple[Load, ...], modes: int) -> ReducedModel:
 def wider(system: ReducedModel) -> ReducedModel | None:
     """The same structure in half as many modes again, and the same signs of those it has: what is found in it
     tells what modes that are left out do. The system itself where none are; None where nothing is known of
-    them. Collective.
+    them or there is no room for them. Collective.
     """
     own = len(system.omega)
     if system.model is None or system.model.layout.freed:
         more = None if system.wider is None else system.wider()
     else:
-        count = min(wider_count(own), system.model.boundary_unknowns // 2)
-        more = system if count <= own else _kept(system.model, system.loads, count)
+        count, more = min(wider_count(own), system.model.boundary_unknowns // 2), system
+        if count > own:
+            try:
+                more = _kept(system.model, system.loads, count)
+            except ValueError:  # for which there is no memory
+                return None
     if more is None or len(more.omega) == own:
         return None if more is None else system
     # gaps and damping may be others than those that it was reduced with; further modes follow the last one

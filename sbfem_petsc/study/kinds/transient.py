@@ -31,6 +31,12 @@ class Transient(TransientOptions, Loaded):
     running = True
     captions = RUBBING
 
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """What is of the reduced model alone."""
+        yield from super().contradictions()
+        if self.accuracy is not None and not self.reduced:
+            yield "accuracy", "is for the reduced model; leave out reduced = false or accuracy"
+
     def solve(self, case: Any, model: Any, run: Run) -> sb.History:
         return sb.transient(
             model,
