@@ -12,14 +12,15 @@ from ..contact.friction import Friction
 from ..errors import on_all_ranks
 from ..ranks.capacity import require_compiler, require_memory
 from ..ranks.parallel import collective
-from ..reduction.build import ACCURATE
+from ..reduction.build import ACCURATE, ACCURATE_BAND, LEAST_MODES, few_modes, most_modes
 from ..reduction.reduced_model import ReducedModel
 from ..signals.waves import Harmonic
 from ..system.model import Model
+from ..system.solve.pencil import top_of_band
 from .excitation import LINES, Excitation
 from .loading import Loading, Wanted, communicator, loading, serving
 from .period_map import Period
-from .step_plan import contact_steps, warn_if_coarse
+from .step_plan import CONTACT_STEP, contact_steps, warn_if_coarse
 
 # Steps a forcing period, and most forcing periods that a common period of tones is looked for in.
 STEPS, LONGEST = 512, 64
@@ -96,6 +97,21 @@ def saving(settings: PeriodSettings, system: Model | ReducedModel, guess: object
     if given or any(v is not None for v in (settings.accuracy, settings.modes, settings.steps)):
         return settings
     return replace(settings, accuracy=ACCURATE, few=True)
+
+
+def expected(model: Model, frequency: float, highest: float) -> tuple[int, int]:
+    """Modes, and steps a forcing period (its frequency in Hz), that a steady state begins with by default
+    under loads up to a frequency (Hz). The usual modes, which are not computed for it, are the fewest of
+    these, and their steps those of an upper estimate of their highest frequency. Collective.
+    """
+    modes = few_modes(model, ACCURATE_BAND * highest)
+    if modes is not None:
+        top = float(model.modes(modes).frequencies[-1])
+    else:
+        modes = min(LEAST_MODES, most_modes(model))
+        top = top_of_band(model.statics.elements, modes) / (2.0 * math.pi)
+    contact = top / (CONTACT_STEP * frequency) if len(model.contact) else 0.0
+    return modes, max(STEPS, math.ceil(contact), math.ceil(FAST_STEPS * highest / frequency))
 
 
 def accurate_steps(accuracy: float) -> int:

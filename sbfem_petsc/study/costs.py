@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from .case.given import Given
 
@@ -17,13 +19,14 @@ _SQUARE, _PAIR, MULTIPLIERS = 1.6e-9, 1.5e-7, 2.0
 @dataclass(frozen=True)
 class Size:
     """What the cost of an analysis depends on: unknowns of the model, contact pairs, points that are kept;
-    the case for its loads.
+    the case for its loads; of a Model `expected`, see `motion.preparation`.
     """
 
     case: Given
     unknowns: int
     pairs: int
     points: int
+    expected: Callable[[float, float], tuple[int, int]] | None = None
 
     def extracting(self, count: int, errors: bool = False) -> float:
         """Seconds of so many modes, or of the half as many again that tell the errors of so many."""
@@ -32,6 +35,19 @@ class Size:
     def modes(self, asked: int | None) -> int:
         """Modes of a reduction."""
         return asked or min(FEWEST_MODES, max(1, self.unknowns // 4))
+
+    def highest(self, table: Any) -> float:
+        """Highest frequency of an analysis' loads, Hz; 0 where they name none."""
+        loads = [self.case.tables.loads[name].model_dump().values() for name in table.load]
+        signals = [value for values in loads for value in values if isinstance(value, dict)]
+        keys = ("frequency", "start", "stop")
+        return max((signal.get(key) or 0.0 for signal in signals for key in keys), default=0.0)
+
+    def steady(self, table: Any, frequency: float, highest: float) -> tuple[int, int]:
+        """Modes of a steady state, and steps a forcing period, its frequency and the loads' highest in Hz."""
+        if self.expected is None or table.modes is not None or table.steps is not None:
+            return self.modes(table.modes), table.steps or STEPS
+        return self.expected(frequency, max(frequency, highest))
 
     def stepping(self, modes: int) -> float:
         """Seconds of a step of a history."""
@@ -46,13 +62,15 @@ class Size:
 @dataclass(frozen=True)
 class Cost:
     """Seconds on one core, of what analyses of one structure share and of an analysis itself; bytes of memory
-    beside the model's, and on the disk.
+    beside the model's, and on the disk; modes, and steps a forcing period, where it is told of these.
     """
 
     shared: float
     own: float
     memory: float = 0.0
     disk: float = 0.0
+    modes: int = 0
+    steps: int = 0
 
     @property
     def seconds(self) -> float:

@@ -32,7 +32,7 @@ ROW = 3e3
 def estimate(case: Case, comm: Any) -> dict[str, Any]:
     """Sizes, and estimates of memory (bytes on all ranks), disk (bytes) and time (s of one core). Collective.
 
-    The mesh and the model are made for it; nothing is solved.
+    The mesh and the model are made for it, and under slow loads some modes; nothing else is solved.
     """
     with collective(comm):
         case.check_tones(case.tables.sweep.parameters if case.tables.sweep is not None else ())
@@ -44,8 +44,8 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
         facts |= {"edge_sets": list(model.layout.edge_sets), "regions": list(model.layout.material_names)}
     size = structure.size(case)
     outer = facts.get("boundary_unknowns", facts["unknowns"])
-    structure.destroy()
     costs = {name: kind.cost(size) for name, kind in case.tables.analyses.items()}
+    structure.destroy()
     for name, kind in case.tables.analyses.items():
         unreduced = facts["unknowns"] if not getattr(kind, "reduced", True) else 0
         matrices = model_memory(kind.kind, outer, ranks=comm.size, unreduced=unreduced)
@@ -54,6 +54,7 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
             "seconds": costs[name].seconds,
             "memory": costs[name].memory + matrices,
             "disk": costs[name].disk,
+            **({"modes": costs[name].modes, "steps": costs[name].steps} if costs[name].modes else {}),
         }
     entries = facts["analyses"].values()
     facts["seconds"] = 0.2 + 5e-6 * facts["unknowns"] + sum(entry["seconds"] for entry in entries)
@@ -108,7 +109,7 @@ def as_text(case: Case, facts: dict[str, Any]) -> str:
     for name, entry in facts["analyses"].items():
         lines.append(
             f"    {name:18s} {entry['kind']:18s} {duration(entry['seconds']):>9s}   memory "
-            f"{size(entry['memory'])}, disk {size(entry['disk'])}"
+            f"{size(entry['memory'])}, disk {size(entry['disk'])}{_taken(entry)}"
         )
     lines.append(
         f"    {'all':18s} {'':18s} {duration(facts['seconds']):>9s}   memory {size(facts['memory'])}, disk "
@@ -121,6 +122,11 @@ def as_text(case: Case, facts: dict[str, Any]) -> str:
             f"{duration(found['seconds'])} of one core, disk {size(found['disk'])}"
         )
     return "\n".join(lines)
+
+
+def _taken(entry: dict[str, Any]) -> str:
+    """Modes and steps of an analysis, where it is told of them."""
+    return f", from {entry['modes']} modes and {entry['steps']:,d} steps a period" if "modes" in entry else ""
 
 
 def duration(seconds: float) -> str:

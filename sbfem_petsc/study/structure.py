@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from typing import Any
 
+from ..motion.preparation import expected
 from ..record.found import Found
 from .case import objects
 from .case.case import Case
@@ -62,7 +63,8 @@ class Structure:
     def size(self, case: Case) -> Size:
         """What the cost of an analysis depends on."""
         facts = self.facts()
-        return Size(case, facts["unknowns"], facts["contact_pairs"], len(self.points(case)))
+        found = functools.partial(expected, self.model) if self.body is None else None
+        return Size(case, facts["unknowns"], facts["contact_pairs"], len(self.points(case)), found)
 
     def points(self, case: Case) -> tuple[str, ...]:
         """Points whose motion is kept."""

@@ -99,14 +99,24 @@ class FrequencyResponse(FrequencyResponseOptions, Curve, Loaded):
     def cost(self, size: Size) -> Cost:
         if not self.contact:
             return Cost(size.extracting(size.modes(self.modes)), 0.0, disk=1e6)
-        return curve_cost(size, self, self.periods or 1)
+        taken = size.steady(self, self.start, max(self.start, self.stop, size.highest(self)))
+        return curve_cost(size, self, self.periods or 1, taken=taken)
 
 
-def curve_cost(size: Size, table: Any, periods: int = 1, iterations: int = 1) -> Cost:
-    """Of a curve of motions of so many forcing periods, and so many iterations for each of its points."""
-    modes, count = size.modes(table.modes), min(table.points, CURVE_POINTS)
-    seconds, memory = size.period(modes, (table.steps or STEPS) * periods)
+def curve_cost(
+    size: Size, table: Any, periods: int = 1, iterations: int = 1, taken: tuple[int, int] | None = None
+) -> Cost:
+    """Of a curve of motions of so many forcing periods, and so many iterations for each of its points; in so
+    many modes and steps a forcing period, where it is told of these.
+    """
+    modes, steps = taken or (size.modes(table.modes), table.steps or STEPS)
+    count = min(table.points, CURVE_POINTS)
+    seconds, memory = size.period(modes, steps * periods)
     seconds *= iterations * count * (1.0 if table.stability is False else MULTIPLIERS)
     return Cost(
-        size.extracting(modes, errors=True), seconds, memory, 400.0 * count * (modes + size.points * 60)
+        size.extracting(modes, errors=True),
+        seconds,
+        memory,
+        400.0 * count * (modes + size.points * 60),
+        *(taken or ()),
     )

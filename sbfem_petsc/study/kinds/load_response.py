@@ -32,4 +32,5 @@ class LoadResponse(LoadResponseOptions, Curve):
         common_period(self, case, path)
 
     def cost(self, size: Size) -> Cost:
-        return curve_cost(size, self, self.periods or 1)
+        taken = size.steady(self, self.frequency, size.highest(self))
+        return curve_cost(size, self, self.periods or 1, taken=taken)

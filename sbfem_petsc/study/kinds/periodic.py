@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -17,7 +18,7 @@ from ...record.found import Found, column, labelled, of_points
 from ..case import objects
 from ..case.objects import located
 from ..case.tables import Path
-from ..costs import MULTIPLIERS, STEPS, Cost, Size
+from ..costs import MULTIPLIERS, Cost, Size
 from .kind import PERIODIC, RUBBING, Drawn, Kind, Loaded, Run, Values, Wanted, along, peak_contact, recorded
 
 # Harmonics of each point in a row of a sweep, and in a report.
@@ -132,7 +133,9 @@ class Periodic(PeriodicOptions, Steady, Loaded):
             )
 
     def cost(self, size: Size) -> Cost:
-        return steady_cost(size, self, (self.steps or STEPS) * (self.periods or 1))
+        modes, steps = size.steady(self, self.frequency, size.highest(self))
+        cost = steady_cost(size, self, steps * (self.periods or 1), modes)
+        return replace(cost, modes=modes, steps=steps)
 
 
 def common_period(table: Any, case: Any, path: Path) -> int:
@@ -159,9 +162,9 @@ def symbol(found: Found, point: str) -> str:
     return f"u_{along}({point})" if along else f"u({point})"
 
 
-def steady_cost(size: Size, table: Any, steps: int) -> Cost:
-    """Of one motion of so many steps."""
-    modes = size.modes(table.modes)
+def steady_cost(size: Size, table: Any, steps: int, modes: int | None = None) -> Cost:
+    """Of one motion of so many steps and modes."""
+    modes = modes or size.modes(table.modes)
     seconds, memory = size.period(modes, steps)
     disk = 8.0 * steps * (3 * modes + size.pairs + 2 * size.points)
     return Cost(

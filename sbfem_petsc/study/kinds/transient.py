@@ -84,8 +84,5 @@ class Transient(TransientOptions, Loaded):
 
     def _step(self, size: Size) -> float:
         """The default step while the highest mode is not known yet: that of the load, at most."""
-        loads = [size.case.tables.loads[name].model_dump().values() for name in self.load]
-        signals = [value for values in loads for value in values if isinstance(value, dict)]
-        keys = ("frequency", "start", "stop")
-        highest = max((signal.get(key) or 0.0 for signal in signals for key in keys), default=0.0)
+        highest = size.highest(self)
         return 1.0 / (320.0 * highest) if highest > 0.0 else self.duration / 2000.0
