@@ -217,7 +217,8 @@ class _Located:
         if after == STICKS:
             return [switch]
         whole, lacks = 2.0 * bound * self.forces[n + 1, normal], rate(-sense) * moved
-        leaves = turns + (n + 1 - turns) * whole / max(whole + lacks, 1e-300)
+        # from where it turns about the way grows with the square of the time
+        leaves = turns + (n + 1 - turns) * math.sqrt(whole / max(whole + lacks, 1e-300))
         return [switch, _Switch(leaves, ((row, after),), -1)]
 
     def _segments(self) -> list[_Segment]:

@@ -430,18 +430,44 @@ def _work(before: _End, after: _End) -> float:
     return 0.5 * total
 
 
+@inner_sums
+def _lost_partly(flexibility: np.ndarray, before: _End, after: _End, rows: tuple[int, int]) -> float:
+    """To friction in a step of a normal and a tangential row that touch at one end alone: gap and slip go
+    linearly between what they are where the rows are apart and what the forces where they touch keep them
+    from; while the gap of that way is closed, friction goes linearly with the slip.
+    """
+    (i, j), lands = rows, before.rows[rows[0]] == FREE
+    apart, touching = (before, after) if lands else (after, before)
+    overlap, held = 0.0, 0.0
+    for k in range(touching.force.size):
+        overlap += flexibility[i, k] * touching.force[k]
+        held += flexibility[j, k] * touching.force[k]
+    share = max(overlap, 0.0) / max(max(overlap, 0.0) + max(apart.gap[i], 0.0), 1e-300)
+    slipped = share * (after.gap[j] - before.gap[j]) + (1.0 - share) * (held if lands else -held)
+    return max(-0.5 * touching.force[j] * slipped, 0.0)
+
+
 @inner_loops
-def _lost(rubbing: Rubbing, before: _End, after: _End) -> float:
-    """To friction in a step: mean of what the pressures allow times the slips' changes; where a slip begins,
-    of the friction that held the row, which may be more.
+def _lost(flexibility: np.ndarray, rubbing: Rubbing, before: _End, after: _End) -> float:
+    """To friction in a step: the slips' changes times the mean of what the pressure allows at its end and as
+    the slip begins. What slips before does so from the step's beginning, what sticks as its friction reaches
+    what a pressure that goes linearly allows, or of static friction, which is more, what held it.
     """
     total, count = 0.0, rubbing.beside.size
     for k in range(rubbing.rows.size):
         i, j = rubbing.rows[k], count + k
-        begun = max(rubbing.kinetic[k] * max(before.force[i], 0.0), abs(before.force[j]))
-        ended = rubbing.kinetic[k] * max(after.force[i], 0.0)
-        total += (begun + ended) * abs(after.gap[j] - before.gap[j])
-    return 0.5 * total
+        slipped = abs(after.gap[j] - before.gap[j])
+        if slipped == 0.0:
+            continue
+        if (before.rows[i] == FREE) != (after.rows[i] == FREE):
+            total += _lost_partly(flexibility, before, after, (i, j))
+            continue
+        begun = rubbing.kinetic[k] * max(before.force[i], 0.0)
+        ended, held = rubbing.kinetic[k] * max(after.force[i], 0.0), abs(before.force[j])
+        left = max(begun - held, 0.0) * flexibility[j, j]
+        begun = max(begun, held) + left / max(left + slipped, 1e-300) * (ended - begun)
+        total += 0.5 * (begun + ended) * slipped
+    return total
 
 
 @inner_sums
@@ -485,7 +511,7 @@ def _march(
                     return done, exchanges, unresolved, taken
                 _push(step, level, before, after, room)
             exchanges += exchange
-            lost = _lost(rubbing, before, after)
+            lost = _lost(step.flexibility[level], rubbing, before, after)
             if exchange > 0:  # where no row changes sides there is no work
                 work = _work(before, after) + lost
                 if abs(work) > halving.tolerance * (_energy(step.stiffness, after) + halving.floor):

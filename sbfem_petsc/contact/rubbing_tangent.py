@@ -25,8 +25,9 @@ from .law import FREE
 from .marching import StepConstants
 from .pivoting import add_rows, products
 
-# Directions of contact that change the position in a step, in units of it, by less than this are left out.
-LEAST = 1e-8
+# Directions of contact that change the position in a step, in units of it, by less than this are left out, or
+# where that is enough by less than another.
+LEAST, ROUGH = 1e-8, 1e-5
 # What rounding may leave of an inverse that has followed its rows, relative.
 ROUNDED = 1e-10
 
@@ -65,7 +66,7 @@ def written(states: np.ndarray, count: int) -> np.ndarray:
 
 
 def rubbing_contacts(
-    step: StepConstants, states: np.ndarray, units: np.ndarray, gap_rates: np.ndarray
+    step: StepConstants, states: np.ndarray, units: np.ndarray, gap_rates: np.ndarray, least: float = LEAST
 ) -> Contacts:
     """Of steps as they are, of one length.
 
@@ -78,6 +79,8 @@ def rubbing_contacts(
         Those of the slips in the state, m.
     gap_rates : (n + 1, c + k, e) array
         Rates of the free gaps and slips with e parameters.
+    least : float
+        What is left out.
     """
     count = step.rubbing.beside.size
     writes = written(states, count)
@@ -88,7 +91,9 @@ def rubbing_contacts(
     which = np.array([known[key] for key in keys], dtype=int)
     _, kinds = np.unique(which, return_index=True)
     kinds = instants[kinds]
-    push, spread, changes, sizes = _condensed(step, states[kinds], writes[kinds], units, not kinds[:1].any())
+    push, spread, changes, sizes = _condensed(
+        step, (states[kinds], writes[kinds], units), not kinds[:1].any(), least
+    )
     first, counts = np.cumsum(sizes) - sizes, sizes[which]
     owner = np.repeat(np.arange(len(instants)), counts)
     place = np.arange(len(owner)) + np.repeat(first[which] - np.cumsum(counts) + counts, counts)
@@ -102,14 +107,15 @@ def rubbing_contacts(
 
 
 def _condensed(
-    step: StepConstants, states: np.ndarray, writes: np.ndarray, units: np.ndarray, early: bool
+    step: StepConstants, sets: tuple[np.ndarray, ...], early: bool, least: float
 ) -> tuple[np.ndarray, ...]:
-    """Of sets with the slips that are written, one set after the other, the first of them `early` if no step
-    is before it: what directions of contact push in the thin space (s, r), what takes part in them and in
-    slips that are written, from all rows (s, c + k), the memory that is written (s, k), and how many each
-    set has.
+    """Of sets - states, the slips that are written, units - one set after the other, the first of them
+    `early` if no step is before it: what directions of contact push in the thin space (s, r), what takes part
+    in them and in slips that are written, from all rows (s, c + k), the memory that is written (s, k), and
+    how many each set has.
     """
-    (rank, rows), memory = step.left.shape, len(units)
+    (rank, rows), (states, writes, units) = step.left.shape, sets
+    memory = len(units)
     values, axes = np.linalg.eigh((step.right * step.coefficients[0, 4]) @ step.right.T)
     root = np.sqrt(np.maximum(values, 1e-15 * values[-1:]))
     most = rank * len(states) + int(writes.sum())
@@ -120,7 +126,7 @@ def _condensed(
     room = _Room(drawn, forces, gathered, columns, base, np.empty(rows))
     flexibility = step.flexibility[0], step.residual if early else step.flexibility[0]
     scaled = np.ascontiguousarray((axes * root).T @ step.left)
-    held = step.rubbing, np.ascontiguousarray(states), np.ascontiguousarray(writes), units
+    held = step.rubbing, np.ascontiguousarray(states), np.ascontiguousarray(writes), units, least
     total = _condense(flexibility, scaled, held, empty_sets(rows), room, (*result, sizes))
     if total < 0:
         raise np.linalg.LinAlgError("the flexibility of the rows in contact is singular")
@@ -190,7 +196,7 @@ def _dot(one: np.ndarray, i: int, other: np.ndarray, j: int) -> float:
 
 
 @inner_loops
-def _directions(columns: np.ndarray, total: int, base: np.ndarray) -> int:
+def _directions(columns: np.ndarray, total: int, base: np.ndarray, least: float) -> int:
     """Orthonormal directions that the columns have, by Gram and Schmidt with pivots; how many."""
     rank, found, largest = base.shape[0], 0, 1.0
     while found < rank:
@@ -201,7 +207,7 @@ def _directions(columns: np.ndarray, total: int, base: np.ndarray) -> int:
                 pivot, size = c, square
         size = math.sqrt(size)
         largest = max(largest, size)
-        if not size > LEAST * largest:
+        if not size > least * largest:
             break
         for q in range(rank):
             base[found, q] = columns[pivot, q]
@@ -234,13 +240,13 @@ def _taken(sets: Sets, factors: np.ndarray, rows: np.ndarray, count: int, along:
 def _condense(
     flexibility: tuple[np.ndarray, np.ndarray],
     scaled: np.ndarray,
-    held: tuple[Rubbing, np.ndarray, np.ndarray, np.ndarray],
+    held: tuple[Rubbing, np.ndarray, np.ndarray, np.ndarray, float],
     sets: Sets,
     room: _Room,
     result: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
 ) -> int:
     """See `_condensed`; the number of all rows, -1 where a set is singular."""
-    (rubbing, states, writes, units), (push, spread, changes, sizes) = held, result
+    (rubbing, states, writes, units, least), (push, spread, changes, sizes) = held, result
     n, rank, members, along, total = states.shape[1], scaled.shape[0], sets.members, room.along, 0
     for kind in range(states.shape[0]):
         w, state, first = flexibility[1] if kind == 0 else flexibility[0], states[kind], total
@@ -254,9 +260,8 @@ def _condense(
         if not regular:
             return -1
         unknowns = members[n]
-        for j in range(
-            _directions(room.columns, _columns(scaled, units, members, unknowns, room), room.base)
-        ):
+        columns = _columns(scaled, units, members, unknowns, room)
+        for j in range(_directions(room.columns, columns, room.base, least)):
             for q in range(rank):
                 push[total, q] = room.base[j, q]
             _taken(sets, room.base[j], room.forces, rank, along)

@@ -16,7 +16,8 @@ from ..motion.steps import free_motion
 from ..reduction.build import wider
 from ..reduction.reduced_model import ReducedModel
 from .orbit import LOWEST, modal_motion
-from .shooting import WHOLE, Shooting, shoot_nearby
+from .problem import FINER_GAIN
+from .shooting import WHOLE, Shooting
 
 # A harmonic is beside itself, or this share of the largest; of a body at rest all that oscillates is
 # rounding, below this share of the mean.
@@ -24,9 +25,8 @@ FAINT, RESTING = 1e-3, 1e-7
 # Errors of second order, relative to the change in twice the steps; the same of left-out modes, whose error
 # falls about as the square of the highest frequency, and at most.
 SECOND, MODES, MOST = 4.0 / 3.0, 2.0, 4.0
-# Of the motion in twice the steps what Newton's next step would add, of how far it is; iterations with
-# derivatives of their own, and the residual relative to the first one.
-ACCURATE_ENOUGH, NEWTON, RELATIVE = 0.1, 16, 1e-3
+# Iterations, and the residual relative to the first one or the linear oscillation, if that is smaller.
+NEWTON, RELATIVE = 16, 1e-2
 # Whose memory is checked, for messages that nobody sees.
 OWNER = "harmonic_error_estimates"
 # Of the flexibility that is left out, what further modes take at least where they tell what all of them do:
@@ -52,14 +52,13 @@ def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
     if not fixed.touching.any():  # known in closed form
         errors[1] = 0.0
     elif period := _if_room(lambda: finer(OWNER, p, 2)):
-        found = _nearby(period.at(*where), fixed.state, lambda: fixed.monodromy, ACCURATE_ENOUGH)
-        if found:
+        if found := _nearby(period.at(*where), fixed.state, lambda: fixed.monodromy):
             errors[1], best = SECOND * change(lowest(fixed), lowest(found)), found
     factor, steps = beyond(p.reduced, more), best.driven.period.steps
     if np.isfinite(factor) and (wide := _if_room(lambda: _wide(p, more, steps))):
         beside = wide.at(*where)
         state = beside.linear_state + added(best, wide)
-        if found := _nearby(beside, state, lambda: _derivative(fixed, beside)):
+        if found := _nearby(beside, state, lambda: _derivative(fixed, beside, state)):
             errors[0] = factor * change(lowest(best), lowest(found))
     return errors
 
@@ -98,20 +97,17 @@ def beyond(reduced: ReducedModel, more: ReducedModel) -> float:
 
 
 def _nearby(
-    driven: DrivenPeriod, state: np.ndarray, derivative: Callable[[], np.ndarray], share: float = 0.0
+    driven: DrivenPeriod, state: np.ndarray, derivative: Callable[[], np.ndarray]
 ) -> FixedPoint | None:
-    """The motion near a state, of a map that is a little different from one whose derivative is known, see
-    `shoot_nearby`.
-    """
+    """The motion near a state, of a map whose derivative dx(T) / dx(0) is about known."""
     whole = driven.period.unknowns <= WHOLE
+    shooting = Shooting(driven, "updated" if whole else "matrix-free", NEWTON)
+    shooting.hurries, shooting.gain = True, FINER_GAIN
     try:
-        if whole and (found := shoot_nearby(driven, state, derivative(), share)) is not None:
-            return found
-    except SolveError:
-        pass
-    try:
-        shooting = Shooting(driven, "updated" if whole else "matrix-free", NEWTON)
-        shooting.hurries, shooting.relative = True, RELATIVE
+        first = float(np.linalg.norm(shooting.motion_at(state).residual))
+        shooting.relative = RELATIVE * min(1.0, driven.oscillation / max(first, 1e-300))
+        if whole:
+            shooting.near = derivative() - np.eye(len(state))
         return shooting.solve(state)
     except PetscFailure:
         raise
@@ -119,11 +115,16 @@ def _nearby(
         return None
 
 
-def _derivative(fixed: FixedPoint, beside: DrivenPeriod) -> np.ndarray:
-    """dx(T) / dx(0) in more modes, about: further ones move freely."""
-    r, p = beside.period.reduced, beside.period
+def _derivative(fixed: FixedPoint, beside: DrivenPeriod, state: np.ndarray) -> np.ndarray:
+    """dx(T) / dx(0) in more modes, about: further ones move freely; where faces rub, that near a state in
+    fewer steps.
+    """
+    driven, r, p = fixed.driven, beside.period.reduced, beside.period
+    if p.friction is not None:
+        coarse = beside.in_steps(driven.period.steps)
+        return coarse.carried(coarse.run(state), np.eye(p.unknowns), rough=True)
     result = free_motion((r.omega, r.damping), beside.duration, p.weights, p.unknowns)
-    signs, places = _shared(fixed.driven.period.reduced, r, p.unknowns)
+    signs, places = _shared(driven.period.reduced, r)
     result[np.ix_(places, places)] = signs[:, None] * fixed.monodromy * signs
     return result
 
@@ -158,23 +159,21 @@ def added(fixed: FixedPoint, period: Period) -> np.ndarray:
 
 def in_modes(states: np.ndarray, old: ReducedModel, new: ReducedModel) -> np.ndarray:
     """(..., 2 m + k) differences of states in the modes of another model of the same structure: those are the
-    same but for their signs, further ones rest.
+    same but for their signs, further ones rest, and slips have units of their own.
     """
-    m, n = len(old.omega), len(new.omega)
-    size = states.shape[-1] - 2 * m + 2 * n
-    result = np.zeros((*states.shape[:-1], size))
-    signs, places = _shared(old, new, size)
-    count = min(m, n)
-    kept = np.r_[:count, m : m + count, 2 * m : states.shape[-1]]
-    result[..., places] = signs * states[..., kept]
+    (signs, places), m, n = _shared(old, new), len(old.omega), len(new.omega)
+    count, slips = min(m, n), states[..., 2 * m :]
+    result = np.zeros((*states.shape[:-1], 2 * n + slips.shape[-1]))
+    result[..., places] = signs * states[..., np.r_[:count, m : m + count]]
+    result[..., 2 * n :] = slips * (old.slip_units / new.slip_units)[: slips.shape[-1]]
     return result
 
 
-def _shared(old: ReducedModel, new: ReducedModel, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Signs of the modes' coordinates and velocities that two models share, and of what stands behind them,
-    and their places in a state of the new one, of so many unknowns.
+def _shared(old: ReducedModel, new: ReducedModel) -> tuple[np.ndarray, np.ndarray]:
+    """Signs of the coordinates and velocities of the modes that two models share, and their places in a state
+    of the new one.
     """
     n, count = len(new.omega), min(len(old.omega), len(new.omega))
     seen = [np.concatenate([r.gap.modes[:, :count], r.load_modes[:count].T]) for r in (old, new)]
     signs = np.where((seen[0] * seen[1]).sum(axis=0) < 0.0, -1.0, 1.0)
-    return np.concatenate([signs, signs, np.ones(size - 2 * n)]), np.r_[:count, n : n + count, 2 * n : size]
+    return np.tile(signs, 2), np.r_[:count, n : n + count]

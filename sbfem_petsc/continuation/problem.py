@@ -12,8 +12,9 @@ import numpy as np
 
 from ..errors import SolveError
 
-# What an iteration with an updated derivative may leave of what is missed.
-GAIN = 0.3
+# What an iteration with an updated derivative may leave of what is missed, and in finer steps, of which a
+# derivative is as dear as some five periods.
+GAIN, FINER_GAIN = 0.3, 0.6
 # The value of a function of the unknowns and its gradient.
 Condition = Callable[[np.ndarray], tuple[float, np.ndarray]]
 

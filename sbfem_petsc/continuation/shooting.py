@@ -101,14 +101,11 @@ def _from_fewer_steps(driven: DrivenPeriod, state: np.ndarray) -> FixedPoint | N
         return None
 
 
-def shoot_nearby(
-    driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray, share: float = 0.0
-) -> FixedPoint | None:
+def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray) -> FixedPoint | None:
     """Fixed point very near a state, by Newton's method with a derivative of the period that is known about:
     that of a motion nearby, dx(T) / dx(0), and Broyden's updates of it. None unless each of these gains.
 
-    To 1e-8 of the linear oscillation, for which a few periods are integrated and no derivative is made; or to
-    a share of the whole change of the state that Newton's next step would still add.
+    To 1e-8 of the linear oscillation, for which a few periods are integrated and no derivative is made.
     """
     try:
         inverse = Updated(Factors(derivative - np.eye(len(state))))
@@ -116,7 +113,7 @@ def shoot_nearby(
         return None
     aim = max(NEARBY * driven.oscillation, ROUND_OFF * float(np.linalg.norm(driven.linear_state)))
     residuals: list[float] = []
-    begin, step = state, np.zeros(len(state))
+    step = np.zeros(len(state))
     while len(residuals) < ITERATIONS:
         motion = driven.run(state)
         residuals.append(float(np.linalg.norm(motion.residual)))
@@ -127,8 +124,6 @@ def shoot_nearby(
                 break
             inverse.add(motion.residual, step / float(step @ step))
         step = -inverse.solve(motion.residual)
-        if len(residuals) > 1 and np.linalg.norm(step) <= share * np.linalg.norm(state - begin):
-            return FixedPoint(state, driven, motion, tuple(residuals))
         state = state + step
     return None
 
@@ -147,6 +142,8 @@ class Shooting:
         self.driven, self.jacobian = driven, jacobian
         self.iterations = ITERATIONS if iterations is None else iterations
         self.relative = RELATIVE_UPDATED if jacobian == "updated" else RELATIVE
+        # of what is missed an iteration with an updated derivative may leave so much
+        self.gain = GAIN
         # whether a search that hardly gains is given up
         self.hurries = False
         # derivative of x(T) - x(0) to begin with, and the last iteration's
@@ -199,7 +196,7 @@ class Shooting:
                 ) from None
             self._check(snes, moving)
             found = x.array_r.copy()
-            motion = self._motion(found)
+            motion = self.motion_at(found)
             if self._last is not None:
                 self.derivative = matrix.getDenseArray().copy()
         finally:
@@ -238,17 +235,18 @@ class Shooting:
             self.inverse = Updated(Factors(pc.getOperators()[1].getDenseArray()))
         self.known = False
 
-    def _motion(self, array: np.ndarray) -> PeriodMotion:
+    def motion_at(self, array: np.ndarray) -> PeriodMotion:
+        """From a state; the last one is known."""
         key = array.tobytes()
         if key != self._key:
             self._key, self._kept = key, self.driven.run(array)
         return self._kept
 
     def _function(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        f.array[:] = self._motion(x.array_r).residual
+        f.array[:] = self.motion_at(x.array_r).residual
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, matrix: PETSc.Mat, preconditioner: PETSc.Mat) -> None:
-        motion, state = self._motion(x.array_r), x.array_r.copy()
+        motion, state = self.motion_at(x.array_r), x.array_r.copy()
         if self.hurries and self.residuals[-1] > 0.5 * min(self.residuals[:-SLOW], default=math.inf):
             raise SolveError(f"{called()}: Newton's method hardly gains")
         if self.jacobian == "matrix-free":
@@ -256,15 +254,15 @@ class Shooting:
         elif self.jacobian == "differences":
             self._by_differences(state, motion, matrix.getDenseArray())
         elif self.jacobian == "dense":
-            matrix.getDenseArray()[:] = self._derivative(motion)
+            matrix.getDenseArray()[:] = self._derivative(motion, rough=False)
         else:
             self._by_update(state, motion, matrix.getDenseArray())
         matrix.assemble()
 
-    def _derivative(self, motion: PeriodMotion) -> np.ndarray:
+    def _derivative(self, motion: PeriodMotion, rough: bool = True) -> np.ndarray:
         unit = np.eye(len(motion.residual))
         self.made += 1
-        return self.driven.carried(motion, unit) - unit
+        return self.driven.carried(motion, unit, rough=rough) - unit
 
     def _by_differences(self, state: np.ndarray, motion: PeriodMotion, array: np.ndarray) -> None:
         step = np.sqrt(np.finfo(float).eps) * max(
@@ -282,7 +280,7 @@ class Shooting:
         if last is None:
             array[:] = self._derivative(motion) if self.near is None else self.near
             self.inverse = Updated(Factors(array))
-        elif np.linalg.norm(residual) <= GAIN * np.linalg.norm(last[1]):
+        elif np.linalg.norm(residual) <= self.gain * np.linalg.norm(last[1]):
             step = state - last[0]
             row = step / (step @ step)
             added = residual - last[1] - array @ step

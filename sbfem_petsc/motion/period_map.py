@@ -21,7 +21,7 @@ from ..contact.located_rubbing import located_rubbing
 from ..contact.marching import StepHistory, StepLoads, StepState, march
 from ..contact.pivoting import contact_forces, empty_factor
 from ..contact.rubbing import rubbing_forces
-from ..contact.rubbing_tangent import rubbing_contacts
+from ..contact.rubbing_tangent import LEAST, ROUGH, rubbing_contacts
 from ..contact.tangent import Derivative
 from ..errors import SolveError, called, on_all_ranks
 from ..petsc import MPI
@@ -56,8 +56,7 @@ class Period:
         self.rows = r.gap.modes if contact else r.gap.modes[:0]
         self.pairs, self.modes = len(self.rows), len(r.omega)
         self.laws, self.friction = r.contact_laws.first(self.pairs), r.friction if contact else None
-        slack = np.diagonal(r.gap.contact)[r.gaps :] if self.friction is not None else np.zeros(0)
-        self.slip_units = np.sqrt(np.where(slack > 0.0, slack, 1.0))
+        self.slip_units = r.slip_units if self.friction is not None else np.zeros(0)
         if contact:
             (self.left, self.right), self.sets = r.thin_gaps, r.closed_sets
         else:
@@ -330,6 +329,7 @@ class DrivenPeriod:
         parameters: tuple[str, ...] = (),
         located: bool = False,
         rubbing: bool = False,
+        rough: bool = False,
     ) -> np.ndarray:
         """Derivative of x(T) along columns of x(0), (2 m + k, c), and behind them with the named parameters,
         "frequency" or "load", at fixed x(0).
@@ -337,7 +337,8 @@ class DrivenPeriod:
         Exact for the steps as they are, but that slips which stay what they are over the whole period count
         as if they came to nothing: any others are as periodic. `located` moves closing and opening pairs to
         where they do so inside a step (see `closed_sets.located_contacts`), and with `rubbing`, of periodic
-        motions, also what slips and sticks (`located_rubbing`); without parameters.
+        motions, also what slips and sticks (`located_rubbing`); without parameters. `rough` leaves out what
+        hardly counts where faces rub, which is half of the work: enough for Newton's method.
         """
         p, m = self.period, self.period.modes
         gap_rates = np.zeros((p.steps + 1, p.pairs, len(parameters)))
@@ -347,7 +348,7 @@ class DrivenPeriod:
                 self._frequency_rates() if name == "frequency" else self._load_rates()
             )
         located &= rubbing or p.friction is None
-        derivative = self._derivative(motion, gap_rates, located, keep=columns.shape[1] < m)
+        derivative = self._derivative(motion, gap_rates, located, rough, keep=columns.shape[1] < m)
         columns = np.concatenate([columns, -shifts], axis=1)
         columns[:m] /= p.weights[:, None]
         # slips that do not stick at t = 0 are forgotten there
@@ -366,11 +367,11 @@ class DrivenPeriod:
         return result
 
     def _derivative(
-        self, motion: PeriodMotion, gap_rates: np.ndarray, located: bool, keep: bool
+        self, motion: PeriodMotion, gap_rates: np.ndarray, located: bool, rough: bool, keep: bool
     ) -> Derivative:
         """The linearised motion; that along the state may be kept, for many products with it."""
         p = self.period
-        key = (located, motion)
+        key = (located, rough, motion)
         if gap_rates.shape[2] == 0 and self._kept is not None and self._kept[0] == key:
             return self._kept[1]
 
@@ -382,7 +383,9 @@ class DrivenPeriod:
         if p.friction is not None and located:
             contacts = located_rubbing(self.constants, (motion.rows, motion.forces), gaps, p.slip_units)
         elif p.friction is not None:
-            contacts = rubbing_contacts(self.constants, motion.rows, p.slip_units, gap_rates)
+            contacts = rubbing_contacts(
+                self.constants, motion.rows, p.slip_units, gap_rates, ROUGH if rough else LEAST
+            )
         elif located:
             closed = p.laws.acting(motion.forces)
             contacts = located_contacts(

@@ -196,6 +196,13 @@ class ReducedModel(Record):
         return 2.0 * np.pi * self.frequencies
 
     @functools.cached_property
+    def slip_units(self) -> np.ndarray:
+        """(k,): of slips beside modal coordinates, m: roots of their compliance."""
+        slack = np.diagonal(self.gap.contact)[self.gaps :]
+        result: np.ndarray = np.sqrt(np.where(slack > 0.0, slack, 1.0))
+        return result
+
+    @functools.cached_property
     def thin_gaps(self) -> tuple[np.ndarray, np.ndarray]:
         """U and V of `gap.modes`, see `thin_factors`."""
         return thin_factors(self.gap.modes)

@@ -8,8 +8,9 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
-from sbfem_petsc.continuation.harmonic_errors import FAINT
+from sbfem_petsc.continuation.harmonic_errors import FAINT, in_modes
 from sbfem_petsc.motion.steps import free_motion
+from sbfem_petsc.reduction.build import wider
 from tests.systems import ALUMINIUM, chain, coarse_beam
 
 TURN = 2.0 * np.pi
@@ -226,3 +227,43 @@ def test_free_motion_over_a_step():
     assert step_of[0] / 0.5 == pytest.approx((np.exp(step * rate) * rate.conj()).imag / rate.conj().imag)
     assert step_of[2] == pytest.approx(-3.0 * (3.0 / rate.imag) * np.exp(step * rate).imag)
     assert not matrix[4].any() and not matrix[:, 4].any()
+
+
+def rubbed(seed: int, modes: int | None) -> sb.ReducedModel:
+    """A chain of masses with two stops that rub."""
+    random = np.random.default_rng(seed)
+    n = int(random.integers(8, 13))
+    springs, masses = random.uniform(0.5, 2.0, n + 1), random.uniform(0.5, 2.0, n)
+    stops, along = np.zeros((2, n)), np.zeros((2, n))
+    places = random.choice(n, 4, replace=False)
+    stops[[0, 1], places[:2]], along[[0, 1], places[2:]] = (-1.0, 1.0), 1.0
+    return sb.reduce_matrices(
+        np.diag(masses),
+        np.diag(springs[:-1] + springs[1:]) - np.diag(springs[1:-1], 1) - np.diag(springs[1:-1], -1),
+        stops,
+        random.uniform(0.0, 0.1, 2),
+        loads=np.eye(n)[:, [n // 2]],
+        sensors={"middle": n // 2, "end": n - 1},
+        modes=modes,
+        damping=0.03,
+        compliance=np.array([0.1, 0.3]),
+        contact_laws=sb.Coulomb(random.uniform(0.1, 0.6)),
+        tangent_rows=along,
+        tangent_compliance=np.array([0.2, 0.1]),
+    )
+
+
+def test_where_faces_rub():
+    """The same of a chain with stops that rub, beside all modes in four times the steps. What faces remember
+    is the same slip, in m, in more modes, though the roots of the compliance that are its unit differ.
+    """
+    few, whole = (rubbed(3, modes) for modes in (5, None))
+    found = sb.periodic(few, [0.5], 0.6 * few.frequencies[1], steps=512, stability=False)
+    exact = sb.periodic(whole, [0.5], found.frequency, steps=2048, stability=False)
+    true, told = true_error(found, exact), found.mode_error
+    assert found.friction_loss > 0.0 and true[1:].max() > 1e-3, (true, told)
+    assert (true <= 3.0 * told).all(), (true, told)
+    more = wider(few)
+    assert more is not None and np.abs(more.slip_units / few.slip_units - 1.0).max() > 1e-2
+    slips = in_modes(found.state, few, more)[-2:] * more.slip_units
+    np.testing.assert_allclose(slips, found.state[-2:] * few.slip_units, rtol=1e-14)

@@ -9,10 +9,12 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
+from sbfem_petsc.contact.friction import AGAINST, ALONG
+from sbfem_petsc.contact.located_rubbing import _Located
 from sbfem_petsc.continuation.shooting import shoot
 from sbfem_petsc.motion.excitation import Excitation
 from sbfem_petsc.motion.period_map import Period
-from tests.contact.test_friction_in_motion import FRICTION, jenkins, slider
+from tests.contact.test_friction_in_motion import FRICTION, PRESSURE, jenkins, slider
 from tests.contact.test_friction_of_tones import BOUND, DAMPING, PULL, STOP, rubbed_masses
 
 LOAD = [0.1, sb.Constant(-1.0)]
@@ -86,6 +88,47 @@ def test_multipliers_with_switches_located():
         found = np.linalg.eigvals(driven.monodromy(motion, rubbing=True))
         errors.append(np.abs(found - expected).min())
     assert errors[0] < 7e-3 and errors[1] < 5e-4
+
+
+@pytest.mark.parametrize("turn", [18.2, 18.8])
+def test_switches_inside_a_step(turn):
+    """Of a slider under a pressure that stays, whose place is a sine, turned about at `turn` steps: it sticks
+    until its spring has been wound to the other side, by a way that takes about the root of some `size`
+    steps. Turning and leaving, in one step or in several, are told near where the sine has them.
+    """
+    steps, rate = 64, 2.0 * math.pi / 64.0
+    body = slider(modes=1)
+    constants = (
+        Period(body, Excitation.of([sb.Harmonic(1.0, 0.1), sb.Constant(-2.0)], 0.1, None, 8), steps)
+        .at(0.1)
+        .constants
+    )
+    bound = FRICTION * PRESSURE
+    wound = 2.0 * bound * constants.residual[1, 1]  # the way from sliding to sliding
+    for size in (0.05, 0.3, 0.6, 3.0):
+        peak = 2.0 * wound / (size * rate**2)  # sin'' there moves by this way in root(size) steps
+        place = -peak * np.cos(rate * (np.arange(2 * steps + 1) - turn))
+        trial, friction = 0.0, np.zeros(2 * steps + 1)
+        states = np.ones((2 * steps + 1, 2), dtype=np.int8)
+        for n in range(1, 2 * steps + 1):  # a period to settle
+            trial = friction[n - 1] - (place[n] - place[n - 1]) / constants.residual[1, 1]
+            friction[n] = np.clip(trial, -bound, bound)
+            if abs(trial) > bound:
+                states[n, 1] = ALONG if trial > 0.0 else AGAINST
+        states, friction, place = states[steps:], friction[steps:], place[steps:]
+        forces = np.column_stack([np.full(steps + 1, PRESSURE), friction])
+        slips = place + constants.residual[1, 1] * friction
+        located = _Located(
+            constants,
+            (states, forces),
+            lambda n, rows, slips=slips: np.where(rows == 1, slips[n], 0.0),
+            np.ones(1),
+        )
+        told = np.array([item.time for item in located._switches()])
+        leaves = math.acos(1.0 - wound / peak) / rate
+        exact = np.sort([turn, turn + leaves, turn + steps / 2.0, turn + steps / 2.0 + leaves])
+        np.testing.assert_allclose(told[::2], exact[::2], atol=0.13)
+        np.testing.assert_allclose(told[1::2], exact[1::2], atol=0.07)
 
 
 @pytest.mark.long

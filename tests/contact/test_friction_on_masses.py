@@ -1,10 +1,12 @@
 """Masses that rub: published histories, what a stiff elastic slider errs by, and Siconos' rigid ones."""
 
+import functools
 import math
 
 import numpy as np
 import pytest
 from scipy import linalg, optimize
+from scipy.integrate import solve_ivp
 
 import sbfem_petsc as sb
 from benchmarks import peer_siconos
@@ -102,6 +104,102 @@ def test_static_and_kinetic_coefficients():
     assert found.time[slips[-1] + 1] == pytest.approx(0.3149233, abs=2e-5)
     assert (one[middle], other[middle]) == pytest.approx((1.3533377, 1.8075325), rel=1e-5)
     assert one[-1] == pytest.approx(3.9556058, rel=1e-5)
+
+
+def bounced(stiffness, push, slack, periods=12):
+    """Loss in the last of some periods of a mass that is shaken onto a stop that rubs: each state by itself,
+    its end located; friction .8, stop 1e-2 m/N and its faces `slack`.
+    """
+    spring, damping, stop, gap, friction = np.array([stiffness, 2.0]), 0.1, 1e-2, 0.3, 0.8
+    drag = 2.0 * damping * np.sqrt(spring)
+
+    def rates(t, y, state, kept):
+        pressure = 0.0 if state == "apart" else -(gap + y[1]) / stop
+        pull = (
+            (kept - y[0]) / slack if state == "sticks" else -state * friction * pressure if pressure else 0.0
+        )
+        force = np.array([push * math.cos(t + 0.9) + pull, -0.5 * math.cos(t) + pressure])
+        speed = y[2] + state * slack * friction * y[3] / stop if state in (1.0, -1.0) else 0.0
+        return [*y[2:4], *(force - spring * y[:2] - drag * y[2:4]), friction * pressure * abs(speed)]
+
+    def events(state, kept):
+        def touches(t, y):
+            return gap + y[1]
+
+        touches.direction = -1.0 if state == "apart" else 1.0
+        found = [touches]
+        if state == "sticks":
+            found += [
+                lambda t, y, s=s: s * (kept - y[0]) / slack + friction * (gap + y[1]) / stop for s in (1, -1)
+            ]
+        elif state != "apart":
+            found.append(lambda t, y: -state * y[2] - slack * friction * y[3] / stop)
+        for event in found:
+            event.terminal, event.direction = True, getattr(event, "direction", 1.0)
+        return found
+
+    t, y, state, kept, end = 0.0, np.zeros(5), "apart", 0.0, 2.0 * math.pi * periods
+    begun = [0.0]
+    while t < end:
+        to = min(end, 2.0 * math.pi * (math.floor(t / (2.0 * math.pi) + 1e-12) + 1))
+        tolerances = {"rtol": 1e-9, "atol": 1e-12}
+        found = solve_ivp(
+            functools.partial(rates, state=state, kept=kept),
+            (t, to),
+            y,
+            "DOP853",
+            events=events(state, kept),
+            **tolerances,
+        )
+        t, y = found.t[-1], found.y[:, -1]
+        if found.status == 0:
+            begun.append(y[4])
+            continue
+        which = next(k for k, times in enumerate(found.t_events) if len(times))
+        if which == 0 and state != "apart":
+            state = "apart"
+        elif which == 0:
+            kept = y[0]
+            fast = abs(y[2]) / slack > friction * abs(y[3]) / stop
+            state = math.copysign(1.0, y[2]) if fast else "sticks"
+        elif state == "sticks":
+            state = -1.0 if which == 1 else 1.0
+        else:
+            kept, state = y[0] + slack * state * friction * (gap + y[1]) / stop, "sticks"
+    return begun[-1] - begun[-2]
+
+
+def bouncing(stiffness, slack):
+    """The mass of `bounced`."""
+    return sb.reduce_matrices(
+        np.eye(2),
+        np.diag([stiffness, 2.0]),
+        np.array([[0.0, 1.0]]),
+        np.array([0.3]),
+        loads=np.eye(2),
+        sensors={"x": 0},
+        damping=0.1,
+        compliance=[1e-2],
+        contact_laws=sb.Coulomb(0.8),
+        tangent_rows=np.array([[1.0, 0.0]]),
+        tangent_compliance=[slack],
+    )
+
+
+@pytest.mark.parametrize(
+    "stiffness, push, slack, steps, within",
+    [(100.0, 30.0, 1e-3, 400, 2e-3), (1.0, 0.5, 1.0, 1600, 3e-2), (1.0, 0.5, 10.0, 1600, 4e-2)],
+)
+def test_what_lands_and_leaves(stiffness, push, slack, steps, within):
+    """Loss of a mass that touches in 79 of 1,600 steps: while it slides, or sticks from its landing on until
+    its pressure falls. Counted over whole steps it was 1.5 % to 170 % too large. Energies stay in balance.
+    """
+    once = 1.0 / (2.0 * math.pi)
+    system, load = bouncing(stiffness, slack), [sb.Harmonic(push, once, 0.9), sb.Harmonic(-0.5, once)]
+    found = sb.periodic(system, load, once, steps=steps, stability=False)
+    assert found.friction_loss == pytest.approx(bounced(stiffness, push, slack), rel=within)
+    energy = sb.transient(system, load, 15.0, 0.01).energy
+    assert energy.friction[-1] > 0.0 and np.abs(energy.balance).max() < 1e-3 * energy.damping[-1]
 
 
 def beam():

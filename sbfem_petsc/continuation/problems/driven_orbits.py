@@ -16,7 +16,7 @@ from ...motion.period_map import DrivenPeriod, FixedPoint, Period
 from ...motion.period_motion import PeriodMotion
 from ..linear import Dense
 from ..orbit import modal_motion
-from ..problem import Lost, Point, Problem, Range
+from ..problem import FINER_GAIN, Lost, Point, Problem, Range
 
 # Arc length in which the state's relative change and SPAN times the parameter's change, as a share of its
 # range, are summed as squares.
@@ -27,8 +27,6 @@ DIFFERENCE, LEAST = 1e-7, 1e-3
 # Of the linear motion at the ends of the range: where a branch starts from rest its state has no size of its
 # own.
 REST = 1e-3
-# Of updates of derivatives in finer steps, each of which is as dear as some five periods.
-FINER_GAIN = 0.6
 # Change of the state over fewer periods, relative to its size, below which a motion is one of fewer periods.
 SAME = 1e-7
 # Parameters along which the derivative of x(T) is exact.
@@ -245,8 +243,10 @@ class OrbitState(FixedPoint):
             return self._smooth
         name, unit = self.problem.parameter.name, np.eye(len(self.state))
         if name in EXACT:
-            return self._less_start(self.driven.carried(self.motion, unit, (name,)))
-        return self._less_start(np.column_stack([self.driven.carried(self.motion, unit), self.rate]))
+            return self._less_start(self.driven.carried(self.motion, unit, (name,), rough=True))
+        return self._less_start(
+            np.column_stack([self.driven.carried(self.motion, unit, rough=True), self.rate])
+        )
 
     @functools.cached_property
     def _smooth(self) -> Dense:
