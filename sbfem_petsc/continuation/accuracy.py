@@ -126,7 +126,7 @@ class Accuracy:
         model, least = self._model, math.ceil(LEAST_MORE * modes)
         assert model is not None  # the caller has asked
         if self.by_default:
-            return few_modes(model, band, least) or max(FEW, modes) + 1
+            return few_modes(model, band, least, FEW) or max(FEW, modes) + 1
         most = min(most_modes(model), max(MOST_MODES, modes))
         return min(most, max(modes_beyond(model, band, modes + 1), least))
 

@@ -37,9 +37,9 @@ BAND, LEAST_MODES = 8.0, 80
 # The same for an accuracy of 1e-3 of the lowest harmonics, and one mode more; of loads of no known band the
 # default is the least. The error falls as the square of the band: 15 motions of beams, plates, bimaterials.
 ACCURATE_BAND, ACCURATE_LEAST, ACCURATE = 16.0, 12, 1e-3
-# So many that this accuracy asks for, or fewer, are taken in the place of the default ones: with more of them
-# attempts in few modes cost what they save.
-FEW = LEAST_MODES // 2
+# So many that this accuracy asks for, or fewer, are taken in the place of the default ones, if an attempt begins with
+# no more than the second number, which leaves room for another one: else attempts cost what they save.
+FEW, FEW_FIRST = LEAST_MODES // 2, LEAST_MODES // 3
 
 
 @agreed()
@@ -216,12 +216,12 @@ def modes_for(model: Model, highest: float, accuracy: float) -> int:
     return modes_beyond(model, band, ACCURATE_LEAST if highest > 0.0 else LEAST_MODES)
 
 
-def few_modes(model: Model, band: float, least: int = ACCURATE_LEAST) -> int | None:
-    """Number of modes up to a frequency (Hz) and one more, at least so many; None where they are more than
-    `FEW`, or the frequency is 0. Those that tell their errors are computed with them.
+def few_modes(model: Model, band: float, least: int = ACCURATE_LEAST, most: int = FEW_FIRST) -> int | None:
+    """Number of modes up to a frequency (Hz) and one more, at least and at most so many; None where they are
+    more, or the frequency is 0. Those that tell their errors are computed with them.
     """
-    most = min(FEW, most_modes(model))
-    if not 0.0 < 2.0 * math.pi * band < top_of_band(model.statics.elements, FEW):
+    most = min(most, most_modes(model))
+    if not 0.0 < 2.0 * math.pi * band < top_of_band(model.statics.elements, most):
         return None
     count = max(least, FEW // 2)
     while least <= most and count <= most:
