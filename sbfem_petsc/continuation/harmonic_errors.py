@@ -25,8 +25,8 @@ FAINT, RESTING = 1e-3, 1e-7
 # Errors of second order, relative to the change in twice the steps; the same of left-out modes, whose error
 # falls about as the square of the highest frequency, and at most.
 SECOND, MODES, MOST = 4.0 / 3.0, 2.0, 4.0
-# Iterations, and the residual relative to the first one, and to the linear oscillation: where equal frequencies
-# have other modes of one plane in the wider model the first one is large.
+# Iterations, and the residual relative to the first one and to the linear oscillation: where equal
+# frequencies have other modes of one plane in the wider model the first one is large.
 NEWTON, RELATIVE, OF_OSCILLATION = 16, 1e-2, 1e-5
 # Whose memory is checked, for messages that nobody sees.
 OWNER = "harmonic_error_estimates"

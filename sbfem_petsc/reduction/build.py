@@ -37,8 +37,8 @@ BAND, LEAST_MODES = 8.0, 80
 # The same for an accuracy of 1e-3 of the lowest harmonics, and one mode more; of loads of no known band the
 # default is the least. The error falls as the square of the band: 15 motions of beams, plates, bimaterials.
 ACCURATE_BAND, ACCURATE_LEAST, ACCURATE = 16.0, 12, 1e-3
-# So many that this accuracy asks for, or fewer, are taken in the place of the default ones, if an attempt begins with
-# no more than the second number, which leaves room for another one: else attempts cost what they save.
+# So many that this accuracy asks for, or fewer, are taken in the place of the default ones, if the first
+# attempt has no more than the second number, which leaves room for another: else they cost what they save.
 FEW, FEW_FIRST = LEAST_MODES // 2, LEAST_MODES // 3
 
 
@@ -218,20 +218,16 @@ def modes_for(model: Model, highest: float, accuracy: float) -> int:
 
 def few_modes(model: Model, band: float, least: int = ACCURATE_LEAST, most: int = FEW_FIRST) -> int | None:
     """Number of modes up to a frequency (Hz) and one more, at least and at most so many; None where they are
-    more, or the frequency is 0. Those that tell their errors are computed with them.
+    more, or the frequency is 0. Collective.
     """
     most = min(most, most_modes(model))
     if not 0.0 < 2.0 * math.pi * band < top_of_band(model.statics.elements, most):
         return None
-    count = max(least, FEW // 2)
-    while least <= most and count <= most:
-        known = model.modes(min(wider_count(count), most_modes(model))).frequencies
-        if known[-1] >= band:
-            count = max(least, 1 + int((known <= band).sum()))
-            return count if count <= most else None
-        # frequencies of a beam rise as the square of their number, others less
-        count = max(len(known), math.ceil(len(known) * math.sqrt(band / known[-1])))
-    return None
+    below = model.modes_below(band)
+    if below is None:
+        below = int((model.modes(most).frequencies <= band).sum())
+    count = max(least, 1 + below)
+    return count if count <= most else None
 
 
 def modes_beyond(model: Model, frequency: float, least: int) -> int:

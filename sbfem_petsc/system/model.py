@@ -29,7 +29,7 @@ from ..supports import as_supports
 from .elements.plausibility import warn_of_wave_speeds
 from .layout.distribution import declared_clamp
 from .solve.modal_result import Modal
-from .solve.modes import lowest_modes
+from .solve.modes import lowest_modes, modes_below
 from .structure import Named, Numbers, Structure
 
 # Stands for "what the mesh declares".
@@ -165,6 +165,13 @@ class Model(Structure):
         if self._modes is None or len(self._modes.frequencies) < count:
             self._modes = Modal(*lowest_modes(self.statics, max(count, 1)), self)  # none are taken from one
         return self._modes.selected(np.arange(count))
+
+    def modes_below(self, frequency: float) -> int | None:
+        """Number of modes below a frequency, Hz; None where the direct solver tells none. Collective."""
+        known = np.empty(0) if self._modes is None else self._modes.frequencies
+        if len(known) and known[-1] >= frequency:
+            return int((known < frequency).sum())
+        return modes_below(self.statics, frequency)
 
     def mesh_options(self, owner: str) -> dict[str, Any]:
         """Options that the mesh was made with, those left to their defaults not among them. Collective.

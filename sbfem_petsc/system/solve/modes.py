@@ -89,6 +89,17 @@ def lowest_modes(
         highest = 1.1 * reached
 
 
+def modes_below(stiffness: Stiffness, frequency: float) -> int | None:
+    """Number of modes below a frequency, Hz; None where the direct solver does not tell it. Collective."""
+    omega = 2.0 * math.pi * frequency
+    pencil = Pencil(stiffness, omega, TOLERANCE)
+    try:
+        return pencil.eigenvalues_below(omega**2)
+    finally:
+        pencil.destroy()
+        give_back(stiffness.layout.count)
+
+
 def _basis(count: int, attempt: int) -> int:
     """Krylov vectors for so many eigenpairs."""
     return max(count + 15, math.ceil((1.9 + 0.5 * attempt) * count))
