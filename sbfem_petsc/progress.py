@@ -178,7 +178,7 @@ def progress_bar(comm, text: str, progress: Progress = "auto"):
         For another value.
     """
     if check_progress(text, progress) != "auto":
-        yield progress or silent
+        yield silent if progress is None else progress
         return
     if comm.rank > 0 or not (in_notebook() or sys.stderr.isatty()):
         yield silent

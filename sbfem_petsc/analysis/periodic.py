@@ -17,7 +17,7 @@ from ..continuation.problems.driven_orbits import ParameterRange
 from ..continuation.problems.segments import at_segments, segmented_stability, shoot_segments
 from ..continuation.problems.unreduced import UnreducedOrbits, UnreducedSteady
 from ..continuation.search import NEWTON_ALONE, Search, find_steady_state
-from ..errors import SolveError, on_all_ranks
+from ..errors import PetscFailure, SolveError, on_all_ranks
 from ..motion.contact_work import MOST, contact_work, times_more, warn_of_contact_work
 from ..motion.loading import communicator
 from ..motion.period_map import FixedPoint, Period
@@ -30,10 +30,12 @@ from ..motion.preparation import (
     require_unreduced,
     saving,
     tells_stability,
+    usual,
 )
 from ..motion.unreduced.period import prepare_unreduced
 from ..progress import Progress, progress_bar
 from ..ranks.parallel import collective
+from ..reduction.build import FEW
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 from .analysis import analysis
@@ -193,10 +195,17 @@ def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
     if settings.segments > 1:
         return _in_segments(task, settings.segments, period, guess, most * period.steps)
     state = period.begun(period.at(task.frequency).linear_state if guess is None else guess.state)
-    fixed, path = _found(task, settings, period, state)
-    errors = harmonic_error_estimates(fixed)
-    if settings.accuracy is not None:
-        fixed, errors = _accurate(task, settings, guess, fixed, errors)
+    try:
+        fixed, path = _found(task, settings, period, state)
+        errors = harmonic_error_estimates(fixed)
+        if settings.accuracy is not None:
+            fixed, errors = _accurate(task, settings, guess, fixed, errors)
+    except PetscFailure:
+        raise
+    except SolveError:
+        if not settings.few or len(period.reduced.omega) > FEW:
+            raise
+        return _shot(task, usual(settings), guess)
     told = errors.sum(axis=0)
     if not stability:
         return make_orbit(fixed, np.zeros(0, dtype=complex), math.nan, path, told)

@@ -18,7 +18,7 @@ from meshing.warnings import AccuracyWarning
 from ..errors import SolveError, caller_level
 from ..motion.contact_work import MOST
 from ..motion.period_map import FixedPoint, Period
-from ..motion.preparation import PeriodSettings
+from ..motion.preparation import PeriodSettings, usual
 from ..reduction.build import FEW, few_modes, modes_beyond, most_modes
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
@@ -104,7 +104,10 @@ class Accuracy:
         errors are within it or nothing may grow.
         """
         by_modes, by_steps = (largest_error(part) for part in errors)
-        if self.met(errors) or math.isnan(by_modes + by_steps) or self.settled(reduced):
+        unknown = math.isnan(by_modes + by_steps)
+        if unknown and self.by_default and not self.settled(reduced):
+            return FEW + 1, steps
+        if self.met(errors) or unknown or self.settled(reduced):
             return None
         modes = more = len(reduced.omega)
         times = 1
@@ -132,7 +135,10 @@ class Accuracy:
 
     def settled(self, reduced: ReducedModel) -> bool:
         """Whether these are the modes that are taken by default where a few do not do."""
-        return self.by_default and len(reduced.omega) > FEW
+        if not self.by_default:
+            return False
+        assert self._model is not None  # whose modes are left to us
+        return len(reduced.omega) >= min(FEW + 1, most_modes(self._model))
 
     def require(self, fixed: FixedPoint, errors: np.ndarray, value: float = math.nan) -> None:
         """Raise TooInaccurate where a motion's told errors are above it and modes or steps may grow."""
@@ -142,8 +148,7 @@ class Accuracy:
         if more is not None:
             settings = replace(self.settings, modes=more[0], periods=periods)
             if self.by_default and (more[0] or 0) > FEW:
-                usual = replace(settings, modes=None, accuracy=None, few=False, least=0)
-                raise TooInaccurate(fixed, usual, value)
+                raise TooInaccurate(fixed, usual(settings), value)
             if self._most_steps:
                 settings = replace(settings, least=more[1])
             raise TooInaccurate(fixed, settings, value)

@@ -257,7 +257,7 @@ class PointRows:
         self.errors_found, self.missing = np.full(LOWEST, np.nan), ""
 
     def judge(self, line: Line, accuracy: Accuracy | None) -> None:
-        """Errors of the harmonics at the ends and at the point of the largest amplitude.
+        """Errors of the harmonics at the ends and where the amplitude and harmonics 2 to 4 are largest.
 
         Raises
         ------
@@ -271,8 +271,11 @@ class PointRows:
         """
         if not isinstance(self.period, Period):
             return
-        peak = int(np.argmax([np.linalg.norm(row[1]) for row in self.rows]))
-        points = [line.points[k] for k in sorted({0, peak, len(line.points) - 1})]
+        spectra = np.abs([row[0] for row in self.rows])
+        sizes = np.linalg.norm(spectra.reshape(len(spectra), -1, spectra.shape[-1]), axis=1)
+        peaks = {int(np.argmax([np.linalg.norm(row[1]) for row in self.rows]))}
+        peaks |= {int(np.argmax(size)) for size in sizes[:, 2:LOWEST].T}
+        points = [line.points[k] for k in sorted({0, *peaks, len(line.points) - 1})]
         found = [harmonic_error_estimates(point.state) for point in points]
         self.errors_found = np.max([errors.sum(axis=0) for errors in found], axis=0)
         if accuracy is not None:

@@ -11,8 +11,9 @@ import numpy as np
 
 from ..errors import SolveError, on_all_ranks
 
-# Rounds at most; what is left between subspaces that part; how many times as large as one another moduli of
-# one subspace are at most, as in its product small ones lose as many digits; what is rounding in a factor.
+# Rounds until subspaces part, at most; what is left between subspaces that part; how many times as large as
+# one another moduli of one subspace are at most, as in its product small ones lose as many digits; what is
+# rounding in a factor.
 ROUNDS, PARTED, SPREAD, ZERO = 300, 1e-10, 1e6, 1e-15
 
 
@@ -36,8 +37,9 @@ def product_eigenvalues(factors: np.ndarray) -> np.ndarray:
         raise on_all_ranks(SolveError("Floquet multipliers: the derivative of a segment is not finite"))
     if not norms.all():
         return np.zeros(size, dtype=complex)
-    turned, triangles, enough = np.eye(size), np.empty(factors.shape), ROUNDS
-    for taken in range(1, ROUNDS + 1):
+    turned, triangles, enough, taken = np.eye(size), np.empty(factors.shape), 0, 0
+    while not enough or taken < enough:
+        taken += 1
         begin = turned
         for k, factor in enumerate(factors / norms[:, None, None]):
             turned, triangles[k] = np.linalg.qr(factor @ turned)
@@ -46,17 +48,15 @@ def product_eigenvalues(factors: np.ndarray) -> np.ndarray:
         blocks = [slice(*ends) for ends in zip([0, *parted], [*parted, size])]
         # what is rounding in a factor is zero
         moduli = np.log(np.maximum(np.abs(np.einsum("kii->ki", triangles)), ZERO)).sum(axis=0)
-        if enough == ROUNDS and max(float(np.ptp(moduli[block])) for block in blocks) < np.log(SPREAD):
+        if not enough and max(float(np.ptp(moduli[block])) for block in blocks) < np.log(SPREAD):
             enough = 2 * taken if parted else taken  # in as many again what is left squares
-        if taken >= enough:
-            break
-    else:
-        raise on_all_ranks(
-            SolveError(
-                f"Floquet multipliers: subspaces of {size} eigenvalues have not parted in {ROUNDS} rounds "
-                "through the segments; take another number of them"
+        if not enough and taken == ROUNDS:
+            raise on_all_ranks(
+                SolveError(
+                    f"Floquet multipliers: subspaces of {size} eigenvalues have not parted in {ROUNDS} "
+                    "rounds through the segments; take another number of them"
+                )
             )
-        )
     values = np.concatenate(
         [_of_block(closing[block, block], triangles[:, block, block]) for block in blocks]
     )

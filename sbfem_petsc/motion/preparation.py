@@ -12,7 +12,7 @@ from ..contact.friction import Friction
 from ..errors import on_all_ranks
 from ..ranks.capacity import require_compiler, require_memory
 from ..ranks.parallel import collective
-from ..reduction.build import ACCURATE, ACCURATE_BAND, LEAST_MODES, few_modes, most_modes
+from ..reduction.build import ACCURATE, ACCURATE_BAND, FEW, FEW_FIRST, LEAST_MODES, few_modes, most_modes
 from ..reduction.reduced_model import ReducedModel
 from ..signals.waves import Harmonic
 from ..system.model import Model
@@ -99,19 +99,31 @@ def saving(settings: PeriodSettings, system: Model | ReducedModel, guess: object
     return replace(settings, accuracy=ACCURATE, few=True)
 
 
-def expected(model: Model, frequency: float, highest: float) -> tuple[int, int]:
-    """Modes, and steps a forcing period (its frequency in Hz), that a steady state begins with by default
-    under loads up to a frequency (Hz). The usual modes, which are not computed for it, are the fewest of
-    these, and their steps those of an upper estimate of their highest frequency. Collective.
+def usual(settings: PeriodSettings) -> PeriodSettings:
+    """Those with the usual modes and steps, where a few do not do."""
+    return replace(settings, modes=None, accuracy=None, few=False, least=0)
+
+
+def expected(
+    model: Model, frequency: float, highest: float, accuracy: float | None = None
+) -> tuple[int, int]:
+    """Modes, and steps a forcing period (its frequency in Hz), that a steady state begins with by default, or
+    for an accuracy, under loads up to a frequency (Hz). The usual modes, which are not computed for it, are
+    the fewest of these, and their steps those of an upper estimate of their highest frequency. Collective.
     """
-    modes = few_modes(model, ACCURATE_BAND * highest)
+    band, most = ACCURATE_BAND * highest, FEW_FIRST
+    if accuracy is not None:
+        band, most = band * math.sqrt(ACCURATE / accuracy), FEW
+    modes = few_modes(model, band, most=most)
     if modes is not None:
         top = float(model.modes(modes).frequencies[-1])
     else:
         modes = min(LEAST_MODES, most_modes(model))
         top = top_of_band(model.statics.elements, modes) / (2.0 * math.pi)
     contact = top / (CONTACT_STEP * frequency) if len(model.contact) else 0.0
-    return modes, max(STEPS, math.ceil(contact), math.ceil(FAST_STEPS * highest / frequency))
+    return modes, max(
+        accurate_steps(accuracy or ACCURATE), math.ceil(contact), math.ceil(FAST_STEPS * highest / frequency)
+    )
 
 
 def accurate_steps(accuracy: float) -> int:
@@ -299,6 +311,6 @@ def check_guess(owner: str, guess: Begun, reduced: ReducedModel) -> None:
     if not same:
         raise ValueError(
             f"{owner}: the motion to begin from belongs to another model or another number of modes "
-            f"({len(guess.reduced.omega)}, not {len(reduced.omega)}); give one of the same model, or its "
-            "reduced model in the place of the model"
+            f"({len(guess.reduced.omega)}, not {len(reduced.omega)}); give one of the same model, modes = "
+            f"{len(guess.reduced.omega)}, or its reduced model in the place of the model"
         )

@@ -279,7 +279,7 @@ def _heavy(mass: sparse.csr_matrix, count: int) -> sparse.csr_matrix:
             f"reduce_matrices: mass has {len(heavy)} unknowns that are not without mass, for {count} modes; "
             "give modes as many or fewer"
         )
-    coupled = np.diff(mass.indptr) > 0
+    coupled = np.bincount(mass.indices[mass.data != 0.0], minlength=len(diagonal)) > 0  # it is symmetric
     _require_mass(int(((diagonal < 0.0) | (coupled & (diagonal == 0.0))).sum()))
     return mass if len(heavy) == len(diagonal) else mass[heavy][:, heavy]
 

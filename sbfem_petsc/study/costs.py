@@ -26,7 +26,7 @@ class Size:
     unknowns: int
     pairs: int
     points: int
-    expected: Callable[[float, float], tuple[int, int]] | None = None
+    expected: Callable[[float, float, float | None], tuple[int, int]] | None = None
 
     def extracting(self, count: int, errors: bool = False) -> float:
         """Seconds of so many modes, or of the half as many again that tell the errors of so many."""
@@ -45,9 +45,12 @@ class Size:
 
     def steady(self, table: Any, frequency: float, highest: float) -> tuple[int, int]:
         """Modes of a steady state, and steps a forcing period, its frequency and the loads' highest in Hz."""
-        if self.expected is None or table.modes is not None or table.steps is not None:
+        given = ("modes", "steps", "tolerance", "guess")
+        ruled = any(getattr(table, name, None) is not None for name in given)
+        ruled = ruled or getattr(table, "segments", 1) > 1 or not getattr(table, "reduced", True)
+        if self.expected is None or ruled:
             return self.modes(table.modes), table.steps or STEPS
-        return self.expected(frequency, max(frequency, highest))
+        return self.expected(frequency, max(frequency, highest), table.accuracy)
 
     def stepping(self, modes: int) -> float:
         """Seconds of a step of a history."""

@@ -159,7 +159,7 @@ def _swept(case: Any, parameters: Any, keys: dict[str, Any]) -> Any:
         table = SweepTable.checked("sweep", {"parameters": parameters, **keys})
         return checked.with_data({**checked.data, "sweep": table.model_dump(exclude_none=True)})
     fields = SweepTable.model_fields
-    given = [name for name, value in keys.items() if value is not fields[name].default]
+    given = [name for name, value in keys.items() if value != fields[name].default]
     if given:
         raise ValueError(
             f"sweep: {given[0]} = {shown(keys[given[0]])} is of no use without parameters, for the "

@@ -1,9 +1,12 @@
 """An accuracy that is asked for: true errors beside many more modes and steps, what is said without it."""
 
+import importlib
+
 import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from meshing import Plate
 from sbfem_petsc.analysis.accurate_history import distance
 from sbfem_petsc.continuation import harmonic_errors
 from sbfem_petsc.continuation.harmonic_errors import FAINT
@@ -11,6 +14,7 @@ from sbfem_petsc.errors import PetscFailure
 from tests.analysis.test_mode_error import TURN, rod, true_error
 from tests.systems import coarse_beam, one_mass, two_masses
 
+periodic_module = importlib.import_module("sbfem_petsc.analysis.periodic")
 PUSH = sb.PointForce("A", fy=300.0)
 
 
@@ -35,6 +39,32 @@ def test_usual_modes_where_a_few_do_not(frequency):
     given = sb.periodic(beam, PUSH, frequency, modes=80, steps=512, stability=False)
     assert len(found.reduced.omega) == 80 and len(found.time) == 512
     np.testing.assert_allclose(found.harmonics("A")[:5], given.harmonics("A")[:5], rtol=1e-6)
+
+
+def test_usual_modes_where_no_error_is_told():
+    """Without a named point nobody would know how good a few modes are; of a small mesh all usual ones."""
+    plate = Plate([(0, 0), (0.1, 0), (0.1, 0.15), (0, 0.15)])
+    for mesh in (plate.mesh(order=2), plate.mesh(order=1, size=0.1)):
+        model = sb.Model(mesh, sb.Material(210e9, 0.3, 7850.0), clamped="edge1", damping=0.01)
+        load = sb.EdgeLoad("edge3", pressure=sb.Harmonic(1e6, 100.0))
+        found = sb.periodic(model, load, 100.0, stability=False)
+        assert len(found.reduced.omega) == model.boundary_unknowns // 4
+
+
+def test_usual_modes_where_a_few_find_no_motion(monkeypatch):
+    """As far as it is known, none does; one that is made to fail."""
+    original = periodic_module.find_steady_state
+
+    def lost(driven, *args, **options):
+        if driven.period.modes <= 40:
+            raise sb.SolveError("lost")
+        return original(driven, *args, **options)
+
+    monkeypatch.setattr(periodic_module, "find_steady_state", lost)
+    found = sb.periodic(coarse_beam(0.002), PUSH, 433.0, stability=False)
+    assert len(found.reduced.omega) == 80 and len(found.time) == 512
+    with pytest.raises(sb.SolveError, match="lost"):
+        sb.periodic(coarse_beam(0.002), PUSH, 433.0, modes=20, stability=False)
 
 
 def test_curves_in_few_modes_by_default(tmp_path):

@@ -2,6 +2,7 @@
 of each segment, and products of matrices whose eigenvalues are given.
 """
 
+import contextlib
 from fractions import Fraction
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import sbfem_petsc as sb
+from sbfem_petsc.continuation import segment_products
 from sbfem_petsc.continuation.linear import Cyclic
 from sbfem_petsc.continuation.problems.segments import at_segments, segmented_stability, shoot_segments
 from sbfem_petsc.continuation.search import NEWTON_ALONE
@@ -50,6 +52,20 @@ def given(values, count, seed=0):
             for k in range(count)
         ]
     )
+
+
+def test_subspaces_that_part_late(monkeypatch):
+    """They have as many rounds again as they took to part, whatever the number that they may take."""
+    basis = np.array([[1.0, 0.9, 0.3], [0.2, 1.0, -0.8], [-0.6, 0.4, 1.0]])
+    values = np.array([1.0, 1e-3, 1e-8])
+    factor = basis @ np.diag(values) @ np.linalg.inv(basis)
+    least = 0
+    for rounds in range(1, 9):
+        monkeypatch.setattr(segment_products, "ROUNDS", rounds)
+        with contextlib.suppress(sb.SolveError):
+            assert product_eigenvalues(factor[None]) == pytest.approx(values, rel=1e-6)
+            least = least or rounds
+    assert 1 < least <= 4
 
 
 def test_eigenvalues_of_a_product():

@@ -80,6 +80,20 @@ def test_sparse_beside_dense(beam):
         assert np.abs(first - second).max() < 1e-6 * np.abs(second).max()
 
 
+def test_zeros_that_a_mass_has_stored():
+    """As sums of entries leave them: an unknown without mass as one that is not stored."""
+    n, e = np.arange(6), np.eye(6)
+    stiffness = scipy.sparse.diags([[-1e6] * 5, [2e6] * 6, [-1e6] * 5], [-1, 0, 1]).tocsr()
+    mass = scipy.sparse.coo_matrix(([1.0, 1.0, 1.0, 0.0, 1.0, 1.0], (n, n)), shape=(6, 6)).tocsr()
+    given = {"loads": e[:, :1], "sensors": {"a": 0}, "modes": 2}
+    found = sb.reduce_matrices(mass, stiffness, e[:1], np.ones(1), **given)
+    kept = np.flatnonzero(mass.diagonal())
+    k = stiffness.toarray()
+    schur = np.linalg.inv(np.linalg.inv(k)[np.ix_(kept, kept)])
+    omega = np.sqrt(np.linalg.eigvalsh(schur)[:2])
+    np.testing.assert_allclose(found.omega, omega, rtol=1e-9)
+
+
 def test_unknowns_without_mass(beam):
     """Lumped rotations have none: the frequencies are those of the condensed matrices."""
     mass, stiffness, (_, _, z) = beam
