@@ -23,7 +23,7 @@ from ..petsc import MPI
 from ..ranks.parallel import agreed, checked_communicator, collective
 from ..system.fields.resolution import warn_of_tips
 from ..system.idle_loads import warn_of_idle_loads
-from ..system.model import Model
+from ..system.model import Model, count_below
 from ..system.solve.modal_result import Modal
 from ..system.solve.pencil import top_of_band
 from ..system.solve.static_solver import block_width
@@ -223,7 +223,7 @@ def few_modes(model: Model, band: float, least: int = ACCURATE_LEAST, most: int 
     most = min(most, most_modes(model))
     if not 0.0 < 2.0 * math.pi * band < top_of_band(model.statics.elements, most):
         return None
-    below = model.modes_below(band)
+    below = count_below(model, band)
     if below is None:
         below = int((model.modes(most).frequencies <= band).sum())
     count = max(least, 1 + below)

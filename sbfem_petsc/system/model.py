@@ -166,13 +166,6 @@ class Model(Structure):
             self._modes = Modal(*lowest_modes(self.statics, max(count, 1)), self)  # none are taken from one
         return self._modes.selected(np.arange(count))
 
-    def modes_below(self, frequency: float) -> int | None:
-        """Number of modes below a frequency, Hz; None where the direct solver tells none. Collective."""
-        known = np.empty(0) if self._modes is None else self._modes.frequencies
-        if len(known) and known[-1] >= frequency:
-            return int((known < frequency).sum())
-        return modes_below(self.statics, frequency)
-
     def mesh_options(self, owner: str) -> dict[str, Any]:
         """Options that the mesh was made with, those left to their defaults not among them. Collective.
 
@@ -272,3 +265,11 @@ def _contact_laws(laws: object, cracks: tuple[str, ...]) -> dict[str, ContactLaw
             )
         check_law("Model", f"contact_laws[{name!r}]", law)
     return {name: laws.get(name, Unilateral()) for name in cracks}
+
+
+def count_below(model: Model, frequency: float) -> int | None:
+    """Number of modes below a frequency, Hz; None where the direct solver tells none. Collective."""
+    known = np.empty(0) if model._modes is None else model._modes.frequencies
+    if len(known) and known[-1] >= frequency:
+        return int((known < frequency).sum())
+    return modes_below(model.statics, frequency)

@@ -300,7 +300,7 @@ def test_a_factor_on_nothing_is_refused(parameter, gap, damping):
     with pytest.raises(ValueError, match=f"loci: parameter = '{parameter}' has no effect, for all .* are 0"):
         sb.loci(curve, 0.5, 2.0, parameter=parameter)
     assert sb.loci(curve, 0.5, 2.0) == ()
-    with pytest.raises(ValueError, match="loci: kinds is empty; name one of fold, "):
+    with pytest.raises(ValueError, match="loci: kinds has 0 entries; at least 1 expected"):
         sb.loci(curve, 0.5, 2.0, kinds=[])
 
 
