@@ -102,8 +102,8 @@ class Branch(Orbits, OfPeriod):
     mode_error: np.ndarray = quantity(
         "1",
         "error of harmonics 0 to 4 of the named points and of the contact resultant by left-out modes and "
-        "the steps, the largest of both ends and the peak; inf where it is not found, nan where it is not "
-        "told",
+        "the steps, the largest of both ends, the peak and where harmonics 2 to 4 are largest; inf where it "
+        "is not found, nan where it is not told",
         "low_harmonic",
         finite=False,
         default_factory=lambda: np.full(LOWEST, np.nan),
