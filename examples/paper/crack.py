@@ -19,7 +19,6 @@ from sbfem_petsc.plot.drawing import (
     save_picture,
     style,
 )
-from sbfem_petsc.plot.outlines import contact_lengths
 from sbfem_petsc.selement.basis import shape_functions
 
 from .bench import CONVERGED, burst, push
@@ -181,7 +180,7 @@ def signorini(bench) -> Finding:
     distance = pairs.position * crack.length
     exact = 2.0 * distance * np.tan(np.radians(0.5 * 0.0458366))
     gap_error = float(np.abs(pairs.gap - exact).max() / exact.max())
-    lengths = contact_lengths(model)
+    lengths = model.pairs.weight
     rows, numbers, curves = (
         [],
         {"pairs": len(pairs), "gap_error": gap_error},

@@ -8,6 +8,7 @@ import ast
 import functools
 import graphlib
 import importlib
+import importlib.util
 import inspect
 import os
 import re
@@ -236,6 +237,21 @@ def test_examples_are_short():
         if re.search(r"^ *(from|import) (examples|paper|tests)", path.read_text(), re.M)
     ]
     assert all(read_case(path).tables.title for path in cases)
+
+
+def test_programs_import_what_exists():
+    """Also those that no short test starts: the paper's report, benchmarks, what draws the pages."""
+    missing = set()
+    for path in (p for folder in ("examples", "benchmarks", "docs") for p in (ROOT / folder).rglob("*.py")):
+        for node in ast.walk(parsed(path)):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in PACKAGES:
+                module = importlib.import_module(node.module)
+                for name in (alias.name for alias in node.names):
+                    whole = f"{node.module}.{name}"
+                    inside = hasattr(module, "__path__") and importlib.util.find_spec(whole)
+                    if not hasattr(module, name) and not inside:
+                        missing.add(f"{path.name}: {whole}")
+    assert not missing
 
 
 @functools.cache
