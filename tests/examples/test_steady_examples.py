@@ -141,7 +141,7 @@ def test_modulation_map():
 @pytest.mark.parametrize(
     "name, options, sentence",
     [
-        ("harmonics", ("--frequencies", "-3"), "frequency = -3.0 must be above 0, in Hz"),
+        ("harmonics", ("--frequencies", "-3"), "frequency = -3.0 must be at least 1e-12, in Hz"),
         ("frequency_response", ("--start", "14000", "--stop", "14000"), "stop = 14000 is start itself"),
         ("hole", ("--steps", "3"), "steps = 3 must be at least 48"),
     ],
