@@ -139,5 +139,5 @@ def one_of(names: Iterable[str], wrong: object = None) -> str:
     if not names:
         return "there are none"
     listed = ", ".join(repr(name) for name in names)
-    close = difflib.get_close_matches(str(wrong), names, n=1, cutoff=0.5) if wrong is not None else []
+    close = difflib.get_close_matches(wrong, names, n=1, cutoff=0.5) if isinstance(wrong, str) else []
     return f"did you mean {close[0]!r}? Valid are {listed}" if close else f"valid are {listed}"
