@@ -16,12 +16,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .compiled import compiled_loops, inner_loops, inner_sums, typeof, typeof_impl, types
+from .compiled import compiled_loops, inner_loops, typeof, typeof_impl, types
 from .friction import STICKS
 from .held_rows import NO_ROOM, NOTHING, Rubbing, Sets, rubbing_room
 from .law import FREE, RowLaws, Table
 from .pivoting import Factor, add_rows, empty_factor, products
 from .rubbing import rubbing_forces, smooth_forces
+from .step_work import End, energy_of_modes, lost_to_friction, work_of_contact
 
 
 class Halving(NamedTuple):
@@ -167,17 +168,6 @@ class Marched(NamedTuple):
     taken: int
 
 
-class _End(NamedTuple):
-    """One end of a step: q and v (m,), modal forces of contact (m,), its forces, gaps, states of its rows."""
-
-    q: np.ndarray
-    v: np.ndarray
-    pull: np.ndarray
-    force: np.ndarray
-    gap: np.ndarray
-    rows: np.ndarray
-
-
 class Room(NamedTuple):
     """Room for steps: the factors of each level, with friction those of `sets`, their states and places;
     both ends of a step and gaps in the thin space (r,).
@@ -189,8 +179,8 @@ class Room(NamedTuple):
     known: np.ndarray
     places: np.ndarray
     sets: Sets
-    before: _End
-    after: _End
+    before: End
+    after: End
     thin: np.ndarray
 
 
@@ -225,9 +215,9 @@ def empty_room(step: StepConstants) -> Room:
     rank, pairs = step.left.shape
     levels, _, modes = step.coefficients.shape
 
-    def end() -> _End:
+    def end() -> End:
         q, v, pull, force, gap = (np.empty(size) for size in (modes, modes, modes, pairs, pairs))
-        return _End(q, v, pull, force, gap, np.empty(pairs, dtype=np.int8))
+        return End(q, v, pull, force, gap, np.empty(pairs, dtype=np.int8))
 
     members, inverses = np.full((levels, pairs + 1), -1), np.empty((levels, pairs, pairs))
     known, places = np.zeros((levels, pairs), dtype=np.int8), np.zeros((levels, pairs), dtype=np.int64)
@@ -342,8 +332,8 @@ def _take(
     step: StepConstants,
     loads: StepLoads,
     place: tuple[int, int, float, float],
-    before: _End,
-    after: _End,
+    before: End,
+    after: End,
     room: Room,
 ) -> bool:
     """A step of a level without the contact at its end, from one share of a given step to another; whether
@@ -394,7 +384,7 @@ def _take(
 
 
 @inner_loops
-def _push(step: StepConstants, level: int, before: _End, after: _End, room: Room) -> None:
+def _push(step: StepConstants, level: int, before: End, after: End, room: Room) -> None:
     """Let contact at the end of a step act in it, and put gaps of held rows in their place."""
     coefficients, left, right = step.coefficients[level], step.left, step.right
     q, v, pull, free = after.q, after.v, after.pull, room.factor.free
@@ -413,70 +403,12 @@ def _push(step: StepConstants, level: int, before: _End, after: _End, room: Room
 
 
 @inner_loops
-def _follow(before: _End, after: _End) -> None:
+def _follow(before: End, after: End) -> None:
     """The next step begins where this one ends: structures of arrays that change places take longer."""
     for j in range(after.q.size):
         before.q[j], before.v[j], before.pull[j] = after.q[j], after.v[j], after.pull[j]
     for i in range(after.gap.size):
         before.force[i], before.rows[i], before.gap[i] = after.force[i], after.rows[i], after.gap[i]
-
-
-@inner_sums
-def _work(before: _End, after: _End) -> float:
-    """Of contact in a step: mean of the forces times change of the gaps."""
-    total = 0.0
-    for i in range(before.gap.size):
-        total += (before.force[i] + after.force[i]) * (after.gap[i] - before.gap[i])
-    return 0.5 * total
-
-
-@inner_sums
-def _lost_partly(flexibility: np.ndarray, before: _End, after: _End, rows: tuple[int, int]) -> float:
-    """To friction in a step of a normal and a tangential row that touch at one end alone: gap and slip go
-    linearly between what they are where the rows are apart and what the forces where they touch keep them
-    from; while the gap of that way is closed, friction goes linearly with the slip.
-    """
-    (i, j), lands = rows, before.rows[rows[0]] == FREE
-    apart, touching = (before, after) if lands else (after, before)
-    overlap, held = 0.0, 0.0
-    for k in range(touching.force.size):
-        overlap += flexibility[i, k] * touching.force[k]
-        held += flexibility[j, k] * touching.force[k]
-    share = max(overlap, 0.0) / max(max(overlap, 0.0) + max(apart.gap[i], 0.0), 1e-300)
-    slipped = share * (after.gap[j] - before.gap[j]) + (1.0 - share) * (held if lands else -held)
-    return max(-0.5 * touching.force[j] * slipped, 0.0)
-
-
-@inner_loops
-def _lost(flexibility: np.ndarray, rubbing: Rubbing, before: _End, after: _End) -> float:
-    """To friction in a step: the slips' changes times the mean of what the pressure allows at its end and as
-    the slip begins. What slips before does so from the step's beginning, what sticks as its friction reaches
-    what a pressure that goes linearly allows, or of static friction, which is more, what held it.
-    """
-    total, count = 0.0, rubbing.beside.size
-    for k in range(rubbing.rows.size):
-        i, j = rubbing.rows[k], count + k
-        slipped = abs(after.gap[j] - before.gap[j])
-        if slipped == 0.0:
-            continue
-        if (before.rows[i] == FREE) != (after.rows[i] == FREE):
-            total += _lost_partly(flexibility, before, after, (i, j))
-            continue
-        begun = rubbing.kinetic[k] * max(before.force[i], 0.0)
-        ended, held = rubbing.kinetic[k] * max(after.force[i], 0.0), abs(before.force[j])
-        left = max(begun - held, 0.0) * flexibility[j, j]
-        begun = max(begun, held) + left / max(left + slipped, 1e-300) * (ended - begun)
-        total += 0.5 * (begun + ended) * slipped
-    return total
-
-
-@inner_sums
-def _energy(stiffness: np.ndarray, end: _End) -> float:
-    """Of the modes."""
-    total = 0.0
-    for j in range(stiffness.size):
-        total += end.v[j] * end.v[j] + stiffness[j] * end.q[j] * end.q[j]
-    return 0.5 * total
 
 
 @compiled_loops
@@ -511,10 +443,10 @@ def _march(
                     return done, exchanges, unresolved, taken
                 _push(step, level, before, after, room)
             exchanges += exchange
-            lost = _lost(step.flexibility[level], rubbing, before, after)
+            lost = lost_to_friction(step.flexibility[level], rubbing, before, after)
             if exchange > 0:  # where no row changes sides there is no work
-                work = _work(before, after) + lost
-                if abs(work) > halving.tolerance * (_energy(step.stiffness, after) + halving.floor):
+                work = work_of_contact(before, after) + lost
+                if abs(work) > halving.tolerance * (energy_of_modes(step.stiffness, after) + halving.floor):
                     if level < last:
                         level += 1
                         continue

@@ -5,6 +5,7 @@ Rank 0 draws; the other ranks send what they sampled.
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -141,7 +142,7 @@ LABELS = {
 }
 
 
-class View:
+class View(abc.ABC):
     """What panels show of states of a structure: displaced, in colours.
 
     Attributes
@@ -158,18 +159,19 @@ class View:
     reach: ClassVar[float] = 0.12
     magnified = "displacement"
 
+    @abc.abstractmethod
     def largest(self, states: Sequence[Any]) -> float:
         """Largest displacement that is drawn, m."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def colours(self, states: Sequence[Any]) -> Colours:
         """One scale of colours for several states."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def frame(self, axes: Axes) -> None:
         """The axes around it."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def paint(
         self, axes: Axes, state: Any, outline: Any, row: int, *, factor: float, colours: Colours
     ) -> list[Any]:
@@ -179,7 +181,6 @@ class View:
         -------
         Artists, the coloured interior first
         """
-        raise NotImplementedError
 
     def magnification(self, states: Sequence[Any]) -> float:
         """One that suits some states."""

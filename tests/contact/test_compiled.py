@@ -110,7 +110,7 @@ KERNELS = """
 import numba
 import numpy as np
 import sbfem_petsc as sb
-from sbfem_petsc.contact import marching, pivoting
+from sbfem_petsc.contact import marching, pivoting, step_work
 from tests.systems import coarse_beam
 reduced = sb.reduce_matrices(
     np.eye(3),
@@ -125,7 +125,7 @@ reduced = sb.reduce_matrices(
 sb.transient(reduced, [sb.Harmonic(1.0, 0.1)], 30.0, step=0.05)
 sb.periodic(reduced, [1.0], 0.1)
 sb.transient(coarse_beam(), sb.PointForce("A", fy=100.0), 2e-4, step=2e-6)
-names = vars(pivoting) | vars(marching)
+names = vars(pivoting) | vars(step_work) | vars(marching)
 kernels = {n: f for n, f in names.items() if isinstance(f, numba.core.dispatcher.Dispatcher)}
 print(*(f"{name}:{len(kernel.signatures)}" for name, kernel in kernels.items()))
 """
