@@ -142,7 +142,7 @@ def test_a_layer_is_the_joints_not_the_meshs(law, sign, thickness):
     """
     added = [
         stretch(n, law(2e-9), sign, thickness=thickness) - stretch(n, law(), sign, thickness=thickness)
-        for n in (6, 12, 24)
+        for n in (6, 24)
     ]
     np.testing.assert_allclose(added, sign * 1e-7, rtol=2e-5)
 

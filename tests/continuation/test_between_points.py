@@ -58,7 +58,7 @@ def passed(chain: sb.ReducedModel, force: float, start: float, stop: float, **as
         # .3 % wide, begins where a stop is met once more in a period
         pytest.param(1013, (0.14, 0.157), 256, 2 * ["Neimark-Sacker"], marks=pytest.mark.long),
         # .4 % wide, a pair is 8e-5 inside the unit circle at the point behind it
-        (1057, (0.0905, 0.0925), 256, 2 * ["Neimark-Sacker"]),
+        pytest.param(1057, (0.0905, 0.0925), 256, 2 * ["Neimark-Sacker"], marks=pytest.mark.long),
         # .7 % wide, at its begin a multiplier jumps from -.7 to -1.3
         (1069, (0.0905, 0.0946), 256, 2 * ["period doubling"]),
     ],

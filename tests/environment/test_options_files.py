@@ -11,8 +11,6 @@ import pytest
 from tests.parallel import ROOT
 
 PROGRAMS = {
-    "import": ["-c", "import sbfem_petsc.petsc"],
-    "command": ["-m", "sbfem_petsc", "doctor"],
     "command with options": ["-m", "sbfem_petsc", "doctor", "--", "-static_ksp_rtol", "1e-9"],
     "program": [
         "-c",

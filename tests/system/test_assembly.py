@@ -195,7 +195,9 @@ def agree(found, expected):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("close", [400, 3], ids=["joined", "factorised anew"])
+@pytest.mark.parametrize(
+    "close", [400, pytest.param(3, marks=pytest.mark.long)], ids=["joined", "factorised anew"]
+)
 @pytest.mark.parametrize(
     "law", [sb.Unilateral(), sb.Clearance(6e-17, width=1e-7)], ids=["unilateral", "clearance"]
 )
