@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -26,12 +26,15 @@ class Complementarity:
     state : (n,) int8 array
         See `law`.
     iterations : int
+    kept : (k,) array
+        Slips that tangential rows stick to or have slid from, m; empty where nothing rubs.
     """
 
     force: np.ndarray
     gap: np.ndarray
     state: np.ndarray
     iterations: int
+    kept: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     @property
     def active(self) -> np.ndarray:

@@ -28,6 +28,8 @@ STICKS, ALONG, AGAINST = 1, 2, 3
 _MAXIMUM, _ROUNDING = 40, 1e-12
 # Sweeps of Gauss-Seidel before the next exchanges, and how often.
 _SWEEPS, _ROUNDS = 20, 20
+# How often it is told where rows land, from the states that this leads to.
+_LANDINGS = 3
 # Smallest pivot of Lemke's tableau, whose rows are scaled.
 _LEAST = 1e-11
 
@@ -81,6 +83,11 @@ class Memory(NamedTuple):
         Of the normal rows, N.
     normal, tangential : int8 arrays
         States.
+    gap : (c,) array
+        Of the normal rows, m: where those that are apart land; zero where the next state is one of the same
+        instant, or the first one.
+    kept : (k,) array
+        Slips that the tangential rows have stuck to or slid from, m.
     """
 
     slip: np.ndarray
@@ -88,13 +95,14 @@ class Memory(NamedTuple):
     pressing: np.ndarray
     normal: np.ndarray
     tangential: np.ndarray
+    gap: np.ndarray
+    kept: np.ndarray
 
     @classmethod
     def none(cls, laws: RowLaws, friction: Friction) -> Memory:
         """Of faces that have never been loaded."""
-        count = len(friction.rows)
-        states = (np.zeros(n, dtype=np.int8) for n in (len(laws), count))
-        return cls(np.zeros(count), np.zeros(count), np.zeros(len(laws)), *states)
+        normal, along = np.zeros(len(laws)), np.zeros(len(friction.rows))
+        return cls(along, along, normal, normal.astype(np.int8), along.astype(np.int8), normal, along)
 
     def lost_since(self, former: Memory, friction: Friction) -> float:
         """Work lost to friction on the way from a former state, J: each row slips one way, against a friction
@@ -103,14 +111,14 @@ class Memory(NamedTuple):
         """
         allowed = friction.kinetic * np.maximum(former.pressing[friction.rows], 0.0)
         begun = np.maximum(allowed, np.abs(former.force))
-        return float((0.5 * (begun + np.abs(self.force)) * np.abs(self.slip - former.slip)).sum())
+        return float((0.5 * (begun + np.abs(self.force)) * np.abs(self.slip - self.kept)).sum())
 
     @classmethod
     def of(cls, found: Complementarity, count: int) -> Memory:
         """Of a solution with so many normal rows."""
         state = found.state
-        normal, along = found.force[:count], found.force[count:]
-        return cls(found.gap[count:], along, normal, state[:count], state[count:])
+        normal, along, gap = found.force[:count], found.force[count:], found.gap
+        return cls(gap[count:], along, normal, state[:count], state[count:], gap[:count], found.kept)
 
 
 def solve_contact(
@@ -150,27 +158,15 @@ def solve_friction(
         If neither method ends.
     """
     problem = _Problem(flexibility, free_gap, laws, friction, memory.slip)
-    normal, tangential = problem.joined(laws.following(memory.normal, *problem.nothing), memory.tangential)
-    found, exchanges = problem.exchanged(normal, tangential)
-    force = np.zeros(len(free_gap))
-    for _ in range(_ROUNDS):
-        if found is not None:
+    states, exchanges = (laws.following(memory.normal, *problem.nothing), memory.tangential), 0
+    for left in reversed(range(_LANDINGS + 1)):
+        (force, gap, state), more = problem.solved(*problem.joined(*states))
+        exchanges += more
+        landed = problem.landed(memory, state) if left else None
+        if landed is None:
             break
-        found, more = problem.exchanged(*problem.swept(force))
-        exchanges += more
-    if found is None and (states := problem.pivoted()) is not None:
-        found, more = problem.exchanged(*states)
-        exchanges += more
-    if found is None:
-        raise on_all_ranks(
-            SolveError(
-                f"friction: neither exchanges of states nor Gauss-Seidel or Lemke's method ended for "
-                f"{len(laws)} contact rows with coefficients up to {friction.static.max():g}; take smaller "
-                "load steps or smaller coefficients"
-            )
-        )
-    force, gap, state = found
-    return Complementarity(force, gap, state, exchanges)
+        states = landed
+    return Complementarity(force, gap, state, exchanges, problem.slip)
 
 
 class _Problem:
@@ -192,6 +188,51 @@ class _Problem:
         with np.errstate(divide="ignore"):
             self.weight = np.where(moves, 1.0 / np.sqrt(np.diag(flexibility)), 0.0)
         self.nothing = np.zeros(self.count), free_gap[: self.count]
+        self._lands = np.zeros(len(slip), dtype=bool)
+
+    def solved(
+        self, normal: np.ndarray, tangential: np.ndarray
+    ) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], int]:
+        """Forces, gaps and states that fit together, from some, and the exchanges."""
+        found, exchanges = self.exchanged(normal, tangential)
+        force = np.zeros(len(self.free))
+        for _ in range(_ROUNDS):
+            if found is not None:
+                break
+            found, more = self.exchanged(*self.swept(force))
+            exchanges += more
+        if found is None and (states := self.pivoted()) is not None:
+            found, more = self.exchanged(*states)
+            exchanges += more
+        if found is None:
+            raise on_all_ranks(
+                SolveError(
+                    f"friction: neither exchanges of states nor Gauss-Seidel or Lemke's method ended for "
+                    f"{self.count} contact rows with coefficients up to {self.friction.static.max():g}; take "
+                    "smaller load steps or smaller coefficients"
+                )
+            )
+        return found, exchanges
+
+    def landed(self, memory: Memory, state: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """States to go on from where rows that were apart touch, None where what they keep is told: gap and
+        slip go linearly from those before to those without the forces of these rows, and stick where they
+        land.
+        """
+        rows, (normal, tangential) = self.friction.rows, np.split(state, [self.count])
+        lands = self.rubs & (memory.normal[rows] == FREE) & (memory.gap[rows] > 0.0) & (normal[rows] != FREE)
+        apart = normal.copy()
+        apart[rows[lands]] = FREE
+        found = self._solved(apart, np.where(lands, FREE, tangential)) if lands.any() else None
+        if found is None:
+            return None
+        gap, former = found[1], self.slip
+        share = memory.gap[rows] / np.maximum(memory.gap[rows] - np.minimum(gap[rows], 0.0), 1e-300)
+        self.slip = np.where(lands, memory.slip + share * (gap[self.count :] - memory.slip), memory.slip)
+        if np.array_equal(self.slip, former):
+            return None
+        begins, self._lands = lands & ~self._lands, lands
+        return normal, np.where(begins, STICKS, tangential)
 
     def joined(self, normal: np.ndarray, tangential: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """States that fit together: what has just closed begins by sticking."""

@@ -65,6 +65,13 @@ class Sets(NamedTuple):
     following : (n,) int8 array
     swept : (n,) array
         Forces of Gauss-Seidel.
+    kept : (n,) array
+        Gaps before, of tangential rows the slips that they keep.
+    landed : (n, 3) array
+        Of tangential rows that land: the share of the way to the next slip after which they do, less what the
+        gap before adds to the kept slip, and what the next gap adds; zero of others.
+    begun : (n,) int8 array
+        States before.
     seen : (MAXIMUM,) int array
         Sums that tell sets apart.
     every : (n,) int array
@@ -80,6 +87,9 @@ class Sets(NamedTuple):
     free: np.ndarray
     following: np.ndarray
     swept: np.ndarray
+    kept: np.ndarray
+    landed: np.ndarray
+    begun: np.ndarray
     seen: np.ndarray
     every: np.ndarray
 
@@ -98,11 +108,25 @@ def rubbing_of(friction: Friction, flexibility: np.ndarray, count: int) -> Rubbi
     return Rubbing(rows, beside, np.where(rubs, friction.kinetic, 0.0), np.where(rubs, friction.static, 0.0))
 
 
+def extent_of(rubbing: Rubbing, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The members of a set, and the forces of all rows by theirs, (c + k, members)."""
+    count = rubbing.beside.size
+    along = state[count:]
+    members = np.append(np.flatnonzero(state[:count] != FREE), count + np.flatnonzero(along == STICKS))
+    result = np.zeros((len(state), len(members)))
+    result[members, np.arange(len(members))] = 1.0
+    result[count:] += (rubbing.kinetic * ((along == ALONG) * 1.0 - (along == AGAINST)))[:, None] * result[
+        rubbing.rows
+    ]
+    return members, result
+
+
 def rubbing_room(rows: int) -> tuple[np.ndarray, ...]:
     """Room of `Sets` that sets of any step share: from `right` on."""
-    following, seen = np.zeros(rows, dtype=np.int8), np.zeros(MAXIMUM, dtype=np.int64)
-    right, solved, free, swept = (np.empty(n) for n in (rows + 1, rows, rows, rows))
-    return right, solved, free, following, swept, seen, np.arange(rows)
+    following, begun = (np.zeros(rows, dtype=np.int8) for _ in range(2))
+    right, solved, free, swept, kept = (np.empty(n) for n in (rows + 1, *[rows] * 4))
+    seen = np.zeros(MAXIMUM, dtype=np.int64)
+    return right, solved, free, following, swept, kept, np.empty((rows, 3)), begun, seen, np.arange(rows)
 
 
 # Where nothing rubs.

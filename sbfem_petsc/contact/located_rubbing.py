@@ -20,7 +20,8 @@ import numpy as np
 from scipy import linalg
 
 from .closed_sets import Contacts
-from .friction import AGAINST, ALONG, STICKS
+from .friction import ALONG, STICKS
+from .held_rows import extent_of
 from .law import FREE
 from .marching import StepConstants
 from .rubbing_tangent import LEAST
@@ -113,19 +114,11 @@ class _Located:
         key = state.tobytes()
         if key in self._known:
             return self._known[key]
-        c, rubbing, units, scaled = self.count, self.step.rubbing, self.units, self.scaled
+        c, units, scaled = self.count, self.units, self.scaled
         sticks = state[c:] == STICKS
-        pull = np.zeros(len(state))
-        pull[c:] = rubbing.kinetic * ((state[c:] == ALONG) * 1.0 - (state[c:] == AGAINST))
-        members = np.append(np.flatnonzero(state[:c] != FREE), c + np.flatnonzero(sticks))
+        members, extent = extent_of(self.step.rubbing, state)
         place = np.full(len(state), -1)
         place[members] = np.arange(len(members))
-        extent = np.zeros((len(state), len(members)))
-        extent[members, place[members]] = 1.0
-        pressed = members[members < c]
-        pressed = pressed[rubbing.beside[pressed] >= 0]
-        beside = rubbing.beside[pressed]
-        extent[beside, place[pressed]] += pull[beside]
         inverse = np.linalg.inv((self.step.residual @ extent)[members])
         held = extent @ inverse
         along = held @ scaled[:, members].T

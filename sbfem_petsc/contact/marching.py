@@ -133,8 +133,10 @@ class StepHistory(NamedTuple):
         To friction in each, J; not kept in an empty one.
     rows : (n, pairs) or (0, 0) int8 array
         States of the rows after each step; not kept in an empty one.
-    slips : (n, k) or (0, 0) array
-        Of the tangential rows after each step, m; not kept in an empty one.
+    kept : (k,) or (0,) array
+        Slips that the tangential rows keep in the last step, m; not told in an empty one.
+    landings : (n, k, 3) or (0, 0, 3) array
+        Where tangential rows land in each step, see `held_rows.Sets`; not kept in an empty one.
     """
 
     states: np.ndarray
@@ -144,7 +146,8 @@ class StepHistory(NamedTuple):
     parts: np.ndarray = np.empty(0, dtype=np.int8)
     lost: np.ndarray = np.empty(0)
     rows: np.ndarray = np.empty((0, 0), dtype=np.int8)
-    slips: np.ndarray = np.empty((0, 0))
+    kept: np.ndarray = np.empty(0)
+    landings: np.ndarray = np.empty((0, 0, 3))
 
 
 class Marched(NamedTuple):
@@ -322,9 +325,8 @@ def _sets(room: Room, level: int) -> Sets:
     own, of = room.factor, room.sets
     inverse, known = room.inverses[level], room.known[level]
     held, at = room.members[level], room.places[level]
-    return Sets(
-        inverse, known, held, at, of.right, own.solved, own.free, of.following, of.swept, of.seen, own.every
-    )
+    found = inverse, known, held, at, of.right, own.solved, own.free
+    return Sets(*found, of.following, of.swept, of.kept, of.landed, of.begun, of.seen, own.every)
 
 
 @inner_loops
@@ -380,11 +382,14 @@ def _take(
     if not pulled:
         for i in range(pairs):
             after.force[i] = 0.0
+        for i in range(count, pairs):
+            room.sets.kept[i], room.sets.landed[i, 0] = before.gap[i], 0.0
+            room.sets.landed[i, 1], room.sets.landed[i, 2] = 0.0, 0.0
     return pulled
 
 
 @inner_loops
-def _push(step: StepConstants, level: int, before: End, after: End, room: Room) -> None:
+def _push(step: StepConstants, level: int, after: End, room: Room) -> None:
     """Let contact at the end of a step act in it, and put gaps of held rows in their place."""
     coefficients, left, right = step.coefficients[level], step.left, step.right
     q, v, pull, free = after.q, after.v, after.pull, room.factor.free
@@ -394,7 +399,7 @@ def _push(step: StepConstants, level: int, before: End, after: End, room: Room) 
         rest = after.rows[i]
         after.gap[i] = free[i] if rest == FREE else step.laws.place[rest, i]
     for i in range(count, pairs):
-        after.gap[i] = before.gap[i] if after.rows[i] == STICKS else free[i]
+        after.gap[i] = room.sets.kept[i] if after.rows[i] == STICKS else free[i]
     products(left, after.force, rank, (pairs, pairs), room.thin)
     add_rows(right, every, room.thin, rank, (m, m), pull)
     for j in range(m):
@@ -420,7 +425,7 @@ def _march(
     room: Room,
     forces_of: Callable[..., int],
 ) -> tuple[int, int, int, int]:
-    states, velocities, forces, works, parts, losses, rows, slips = history
+    states, velocities, forces, works, parts, losses, rows, kept, landings = history
     halving, levels, rubbing = step.halving, loads.levels, step.rubbing
     steps, m = states.shape
     pairs, last = state.force.size, step.coefficients.shape[0] - 1
@@ -441,9 +446,9 @@ def _march(
                 exchange = forces_of(step.flexibility[level], gaps, held, _sets(room, level), after.force)
                 if exchange < 0:
                     return done, exchanges, unresolved, taken
-                _push(step, level, before, after, room)
+                _push(step, level, after, room)
             exchanges += exchange
-            lost = lost_to_friction(step.flexibility[level], rubbing, before, after)
+            lost = lost_to_friction(step.flexibility[level], rubbing, room.sets.kept, before, after)
             if exchange > 0:  # where no row changes sides there is no work
                 work = work_of_contact(before, after) + lost
                 if abs(work) > halving.tolerance * (energy_of_modes(step.stiffness, after) + halving.floor):
@@ -469,12 +474,15 @@ def _march(
             forces[done, i] = before.force[i]
         for i in range(rows.shape[1]):
             rows[done, i] = before.rows[i]
-        for k in range(slips.shape[1]):
-            slips[done, k] = before.gap[rubbing.beside.size + k]
+        for k in range(landings.shape[1]):
+            for n in range(3):
+                landings[done, k, n] = room.sets.landed[rubbing.beside.size + k, n]
     for j in range(m):
         state.q[j], state.v[j] = before.q[j], before.v[j]
     for i in range(pairs):
         state.force[i], state.rows[i] = before.force[i], before.rows[i]
     for k in range(rubbing.rows.size):
         state.slip[k] = before.gap[rubbing.beside.size + k]
+    for k in range(kept.size):
+        kept[k] = room.sets.kept[rubbing.beside.size + k]
     return steps, exchanges, unresolved, taken

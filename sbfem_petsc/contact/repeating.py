@@ -106,7 +106,7 @@ def settle(
     stepping, forces_of = begun(step)
     room = _Repetition(
         np.zeros((patience.longest + 1, 2 * m + slips)),
-        StepHistory(*told, slips=np.empty((steps, slips))),
+        StepHistory(*told, kept=np.empty(slips)),
         stepping,
     )
     moving = StepState(*state[:2], np.zeros(pairs), np.zeros(pairs, dtype=np.int8), state[2])
@@ -128,6 +128,7 @@ def _touch(
     for i in range(count):
         rows[i] = caught(step.laws, i, gap[i])
         touches |= rows[i] != FREE
+        former[i] = 0.0
     for i in range(count, pairs):
         rows[i], former[i] = FREE, slip[i - count]
     sets = _sets(room, 0)
@@ -180,5 +181,5 @@ def _settle(
         if reached < steps:
             return -3, done, 0
         for k in range(slip.size):
-            slip[k] = room.history.slips[steps - 2, k]
+            slip[k] = room.history.kept[k]
     return -2, patience.limit, 0

@@ -18,6 +18,8 @@ from .pivoting import Factor, add_rows, caught, contact_forces, products
 
 # Sweeps before the next exchanges, and how often; rounding of forces.
 _SWEEPS, _ROUNDS, _ROUNDING = 20, 20, 1e-12
+# How often it is told where rows land, from the states that this leads to.
+_LANDINGS = 3
 # What may be left of the gaps that are kept, relative to the largest gap without forces or by a row's own
 # force, and how often it is solved for again.
 _LEFT, _REFINED = 1e-13, 2
@@ -234,21 +236,16 @@ def _sweep(
                 free[j] += more * flexibility[t, j]
 
 
-@compiled_apart
-def rubbing_forces(
+@inner_loops
+def _settle(
     flexibility: np.ndarray,
     gap: tuple[np.ndarray, np.ndarray],
     held: tuple[Table, Rubbing, np.ndarray],
     sets: Sets,
     force: np.ndarray,
 ) -> int:
-    """Solve a contact problem with friction, whose gaps and slips are W force + gap.
-
-    `gap` are the free gaps and slips, and those of the step before, whose slips rows that stick keep; `held`
-    are the laws, what rubs, and the states of the step before, which are written anew. `sets.free` is left
-    with gaps and slips. Returns the exchanges of states, -1 if no solution is found.
-    """
-    (laws, _, state), n, exchanges = held, gap[0].size, 0
+    """Forces, gaps and states that fit together; how many exchanges they take, -1 if none are found."""
+    state, n, exchanges = held[2], gap[0].size, 0
     for i in range(n):
         sets.swept[i] = 0.0
     for attempt in range(_ROUNDS + 1):
@@ -272,12 +269,90 @@ def rubbing_forces(
             if not solved:
                 break
             if _exchange(flexibility, gap, held, sets, force) == 0:
-                for i in range(held[1].beside.size):
-                    if state[i] != FREE:
-                        force[i] = min(max(force[i], laws.least[state[i], i]), laws.most[state[i], i])
                 return exchanges
             exchanges += 1
     return -1
+
+
+@inner_loops
+def _land(
+    flexibility: np.ndarray,
+    gap: tuple[np.ndarray, np.ndarray],
+    held: tuple[Table, Rubbing, np.ndarray],
+    sets: Sets,
+    force: np.ndarray,
+    first: bool,
+) -> bool:
+    """Where rows that were apart meet, whether any do: gap and slip go linearly from those before to those
+    without the forces of these rows. What lands sticks to the slip there.
+    """
+    (_, rubbing, state), count, lands = held, held[1].beside.size, False
+    for i in range(state.size):
+        sets.following[i] = state[i]
+    for k in range(rubbing.rows.size):
+        i = rubbing.rows[k]
+        if sets.begun[i] == FREE and state[i] != FREE and gap[1][i] > 0.0 and rubbing.static[k] > 0.0:
+            state[i], state[count + k], lands = FREE, FREE, True
+    lands = lands and follow(flexibility, rubbing, state, sets)
+    if lands:
+        _solve(flexibility, gap, held, sets, force)
+    for k in range(rubbing.rows.size):
+        i, t = rubbing.rows[k], count + k
+        if lands and sets.following[i] != state[i]:
+            reached, slipped = min(sets.free[i], 0.0), sets.free[t] - gap[1][t]
+            share = 1.0 / (gap[1][i] - reached)
+            sets.landed[t, 0] = share * gap[1][i]
+            sets.landed[t, 1], sets.landed[t, 2] = (
+                slipped * share**2 * reached,
+                slipped * share**2 * gap[1][i],
+            )
+            sets.kept[t] = gap[1][t] + sets.landed[t, 0] * slipped
+            # under less than would hold it, it slips only if it has begun to
+            sets.following[t] = STICKS if first else sets.following[t]
+    for i in range(state.size):
+        state[i] = sets.following[i]
+    return lands
+
+
+@compiled_apart
+def rubbing_forces(
+    flexibility: np.ndarray,
+    gap: tuple[np.ndarray, np.ndarray],
+    held: tuple[Table, Rubbing, np.ndarray],
+    sets: Sets,
+    force: np.ndarray,
+) -> int:
+    """Solve a contact problem with friction, whose gaps and slips are W force + gap.
+
+    `gap` are the free gaps and slips, and those of the step before, whose slips rows that stick keep, those
+    that land the slips where they do (of gaps of zero before those of the step before); `held` are the laws,
+    what rubs, and the states of the step before, which are written anew. `sets.free` is left with gaps and
+    slips, `sets.kept` with the slips that are kept. Returns the exchanges of states, -1 if no solution is
+    found.
+    """
+    (laws, rubbing, state), exchanges = held, 0
+    for i in range(state.size):
+        sets.begun[i], sets.kept[i] = state[i], gap[1][i]
+    for i in range(rubbing.beside.size, state.size):
+        sets.landed[i, 0], sets.landed[i, 1], sets.landed[i, 2] = 0.0, 0.0, 0.0
+    for attempt in range(_LANDINGS + 1):
+        if attempt > 0:
+            if not _land(flexibility, gap, held, sets, force, attempt == 1):
+                break
+        more = _settle(flexibility, (gap[0], sets.kept), held, sets, force)
+        if more < 0:
+            return -1
+        exchanges += more
+        if attempt > 1 and more == 0:
+            break
+    for i in range(rubbing.beside.size):
+        if state[i] != FREE:
+            force[i] = min(max(force[i], laws.least[state[i], i]), laws.most[state[i], i])
+    for i in range(rubbing.beside.size, state.size):
+        if state[i] == FREE:
+            sets.kept[i] = gap[1][i]
+            sets.landed[i, 0], sets.landed[i, 1], sets.landed[i, 2] = 0.0, 0.0, 0.0
+    return exchanges
 
 
 @compiled_apart

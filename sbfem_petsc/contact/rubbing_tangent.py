@@ -3,9 +3,10 @@
 While no row changes its state a step is linear in the position dq before contact acts and in what the rows
 remember: the forces f of the rows a that keep a gap or stick, E f of all rows (those that slip pull by their
 share of the pressure beside them), obey W_a E f = ds - U_a V^T dq with the slips ds that sticking rows keep.
-What a row keeps is written at the last instant at which it has not stuck. The memory of a state is the slips
-at the instant before it: from these a row either slips or sticks, from its slip at the same instant it might
-do both, so that the derivative would have two values.
+What a row keeps is written at the last instant at which it has not stuck; where it was apart there, this goes
+on to where the row lands, a share of the way to the next instant (`rubbing.rubbing_forces`). The memory of a
+state is what the rows keep at it: from these slips a row either slips or sticks, from its slip at the instant
+itself it might do both, so that the derivative would have two values.
 
 From set to set few rows change: inverses of W_a E follow them as in the steps themselves (`held_rows`).
 """
@@ -54,27 +55,20 @@ class _Room(NamedTuple):
     along: np.ndarray
 
 
-def written(states: np.ndarray, count: int) -> np.ndarray:
-    """(n + 1, k): the instants at which the slips behind `count` normal rows are what is kept later on, or
-    what is left to the next period.
-    """
-    sticks = states[:, count:] == STICKS
-    result = np.zeros_like(sticks)
-    result[:-1] = ~sticks[:-1] & sticks[1:]
-    result[-2] = ~sticks[-2]
-    return result
-
-
 def rubbing_contacts(
-    step: StepConstants, states: np.ndarray, units: np.ndarray, gap_rates: np.ndarray, least: float = LEAST
+    step: StepConstants,
+    history: tuple[np.ndarray, np.ndarray],
+    units: np.ndarray,
+    gap_rates: np.ndarray,
+    least: float = LEAST,
 ) -> Contacts:
     """Of steps as they are, of one length.
 
     Parameters
     ----------
     step : StepConstants
-    states : (n + 1, c + k) int8 array
-        Of the rows at the steps' ends.
+    history : (n + 1, c + k) int8 array, (n, k, 3) array
+        States of the rows at the steps' ends, and where they land in these (`marching.StepHistory`).
     units : (k,) array
         Those of the slips in the state, m.
     gap_rates : (n + 1, c + k, e) array
@@ -82,39 +76,80 @@ def rubbing_contacts(
     least : float
         What is left out.
     """
-    count = step.rubbing.beside.size
-    writes = written(states, count)
+    (states, landings), rubbing, count = history, step.rubbing, step.rubbing.beside.size
+    writes, lands = _written(states, landings)
+    landing = lands.any(axis=1)
     instants = np.flatnonzero((states != FREE).any(axis=1) | writes.any(axis=1))
-    # the first instant has no step before it
-    keys = [(n == 0, states[n].tobytes(), writes[n].tobytes()) for n in instants]
+    # rows that land are told from a set without them before that of their instant
+    of = np.repeat(instants, 1 + landing[instants])
+    aside = np.append(of[1:] == of[:-1], False)
+    beside = landing | np.append(landing[1:], False)
+    # the first instant has no step before it; one beside which rows land is like no other
+    keys = [
+        (n == 0, alone, n if beside[n] else -1, states[n].tobytes(), writes[n].tobytes())
+        for n, alone in zip(of.tolist(), aside.tolist())
+    ]
     known = {key: number for number, key in enumerate(dict.fromkeys(keys))}
     which = np.array([known[key] for key in keys], dtype=int)
     _, kinds = np.unique(which, return_index=True)
-    kinds = instants[kinds]
+    at, alone = of[kinds], aside[kinds]
+    shares = np.zeros((len(kinds), len(units), 2))
+    shares[:, :, 0] = 1.0
+    goes_on = ~alone & (at < len(landings))
+    shares[goes_on] -= landings[at[goes_on], :, :2]
+    shares[alone] = landings[at[alone] - 1][:, :, [0, 2]]
+    sets, written = states[at], np.where(alone[:, None], lands[at], writes[at])
+    landed = (landings[at[alone] - 1, :, 0] > 0.0).nonzero()
+    numbers = np.flatnonzero(alone)[landed[0]]
+    sets[numbers, rubbing.rows[landed[1]]], sets[numbers, count + landed[1]] = FREE, FREE
     push, spread, changes, sizes = _condensed(
-        step, (states[kinds], writes[kinds], units), not kinds[:1].any(), least
+        step, (sets, written, shares, alone, units), not at[:1].any(), least
     )
-    first, counts = np.cumsum(sizes) - sizes, sizes[which]
-    owner = np.repeat(np.arange(len(instants)), counts)
+    ends = np.cumsum(sizes)
+    first = ends - sizes
+    held = spread.copy()
+    rows, slips = np.nonzero(changes)
+    held[rows, count + slips] = np.where(np.repeat(alone, sizes)[rows], 0.0, -1.0 / units[slips])
+    for kind in np.flatnonzero(alone):
+        behind, own = which[np.flatnonzero(which == kind)[0] + 1], slice(first[kind], ends[kind])
+        part, kept = slice(first[behind], ends[behind]), np.flatnonzero(written[kind])
+        read = held[part, count + kept] * units[kept]
+        spread[part] += read @ spread[own]
+        held[part] += read @ held[own]
+    counts = sizes[which]
+    owner = np.repeat(of, counts)
     place = np.arange(len(owner)) + np.repeat(first[which] - np.cumsum(counts) + counts, counts)
     shifts = np.zeros((len(owner), gap_rates.shape[2]))
     if shifts.size:
-        shifts = np.einsum("sc,sce->se", spread[place], gap_rates[instants][owner])
-    reads, factors = -spread[:, count:] * units, spread @ step.left.T @ step.right
+        shifts = np.einsum("sc,sce->se", spread[place], gap_rates[owner])
+    reads, factors = -held[:, count:] * units, spread @ step.left.T @ step.right
+    counts = np.bincount(np.searchsorted(instants, owner), minlength=len(instants))
     return Contacts(
         instants, counts, factors[place], shifts, (push @ step.right)[place], reads[place], changes[place]
     )
 
 
+def _written(states: np.ndarray, landings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(n + 1, k): the instants at which slips are written that are kept later on or left to the next period,
+    and those at which they go on to where a row lands.
+    """
+    sticks = states[:, states.shape[1] - landings.shape[1] :] == STICKS
+    writes, lands = np.zeros_like(sticks), np.zeros_like(sticks)
+    writes[:-1] = ~sticks[:-1] & sticks[1:]
+    writes[-2] = ~sticks[-2]
+    lands[1:] = writes[:-1] & (landings[:, :, 0] > 0.0)
+    return writes, lands
+
+
 def _condensed(
     step: StepConstants, sets: tuple[np.ndarray, ...], early: bool, least: float
 ) -> tuple[np.ndarray, ...]:
-    """Of sets - states, the slips that are written, units - one set after the other, the first of them
-    `early` if no step is before it: what directions of contact push in the thin space (s, r), what takes part
-    in them and in slips that are written, from all rows (s, c + k), the memory that is written (s, k), and
-    how many each set has.
+    """Of sets - states, slips that are written, what slips and gaps share in these, whether no more is asked,
+    units - one set after the other, the first of them `early` if no step is before it: what directions of
+    contact push in the thin space (s, r), what takes part in them and in slips that are written, from all
+    rows (s, c + k), the memory that is written (s, k), and how many each set has.
     """
-    (rank, rows), (states, writes, units) = step.left.shape, sets
+    (rank, rows), (states, writes, shares, alone, units) = step.left.shape, sets
     memory = len(units)
     values, axes = np.linalg.eigh((step.right * step.coefficients[0, 4]) @ step.right.T)
     root = np.sqrt(np.maximum(values, 1e-15 * values[-1:]))
@@ -126,7 +161,8 @@ def _condensed(
     room = _Room(drawn, forces, gathered, columns, base, np.empty(rows))
     flexibility = step.flexibility[0], step.residual if early else step.flexibility[0]
     scaled = np.ascontiguousarray((axes * root).T @ step.left)
-    held = step.rubbing, np.ascontiguousarray(states), np.ascontiguousarray(writes), units, least
+    states, writes, shares, alone = map(np.ascontiguousarray, (states, writes, shares, alone))
+    held = step.rubbing, states, writes, shares, alone, units, least
     total = _condense(flexibility, scaled, held, empty_sets(rows), room, (*result, sizes))
     if total < 0:
         raise np.linalg.LinAlgError("the flexibility of the rows in contact is singular")
@@ -240,13 +276,13 @@ def _taken(sets: Sets, factors: np.ndarray, rows: np.ndarray, count: int, along:
 def _condense(
     flexibility: tuple[np.ndarray, np.ndarray],
     scaled: np.ndarray,
-    held: tuple[Rubbing, np.ndarray, np.ndarray, np.ndarray, float],
+    held: tuple[Rubbing, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, float],
     sets: Sets,
     room: _Room,
     result: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
 ) -> int:
     """See `_condensed`; the number of all rows, -1 where a set is singular."""
-    (rubbing, states, writes, units, least), (push, spread, changes, sizes) = held, result
+    (rubbing, states, writes, shares, alone, units, least), (push, spread, changes, sizes) = held, result
     n, rank, members, along, total = states.shape[1], scaled.shape[0], sets.members, room.along, 0
     for kind in range(states.shape[0]):
         w, state, first = flexibility[1] if kind == 0 else flexibility[0], states[kind], total
@@ -260,7 +296,7 @@ def _condense(
         if not regular:
             return -1
         unknowns = members[n]
-        columns = _columns(scaled, units, members, unknowns, room)
+        columns = 0 if alone[kind] else _columns(scaled, units, members, unknowns, room)
         for j in range(_directions(room.columns, columns, room.base, least)):
             for q in range(rank):
                 push[total, q] = room.base[j, q]
@@ -271,13 +307,18 @@ def _condense(
         for t in range(units.size):
             if not writes[kind, t]:
                 continue
-            row = n - units.size + t
+            row, normal, share = n - units.size + t, rubbing.rows[t], shares[kind, t, 1] / units[t]
             for a in range(unknowns):
-                room.drawn[0, a] = pulled(w, rubbing, state, (row, members[a])) / units[t]
+                room.drawn[0, a] = (
+                    shares[kind, t, 0] / units[t] * pulled(w, rubbing, state, (row, members[a]))
+                )
+                if share != 0.0:
+                    room.drawn[0, a] += share * pulled(w, rubbing, state, (normal, members[a]))
             _taken(sets, room.drawn[0], sets.inverse, unknowns, along)
             for a in range(unknowns):
                 spread[total, members[a]] = along[a]
-            spread[total, row] -= 1.0 / units[t]
+            spread[total, row] -= shares[kind, t, 0] / units[t]
+            spread[total, normal] -= share
             changes[total, t] = 1.0
             total += 1
         sizes[kind] = total - first

@@ -33,23 +33,23 @@ def work_of_contact(before: End, after: End) -> float:
 
 @inner_sums
 def _lost_partly(flexibility: np.ndarray, before: End, after: End, rows: tuple[int, int]) -> float:
-    """To friction in a step of a normal and a tangential row that touch at one end alone: gap and slip go
-    linearly between what they are where the rows are apart and what the forces where they touch keep them
-    from; while the gap of that way is closed, friction goes linearly with the slip.
+    """To friction in a step in which a normal and a tangential row part: gap and slip go linearly from what
+    the forces keep them from; while the gap of that way is closed, friction goes linearly with the slip.
     """
-    (i, j), lands = rows, before.rows[rows[0]] == FREE
-    apart, touching = (before, after) if lands else (after, before)
+    i, j = rows
     overlap, held = 0.0, 0.0
-    for k in range(touching.force.size):
-        overlap += flexibility[i, k] * touching.force[k]
-        held += flexibility[j, k] * touching.force[k]
-    share = max(overlap, 0.0) / max(max(overlap, 0.0) + max(apart.gap[i], 0.0), 1e-300)
-    slipped = share * (after.gap[j] - before.gap[j]) + (1.0 - share) * (held if lands else -held)
-    return max(-0.5 * touching.force[j] * slipped, 0.0)
+    for k in range(before.force.size):
+        overlap += flexibility[i, k] * before.force[k]
+        held += flexibility[j, k] * before.force[k]
+    share = max(overlap, 0.0) / max(max(overlap, 0.0) + max(after.gap[i], 0.0), 1e-300)
+    slipped = share * (after.gap[j] - before.gap[j]) - (1.0 - share) * held
+    return max(-0.5 * before.force[j] * slipped, 0.0)
 
 
 @inner_loops
-def lost_to_friction(flexibility: np.ndarray, rubbing: Rubbing, before: End, after: End) -> float:
+def lost_to_friction(
+    flexibility: np.ndarray, rubbing: Rubbing, kept: np.ndarray, before: End, after: End
+) -> float:
     """To friction in a step: the slips' changes times the mean of what the pressure allows at its end and as
     the slip begins. What slips before does so from the step's beginning, what sticks as its friction reaches
     what a pressure that goes linearly allows, or of static friction, which is more, what held it.
@@ -57,11 +57,11 @@ def lost_to_friction(flexibility: np.ndarray, rubbing: Rubbing, before: End, aft
     total, count = 0.0, rubbing.beside.size
     for k in range(rubbing.rows.size):
         i, j = rubbing.rows[k], count + k
-        slipped = abs(after.gap[j] - before.gap[j])
-        if slipped == 0.0:
-            continue
-        if (before.rows[i] == FREE) != (after.rows[i] == FREE):
+        if before.rows[i] != FREE and after.rows[i] == FREE:
             total += _lost_partly(flexibility, before, after, (i, j))
+            continue
+        slipped = abs(after.gap[j] - kept[j])
+        if slipped == 0.0:
             continue
         begun = rubbing.kinetic[k] * max(before.force[i], 0.0)
         ended, held = rubbing.kinetic[k] * max(after.force[i], 0.0), abs(before.force[j])

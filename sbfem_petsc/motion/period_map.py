@@ -271,16 +271,16 @@ class DrivenPeriod:
         states, velocities = np.empty((steps + 1, m)), np.empty((steps + 1, m))
         forces, work = np.zeros((steps + 1, p.pairs)), np.empty(steps)
         kept = (steps + 1, p.pairs) if len(slip) else (0, 0)
-        rows, slips = np.empty(kept, dtype=np.int8), np.empty((kept[0], len(slip)))
-        lost = np.empty(len(slips[1:]))
+        rows, lost = np.empty(kept, dtype=np.int8), np.empty(max(kept[0] - 1, 0))
         begin = StepState(q, v, forces[0].copy(), former.copy(), slip.copy())
         reached, settled = 0, self._touch(begin)
         states[0], velocities[0], forces[0] = q, v, begin.force
-        rows[:1], slips[:1] = begin.rows[: rows.shape[1]], begin.slip
+        rows[:1], left = begin.rows[: rows.shape[1]], np.empty(len(slip))
+        landings = np.empty((len(lost), len(slip), 3))
         if settled >= 0:
             loads = StepLoads(np.zeros((0, m)), self.free_gap, np.zeros(steps, dtype=np.int8))
             told = states[1:], velocities[1:], forces[1:], work, np.empty(0, dtype=np.int8), lost
-            history = StepHistory(*told, rows[1:], slips[1:])
+            history = StepHistory(*told, rows[1:], left, landings)
             reached = march(self.constants, loads, begin, history, self.length.kept).steps
         if reached < steps:
             raise on_all_ranks(
@@ -289,10 +289,9 @@ class DrivenPeriod:
                     "was not solved; use more steps, or pairs of like size"
                 )
             )
-        # the slips that are left are those of the last instant but one
-        residual = self._state(q, v, (slips[-2:-1].ravel() - slip) / p.slip_units)
+        residual = self._state(q, v, (left - slip) / p.slip_units)
         residual[: 2 * m] -= difference
-        return PeriodMotion(residual, states, velocities, forces, work, rows, lost)
+        return PeriodMotion(residual, states, velocities, forces, work, rows, lost, landings)
 
     def _touch(self, begin: StepState) -> int:
         """Contact at t = 0, where the modes are and after the slips before; negative if it is not solved."""
@@ -383,9 +382,8 @@ class DrivenPeriod:
         if p.friction is not None and located:
             contacts = located_rubbing(self.constants, (motion.rows, motion.forces), gaps, p.slip_units)
         elif p.friction is not None:
-            contacts = rubbing_contacts(
-                self.constants, motion.rows, p.slip_units, gap_rates, ROUGH if rough else LEAST
-            )
+            history, left_out = (motion.rows, motion.landings), ROUGH if rough else LEAST
+            contacts = rubbing_contacts(self.constants, history, p.slip_units, gap_rates, left_out)
         elif located:
             closed = p.laws.acting(motion.forces)
             contacts = located_contacts(

@@ -27,6 +27,8 @@ class PeriodMotion:
         States of the rows, see `contact.friction`; empty where nothing rubs.
     lost : (n,) array
         To friction in each step, J; empty where nothing rubs.
+    landings : (n, k, 3) array
+        Where tangential rows land in each step, see `contact.held_rows.Sets`; empty where nothing rubs.
     """
 
     residual: np.ndarray
@@ -36,6 +38,7 @@ class PeriodMotion:
     work: np.ndarray
     rows: np.ndarray = field(default_factory=lambda: np.empty((0, 0), dtype=np.int8))
     lost: np.ndarray = field(default_factory=lambda: np.empty(0))
+    landings: np.ndarray = field(default_factory=lambda: np.empty((0, 0, 3)))
 
     def stays(self, count: int) -> np.ndarray:
         """(k,): the slips, behind `count` normal rows, that stick throughout the period."""

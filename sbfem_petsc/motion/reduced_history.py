@@ -200,7 +200,8 @@ class ReducedIntegrator:
         self.amplitude, before, lost = amplitude, self.force.copy(), 0.0
         if self.rows:
             friction, gaps = self.reduced.friction, self.reduced.gaps
-            former = Memory(self.slip, before[gaps:], before[:gaps], self.contact[:gaps], self.contact[gaps:])
+            states = self.contact[:gaps], self.contact[gaps:]
+            former = Memory(self.slip, before[gaps:], before[:gaps], *states, np.zeros(gaps), self.slip)
             found = _contact_at(self.reduced, self.q, amplitude[: self.loads], former)
             if friction is not None:
                 lost = Memory.of(found, gaps).lost_since(former, friction)

@@ -197,7 +197,8 @@ def _states(
         modal_load = reduced.load_modes @ loads
         by_load = rows @ (give * modal_load) + reduced.gap.loads @ loads
         gap = by_load + reduced.initial_gap
-        found = Complementarity(np.zeros(len(gap)), gap, np.zeros(len(gap), dtype=np.int8), 0)
+        slip = np.empty(0) if memory is None else memory.slip
+        found = Complementarity(np.zeros(len(gap)), gap, np.zeros(len(gap), dtype=np.int8), 0, slip)
         if contact and laws.touched(gap[:count]).any():
             found = solve_contact(flexibility, gap, laws, friction, memory)
         force, rubbed = found.force, dict[str, Any]()

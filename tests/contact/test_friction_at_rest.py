@@ -10,6 +10,7 @@ from scipy.interpolate import CubicSpline
 import sbfem_petsc as sb
 from meshing import CrackLine, Plate
 from sbfem_petsc.bodies.rows import Row
+from sbfem_petsc.contact import friction as friction_module
 from sbfem_petsc.contact.friction import Friction, Memory
 from sbfem_petsc.contact.law import RowLaws
 from tests.contact.test_friction import enumerated
@@ -38,10 +39,11 @@ def pressed(rng, coefficients, modes):
 
 
 @pytest.mark.parametrize("modes", [9, 4])
-def test_histories_against_all_states_tried(modes):
+def test_histories_against_all_states_tried(modes, monkeypatch):
     """Each state of a history follows from the one before; displacements, energies and losses are those of
-    the matrices themselves, whatever number of modes is kept.
+    the matrices themselves, whatever number of modes is kept. Rows stick where they stood before.
     """
+    monkeypatch.setattr(friction_module, "_LANDINGS", 0)
     rng, seen = np.random.default_rng(modes), set()
     for _ in range(12):
         coefficients = rng.uniform(0.1, 0.8, 2)
@@ -79,6 +81,36 @@ def test_histories_against_all_states_tried(modes):
         assert np.array_equal(first.slip, found.slip[0]) and first.friction_loss == found.friction_loss[0]
         assert np.array_equal(first.friction_force, found.friction_force[0])
     assert seen == {(False, True), (True, True), (True, False)}
+
+
+@pytest.mark.parametrize("states", [2, 3, 8])
+@pytest.mark.parametrize("pull", [0.5, 0.8, 1.5])
+def test_where_rows_land(pull, states):
+    """A point that comes down aslant on layers, in closed form: in however many states it does so, it sticks
+    where it lands, beyond the coefficient of slips too, or has slid from there.
+    """
+    body = sb.reduce_matrices(
+        np.eye(2),
+        np.eye(2),
+        [[1.0, 0.0]],
+        [0.3],
+        loads=np.eye(2),
+        sensors={"x": 0, "y": 1},
+        compliance=[0.1],
+        contact_laws=sb.Coulomb(0.6, 0.9),
+        tangent_rows=[[0.0, 1.0]],
+        tangent_compliance=[0.1],
+    )
+    time = np.linspace(0.0, 1.0, states)
+    found = sb.load_history(body, [sb.Samples(time, -time), sb.Samples(time, pull * time)], time)
+    pressure = (1.0 - 0.3) / 1.1
+    friction = pull * pressure if pull <= 0.9 else 0.6 * pressure
+    assert found.contact_force[-1, 0] == pytest.approx(pressure)
+    assert found.friction_force[-1, 0] == pytest.approx(-friction)
+    slip = pull - 1.1 * friction
+    assert found.slip[-1, 0] == pytest.approx(slip)
+    lost = 0.5 * friction * (slip - 0.3 * pull) if pull > 0.9 else 0.0
+    assert found.friction_loss[-1] == pytest.approx(lost)
 
 
 def test_results_are_kept(tmp_path):

@@ -62,7 +62,7 @@ class StepContact:
     def _rubbed(self, free: np.ndarray, friction: Friction) -> tuple[np.ndarray, np.ndarray]:
         """The same where faces rub; what they remember goes on."""
         force, c, state = np.zeros(len(free)), len(self.laws), self.state.copy()
-        gaps, held = (free, np.append(free[:c], self.slip)), (self.laws.table, self._rubbing, state)
+        gaps, held = (free, np.append(np.zeros(c), self.slip)), (self.laws.table, self._rubbing, state)
         if rubbing_forces(self.flexibility, gaps, held, self._sets, force) < 0:
             memory = Memory.none(self.laws, friction)._replace(slip=self.slip)
             found = solve_friction(self.flexibility, free, self.laws, friction, memory)

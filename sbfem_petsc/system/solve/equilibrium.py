@@ -141,7 +141,8 @@ def _from_free_gaps(
             if result is None:
                 result = solve_complementarity(operator.compliance(stiffness, tips).gaps, gap, laws)
         if result is None:
-            result = Complementarity(np.zeros(len(gap)), gap, np.zeros(len(gap), dtype=np.int8), 0)
+            slip = np.empty(0) if friction is None else former.slip
+            result = Complementarity(np.zeros(len(gap)), gap, np.zeros(len(gap), dtype=np.int8), 0, slip)
         else:
             operator.rows.add_to(right, result.force)
             solver.solve(right, solution, "static")
