@@ -74,6 +74,13 @@ WRONG = [
     ("fy = 200.0", 'fy = "200 N"', "loads.push.fy = '200 N'", "must be a number, in N"),
     ("fy = 200.0", "fy = [200.0]", "loads.push.fy", "must be a number, in N"),
     ('title = "small"', "title = 3", "title = 3", "must be a text"),
+    # a kind that is called as one of its keys is
+    (
+        "fy = 200.0",
+        'fy = 200.0\n[loads.bad]\nkind = "force"\nforce = 1.0\npoint = 3' + NEW,
+        "loads.bad.point",
+        "a text",
+    ),
     # numbers out of range
     ("length = 0.1", "length = -0.1", "geometry.length = -0.1", "must be above 0, in m"),
     ("length = 0.1", "length = inf", "geometry.length = inf", "must be a finite number"),

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 
 from ...checks import shown
 from ...options import TYPES, one_of, unit_of, wrong
-from .tables import Path, Problem, kind_names, member_of
+from .tables import Path, Problem, kind_names, members
 
 # Names of files, and of groups in them, and bytes of a name that leave room for endings.
 _FILED, _LONGEST = re.compile(r"[^/\\.\s][^/\\]*"), 120
@@ -67,7 +67,7 @@ def filed(name: str) -> bool:
 
 def from_validation(error: ValidationError, data: Any, root: type[BaseModel]) -> list[Problem]:
     """Problems of a validation by pydantic, each with its path in the user's data."""
-    faults: dict[Path, list[tuple[Any, type[BaseModel] | None, list[str]]]] = {}
+    faults: dict[Path, list[tuple[Any, type[BaseModel], list[str]]]] = {}
     for item in error.errors(include_url=False):
         path, table, kinds = _place(item["loc"], data, root, missing=item["type"] == "missing")
         value = item["input"]
@@ -75,7 +75,7 @@ def from_validation(error: ValidationError, data: Any, root: type[BaseModel]) ->
             given = value["kind"]
             text = f"= {_spelt(given)} is unknown; {one_of(kinds, given)}"
             item = {**item, "type": "value_error", "ctx": {"error": text}}
-            path, table = (*path, "kind"), None
+            path = (*path, "kind")
         faults.setdefault(path, []).append((item, table, kinds))
     # of a key that may be of several types, what is wrong within one of them says more than its type
     return [
@@ -88,36 +88,36 @@ def from_validation(error: ValidationError, data: Any, root: type[BaseModel]) ->
 
 def _place(
     loc: tuple, data: Any, root: type[BaseModel], missing: bool
-) -> tuple[Path, type[BaseModel] | None, list[str]]:
+) -> tuple[Path, type[BaseModel], list[str]]:
     """The user's path of an error, the table that its last key stands in, and the kinds that what stands
     there may have; marks that tell the members of a union apart are left out.
     """
-
     path: Path = ()
-    here: Any = data
-    owner: type[BaseModel] | None = None
-    table: Any = root
+    here, owner, below = data, root, [root]  # tables that what stands here may be
     for k, part in enumerate(loc):
-        within = (isinstance(here, dict) and part in here) or (
-            isinstance(here, list) and isinstance(part, int) and part < len(here)
+        told = [table for table in below if part in (table.__name__, *kind_names([table]))]
+        if len(below) > 1 and told:
+            below = told
+            continue
+        within = isinstance(here, (dict, list)) and part in (
+            here if isinstance(here, dict) else range(len(here))
         )
-        if within:
-            owner = table if isinstance(table, type) else owner
-            here, path = here[part], (*path, part)
-            table = member_of(table, part, here)
-        elif missing and k == len(loc) - 1:
-            owner = table if isinstance(table, type) else owner
-            path = (*path, part)
-    return path, owner, kind_names(table)
+        if not within and not (missing and k == len(loc) - 1):
+            continue
+        path, here = (*path, part), here[part] if within else None
+        owner = below[0] if len(below) == 1 else owner
+        if part in owner.model_fields:
+            below = members(owner.model_fields[part].annotation)
+    return path, owner, kind_names(below)
 
 
-def _sentence(faults: list[Any], path: Path, table: type[BaseModel] | None, kinds: list[str]) -> str:
+def _sentence(faults: list[Any], path: Path, table: type[BaseModel], kinds: list[str]) -> str:
     """What is wrong at a path: keys and kinds that the table does not know, or a value."""
     fault, key = faults[0], str(path[-1]) if path else ""
-    field = table.model_fields.get(key) if table is not None else None
+    field = table.model_fields.get(key)
     unit = unit_of(field) if field is not None else ""
     if fault["type"] == "extra_forbidden":
-        return f"is no key of this table; {one_of(table.model_fields if table else (), key)}"
+        return f"is no key of this table; {one_of(table.model_fields, key)}"
     if fault["type"] == "missing":
         what = f" ({field.description}{f', in {unit}' if unit else ''})" if field is not None else ""
         return f"is missing{what}; add it"

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import types
 import typing
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
@@ -99,54 +98,6 @@ def members(annotation: Any) -> list[type[BaseModel]]:
     return [table for part in typing.get_args(annotation) for table in members(part)]
 
 
-def member_of(table: Any, key: str | int, value: Any) -> Any:
-    """The table class, or the annotation, that a value under `key` of a table stands for."""
-    if isinstance(table, type) and issubclass(table, BaseModel):
-        field = table.model_fields.get(str(key))
-        annotation = field.annotation if field is not None else None
-        if field is not None and field.metadata:
-            annotation = Annotated[(annotation, *field.metadata)]  # type: ignore[assignment]
-    else:
-        annotation = _element(table)
-    return _chosen(annotation, value)
-
-
-def _element(annotation: Any) -> Any:
-    """Annotation of the elements of an array or of the values of a table of tables."""
-    origin, parts = typing.get_origin(annotation), typing.get_args(annotation)
-    if origin is Annotated:
-        return _element(parts[0])
-    if origin in (list, dict):
-        return parts[-1]
-    for part in parts:
-        found = _element(part)
-        if found is not None:
-            return found
-    return None
-
-
-def _chosen(annotation: Any, value: Any) -> Any:
-    origin = typing.get_origin(annotation)
-    if isinstance(value, dict) and origin not in (dict, list):
-        if origin is Annotated and typing.get_origin(typing.get_args(annotation)[0]) in (dict, list):
-            return annotation
-        found = members(annotation)
-        if origin in (typing.Union, types.UnionType) or origin is Annotated:
-            nested = [p for p in typing.get_args(annotation) if typing.get_origin(p) in (dict, list)]
-            if nested and not found:
-                return nested[0]
-        wanted = value.get("kind")
-        for table in found:
-            if "kind" not in table.model_fields:
-                continue
-            if kind_name(table) == wanted or (
-                wanted is None and not table.model_fields["kind"].is_required()
-            ):
-                return table
-        return found[0] if len(found) == 1 else annotation
-    return annotation
-
-
-def kind_names(annotation: Any) -> list[str]:
-    """Kinds of the tables in an annotation."""
-    return [kind_name(table) for table in members(annotation) if "kind" in table.model_fields]
+def kind_names(tables: Iterable[type[BaseModel]]) -> list[str]:
+    """Kinds of tables, of those that have one."""
+    return [kind_name(table) for table in tables if "kind" in table.model_fields]
