@@ -33,8 +33,8 @@ class Options(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _plain(cls, data: Any) -> Any:
-        """NumPy's numbers as Python's, tuples and arrays as lists."""
-        return {key: _plain(value) for key, value in data.items()} if isinstance(data, dict) else data
+        """NumPy's numbers as Python's, tuples and arrays as lists, in dicts too."""
+        return _plain(data)
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """What single options cannot tell: the name of one, or "", and what is wrong with it."""
@@ -75,7 +75,19 @@ def unit_of(field: FieldInfo) -> str:
     return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
 
 
+class _Foreign:
+    """What pydantic would take for a number: an array without dimensions, say."""
+
+    def __init__(self, value: Any):
+        self.value = value
+
+    def __repr__(self) -> str:
+        return repr(self.value)
+
+
 def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
     if isinstance(value, np.floating):
         return float(value)
     if isinstance(value, np.generic):
@@ -83,7 +95,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.ndarray) and value.ndim == 1 and not np.ma.is_masked(value):
         return value.tolist()
     if hasattr(value, "__float__") and not isinstance(value, Real):
-        return object()  # pydantic would take it: an array without dimensions, say
+        return _Foreign(value)
     return list(value) if isinstance(value, tuple) else value
 
 

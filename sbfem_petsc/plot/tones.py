@@ -12,11 +12,12 @@ from ..continuation.problems.curve_branch import QuasiPeriodicBranch
 from ..continuation.problems.free_branch import Backbone
 from ..continuation.problems.tones import QuasiPeriodic
 from ..indicators.lines import Sidebands
+from ..motion.states import Point
 from ..petsc import MPI
 from ..record.units import frequency_unit, length_unit
 from .branches import draw_parts, name_verdicts, smooth, split
 from .drawing import CYCLE, Sheet, dots, note, stems
-from .picture import named, named_point, picture, symbol, whole
+from .picture import named, picture, place_name, symbol, whole
 
 # Orders up to which a line is named in the picture.
 NAMED = 2
@@ -26,10 +27,10 @@ ROUND_OFF = 1e-12
 FLAT = 1e-5
 
 
-@picture(QuasiPeriodic, several=True, point=named_point)
+@picture(QuasiPeriodic, several=True)
 def plot_lines(
     motions: QuasiPeriodic | Mapping[str, QuasiPeriodic],
-    point: str = "A",
+    point: Point = "A",
     direction: str = "y",
     *,
     order: int = 3,
@@ -43,9 +44,10 @@ def plot_lines(
     Parameters
     ----------
     motions : QuasiPeriodic or dict of str to QuasiPeriodic
-        On rank 0 at least.
-    point : str
-        Named: of motions of two tones no others are kept.
+        On rank 0 at least; on all ranks for a place (x, y).
+    point : str or (x, y)
+        Name, or m. Motions with a tone of their own are integrated again at a place; of those under two given
+        tones named points alone are kept.
     direction : {"y", "x"}
     order : int
         Lines up to this \\|m\\| and \\|n\\|.
@@ -72,7 +74,7 @@ def plot_lines(
     for line, (f, height) in _highest(seen).items():
         note(axes, _line_name(*line), (f * along, height * factor), 4, rotation=90, fontsize=6)
     axes.set_xlim(left=0.0)
-    label = f"$|{symbol(motions, direction, point)}|$({point}) ({unit})"
+    label = f"$|{symbol(motions, direction, point)}|$({place_name(point)}) ({unit})"
     axes.set(xlabel=f"frequency ({name_of_unit})", ylabel=label)
     return axes
 
@@ -80,7 +82,7 @@ def plot_lines(
 Lines = dict[tuple[int, int], tuple[float, float]]
 
 
-def _lines(motion: QuasiPeriodic, point: str, direction: str, order: int) -> Lines:
+def _lines(motion: QuasiPeriodic, point: Point, direction: str, order: int) -> Lines:
     """Frequency (Hz) and height (m) of each line m f1 + n f2 up to an order."""
     first, second = motion.frequencies
     around = range(-order, order + 1)
@@ -206,10 +208,10 @@ def plot_backbone(
     return axes
 
 
-@picture(QuasiPeriodicBranch, several=True, point=named_point, harmonic=whole(1, 20))
+@picture(QuasiPeriodicBranch, several=True, harmonic=whole(1, 20))
 def plot_quasi_periodic(
     branches: QuasiPeriodicBranch | Mapping[str, QuasiPeriodicBranch],
-    point: str = "A",
+    point: Point = "A",
     direction: str = "y",
     *,
     harmonic: int = 1,
@@ -223,9 +225,9 @@ def plot_quasi_periodic(
     Parameters
     ----------
     branches : QuasiPeriodicBranch or dict of str to QuasiPeriodicBranch
-        All over the frequency, or all over the load; on rank 0 at least.
-    point : str
-        Named: of motions of two tones no others are kept.
+        All over the frequency, or all over the load; on rank 0 at least, on all ranks for a place (x, y).
+    point : str or (x, y)
+        Name, or m. Motions at a place are integrated again.
     direction : {"y", "x"}
     harmonic : int
         The multiple of the own tone whose amplitude is drawn.
@@ -261,7 +263,7 @@ def plot_quasi_periodic(
     of = "" if harmonic == 1 else f"harmonic {harmonic} of the "
     panels[0].set(
         xlabel=label,
-        ylabel=f"{of}own tone of ${symbol(curves, direction, point)}$({point}) ({unit})",
+        ylabel=f"{of}own tone of ${symbol(curves, direction, point)}$({place_name(point)}) ({unit})",
     )
     panels[1].set(xlabel=label, ylabel=f"its frequency ({unit_of_tone})")
     panels[0].set_ylim(bottom=0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -11,8 +12,9 @@ import numpy as np
 from .about import About, Quantity
 from .record import Record, entries, expanded, record_class
 
-# Bytes up to which data stand in a header; of a chunk of others.
-COMPACT, CHUNK = 32768, 1 << 20
+# Bytes up to which data stand in a header; of a chunk of others; from which on it is tried whether packing
+# gains a tenth.
+COMPACT, CHUNK, PACKED = 32768, 1 << 20, 2048
 TYPES: dict[str, Any] = {"b": bool, "i": np.int64, "f": np.float64, "c": np.complex128, "U": str}
 # The mark of netCDF-4 on an axis that has no entries of its own.
 BARE = b"This is a netCDF dimension but not a netCDF variable.%10d"
@@ -88,7 +90,7 @@ def _array(record: Record, q: Quantity) -> np.ndarray:
 def within(group: h5py.Group, name: str) -> h5py.Group:
     """A new group in another one, which keeps the order of what it holds and no times."""
     how = h5py.h5p.create(h5py.h5p.GROUP_CREATE)
-    how.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED)
+    how.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED)
     how.set_obj_track_times(False)
     link = h5py.h5p.create(h5py.h5p.LINK_CREATE)
     link.set_char_encoding(h5py.h5t.CSET_UTF8)
@@ -98,12 +100,15 @@ def within(group: h5py.Group, name: str) -> h5py.Group:
 def put(
     group: h5py.Group, name: str, array: np.ndarray, about: About, unit: str, dims: tuple[str, ...]
 ) -> h5py.Dataset:
-    """A data set with unit, words and named dimensions: in the header if it is small, else in chunks."""
+    """A data set with unit, words and named dimensions: packed where that is worth it, else in the header if
+    it is small, or in chunks.
+    """
     if array.dtype.kind == "U":
         array = texts_of(array.ravel().tolist()).reshape(array.shape)
     logical = array.dtype.kind == "b"  # as netCDF has it
     array = np.ascontiguousarray(array.astype(np.int8) if logical else array).reshape(array.shape)
-    if array.nbytes <= COMPACT:
+    packed = {"compression": 1, "shuffle": True} if _worth_packing(array) else {}
+    if array.nbytes <= COMPACT and not packed:
         layout = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
         layout.set_layout(h5py.h5d.COMPACT)
         layout.set_obj_track_times(False)
@@ -116,7 +121,9 @@ def put(
         # of equal chunks, for the last one is filled up
         pieces = -(-len(array) // max(1, CHUNK // max(1, array[0].nbytes)))
         rows = -(-len(array) // pieces)
-        data = group.create_dataset(name, data=array, chunks=(rows, *array.shape[1:]), fletcher32=True)
+        data = group.create_dataset(
+            name, data=array, chunks=(rows, *array.shape[1:]), fletcher32=True, **packed
+        )
     data.attrs["units"], data.attrs["long_name"] = text_of(unit), text_of(about.text)
     if logical:
         data.attrs["dtype"] = text_of("bool")
@@ -126,6 +133,14 @@ def put(
         else:
             data.dims[k].attach_scale(_scale(group, dim, array.shape[k]))
     return data
+
+
+def _worth_packing(array: np.ndarray) -> bool:
+    """Whether packing gains a tenth of what is no more than a chunk, and so costs no time."""
+    if not array.ndim or not PACKED <= array.nbytes <= CHUNK:
+        return False
+    shuffled = array.reshape(-1, 1).view(np.uint8).T
+    return len(zlib.compress(shuffled.tobytes(), 1)) < 0.9 * array.nbytes
 
 
 def _scale(group: h5py.Group, dim: str, length: int) -> h5py.Dataset:

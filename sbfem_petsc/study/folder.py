@@ -56,6 +56,7 @@ class Folder:
             "version": sb.__version__,
             "what": what,
             "case": case.key if what == "run" else case.sweep_key,
+            "given": case.given,
         }
         other = "sweep" if what == "run" else "run"
         way = "name another folder with --output, or give --replace to"
@@ -71,6 +72,11 @@ class Folder:
                     f"{former.get('version')}, and this program writes {SCHEMA}; {way} compute it again"
                 )
             if former.get("case") != mine["case"]:
+                if former.get("given") in (None, mine["given"]):
+                    raise ValueError(
+                        f"{self.path!r} holds the {what} of a case as an earlier state of version "
+                        f"{former['version']} understood it; {way} compute it again"
+                    )
                 raise ValueError(f"{self.path!r} holds the {what} of another case; {way} overwrite it")
             make_folder(self.parts)
             return former

@@ -237,7 +237,7 @@ class _Run:
             with new_results(place, "run") as file:
                 write_case(file.create_group("case"), self.case)
                 file.attrs["run"] = text_of(json.dumps(summary["run"]))
-                group = file.create_group("analyses", track_order=True)
+                group = within(file, "analyses")
                 for name in names:
                     if not self.folder.finished(name):
                         continue

@@ -137,8 +137,24 @@ def test_legends_say_stable_and_unstable_where_both_are():
 
 
 def test_motions_of_named_points_alone():
-    with pytest.raises(TypeError, match=r"plot_lines: point = \(0.1, 0.0\) must be the name of a point"):
+    with pytest.raises(
+        TypeError, match=r"point = \(0.1, 0.0\) must be the name of a point: of motions under"
+    ):
         plot.plot_lines(examples.quasi_periodic(), (0.1, 0.0))
+
+
+def test_a_place_of_motions_with_a_tone_of_their_own(monkeypatch):
+    """Integrated again at a place that moves as the first mass does, in the place of a model's."""
+    branch = examples.quasi_periodic_branch()
+    with pytest.raises(sb.SolveError, match="knows its named points alone"):
+        branch.line(0, 1, (0.1, 0.0))
+    monkeypatch.setattr(
+        type(branch.motions[0].reduced), "output_at", lambda self, *_: self.points.of("1", "point")
+    )
+    np.testing.assert_allclose(branch.line(1, -1, (0.1, 0.0)), branch.line(1, -1, "1"), rtol=1e-9)
+    named, placed = (plot.plot_quasi_periodic(branch, point) for point in ("1", (0.1, 0.0)))
+    np.testing.assert_allclose(lines(placed[0])[1], lines(named[0])[1], rtol=1e-9)
+    assert "0.1 m, 0 m" in placed[0].get_ylabel()
 
 
 # ---------------------------------------------------------------------- ranks

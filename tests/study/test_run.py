@@ -171,6 +171,7 @@ def test_another_case_is_refused(folder, tmp_path):
     for change, told in (
         ({"schema": 5}, "the schema 5, of version"),
         ({"version": "0.0"}, "of version 0.0, and this program writes"),
+        ({"given": read_case(other).given}, "of a case as an earlier state of version"),
     ):
         (out / "run.json").write_text(json.dumps(state | change))
         done = sbfem("run", other, "--output", out)

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...errors import SolveError, on_all_ranks
+from ...motion.states import Point as Place
 from ...record.record import Record, derived, described, quantity
 from ..events import refine
 from ..follow import CLOSED, Follower, Line, Settings, points_of, ran_out
@@ -105,8 +106,10 @@ class QuasiPeriodicBranch(Record):
         """
         return max((motion._furthest(least) for motion in self.motions), default=0.0)
 
-    def line(self, m: int, n: int, point: str, direction: str = "y") -> np.ndarray:
-        """(n,) complex amplitudes at m f1 + n f2, m."""
+    def line(self, m: int, n: int, point: Place, direction: str = "y") -> np.ndarray:
+        """(n,) complex amplitudes at m f1 + n f2, m, of a named point, or of any point (x, y) in m.
+        Collective for (x, y).
+        """
         return np.array([motion.line(m, n, point, direction) for motion in self.motions])
 
     @derived("N", "largest contact resultant", "point")

@@ -11,19 +11,22 @@ import numpy as np
 from meshing.warnings import StepWarning
 
 from ...checks import integer
-from ...errors import at_point, caller_level
+from ...errors import at_point, caller_level, on_all_ranks
 from ...motion.excitation import Excitation
 from ...motion.period_map import Period
 from ...motion.period_motion import PeriodMotion
+from ...motion.states import Point
 from ...petsc import MPI
 from ...record.record import Record, derived, described, quantity
+from ...reduction.outputs import LinearOutput
 from ...reduction.reduced_model import ReducedModel
 from ...system.elements.plausibility import furthest_of_lines
+from ...system.fields.places import checked_place
 from ..orbit import LOWEST, component, in_words, largest_error
-from ..problem import Point
-from .curve import RESOLVED, spectral_tail
+from ..problem import Point as CurvePoint
+from .curve import RESOLVED, CurveState, spectral_tail
 from .curve_system import tangents
-from .own_tone import OwnTone, strays
+from .own_tone import Curves, OwnTone, strays
 from .torus import exponents
 
 # Multiples of the first tone of which lines are kept.
@@ -211,15 +214,34 @@ class QuasiPeriodic(Record):
         """
         return furthest_of_lines(np.moveaxis(self.lines, (2, 3), (0, 1)), least)
 
-    def harmonics(self, point: str, direction: str = "y") -> np.ndarray:
+    def harmonics(self, point: Point, direction: str = "y") -> np.ndarray:
         """(21, k) complex: amplitudes at the multiples 0 to 20 of the faster tone plus those of `orders` of
-        the slower one, m.
+        the slower one, m. Of a motion with a tone of its own also at a place (x, y), m, for which it is
+        integrated again. Collective for (x, y).
         """
+        if not isinstance(point, str):
+            return component(self._lines_at(checked_place("harmonics", point)), direction)
         index = at_point({name: k for k, name in enumerate(self.points)}, point)
         return component(self.lines[:, :, index], direction)
 
-    def line(self, m: int, n: int, point: str, direction: str = "y") -> complex:
-        """Complex amplitude at m f1 + n f2, m; at (0, 0) the mean.
+    def _lines_at(self, place: tuple[float, float]) -> np.ndarray:
+        """(21, k, 2) lines at a place, kept for the next time. Collective."""
+        if self.own is None:
+            raise on_all_ranks(
+                TypeError(
+                    f"harmonics: point = {place} must be the name of a point: of motions under two given "
+                    "tones no others are kept; name further ones by points= of the mesh"
+                )
+            )
+        known = self.__dict__.setdefault("_places", {})
+        if place not in known:
+            found, u = self.reduced.output_at("displacement", place), own_curve(self)
+            alone = LinearOutput((), found.modes[None], found.loads[None], found.contact[None])
+            known[place] = _own_lines(self.own, Curves(self.own, u).at(u), alone)[:, :, 0]
+        return known[place]
+
+    def line(self, m: int, n: int, point: Point, direction: str = "y") -> complex:
+        """Complex amplitude at m f1 + n f2, m; at (0, 0) the mean. Of points see `harmonics`.
 
         Raises
         ------
@@ -239,7 +261,7 @@ class QuasiPeriodic(Record):
             )
         return complex(lines[fast, middle + slow])
 
-    def modulation_index(self, point: str, direction: str = "y") -> float:
+    def modulation_index(self, point: Point, direction: str = "y") -> float:
         """(|c_1,1| + |c_1,-1|) / |c_1,0|: sidebands of the first tone over itself."""
         sidebands = sum(abs(self.line(1, n, point, direction)) for n in (1, -1))
         return sidebands / abs(self.line(1, 0, point, direction))
@@ -266,6 +288,7 @@ def tone_lines(
     rotation: float,
     linear: Sequence[tuple[Excitation, np.ndarray]],
     comm: MPI.Comm,
+    points: LinearOutput | None = None,
 ) -> np.ndarray:
     """(21, k, points, 2) lines of all named points, m. Collective.
 
@@ -281,17 +304,19 @@ def tone_lines(
         Loads of the faster tone, and of the slower one, with the modal amplitudes of the linear response.
     comm : MPI.Comm
         Ranks that share the samples.
+    points : LinearOutput, optional
+        Others than the named ones.
     """
-    r, p, samples = period.reduced, period, len(motions)
-    steps, half = p.steps, samples // 2
+    points, samples = points or period.reduced.points, len(motions)
+    steps, half = period.steps, samples // 2
     lines = min(LINES, steps // 2 - 1)
-    orders, seen = np.arange(-half, half + 1), r.points.modes.shape[:2]
+    orders, seen = np.arange(-half, half + 1), points.modes.shape[:2]
     found = np.zeros((lines + 1, len(orders), *seen), dtype=complex)
     mine = [(i, motion) for i, motion in enumerate(motions) if motion is not None]
     over_samples = np.exp(-2j * np.pi * orders[:, None] * [i for i, _ in mine] / samples) / samples
     for begin in range(0, steps if mine else 0, INSTANTS):
         part = slice(begin, min(begin + INSTANTS, steps))
-        u = np.array([_moved(period, motion, part) for _, motion in mine])
+        u = np.array([_moved(points, period.pairs, motion, part) for _, motion in mine])
         # the slower tone's lines over the samples at each instant, then the faster one's over the instants
         slow = np.tensordot(over_samples, u, axes=1)
         share = np.arange(part.start, part.stop) / steps
@@ -305,8 +330,8 @@ def tone_lines(
     if samples % 2 == 0:  # both ends of the range are the same harmonic of the samples
         found[:, [0, -1]] *= 0.5
     for tone, (drive, amplitudes) in enumerate(linear):
-        response = np.einsum("pim,km->kpi", r.points.modes, amplitudes)
-        response += np.einsum("pil,kl->kpi", r.points.loads, drive.amplitudes)
+        response = np.einsum("pim,km->kpi", points.modes, amplitudes)
+        response += np.einsum("pil,kl->kpi", points.loads, drive.amplitudes)
         for order, value in zip(drive.orders, response):
             place = (order, half) if tone == 0 else (0, half + order)
             if place[0] <= lines and place[1] < len(orders):
@@ -314,20 +339,25 @@ def tone_lines(
     return found
 
 
-def _moved(period: Period, motion: PeriodMotion, part: slice) -> np.ndarray:
-    """(n, 2 points): displacements of the named points at some instants, without the linear response."""
-    points = period.reduced.points
+def _moved(points: LinearOutput, pairs: int, motion: PeriodMotion, part: slice) -> np.ndarray:
+    """(n, 2 points): displacements of points at some instants, without the linear response."""
     u = np.einsum("pim,nm->npi", points.modes, motion.states[part], optimize=True)
-    u += np.einsum("pic,nc->npi", points.contact[..., : period.pairs], motion.forces[part], optimize=True)
+    u += np.einsum("pic,nc->npi", points.contact[..., :pairs], motion.forces[part], optimize=True)
     return u.reshape(len(u), -1)
 
 
-def own_motion(point: Point, stability: bool) -> QuasiPeriodic:
+def _own_lines(own: OwnTone, state: CurveState, points: LinearOutput | None = None) -> np.ndarray:
+    """`tone_lines` of a motion with a tone of its own. Collective."""
+    driven = own.driven(state.value)
+    linear = ((own.period.excitation.scaled(driven.factor), driven.amplitudes),)
+    return tone_lines(own.period, state.motions, state.rotation, linear, own.comm, points)
+
+
+def own_motion(point: CurvePoint, stability: bool) -> QuasiPeriodic:
     """The motion of an invariant curve with a tone of its own, a point of `Curves`. Collective."""
     state, own = point.state, point.problem.tone
     driven = own.driven(state.value)
-    linear = ((own.period.excitation.scaled(driven.factor), driven.amplitudes),)
-    lines = tone_lines(own.period, state.motions, state.rotation, linear, own.comm)
+    lines = _own_lines(own, state)
     growth = np.zeros(0)
     if stability:
         maps, along = state.linearised(smooth=True)[0].maps, tangents(state.states)
@@ -347,7 +377,7 @@ def attracts(motion: QuasiPeriodic) -> bool:
     return bool(len(motion.exponents) and motion.exponents[0] * TURNS < -motion.frequencies[0])
 
 
-def recorded_motion(point: Point) -> QuasiPeriodic:
+def recorded_motion(point: CurvePoint) -> QuasiPeriodic:
     """The same of what is told of it already (`CurveState.recorded`)."""
     state, own = point.state, point.problem.tone
     driven = own.driven(state.value)

@@ -90,6 +90,11 @@ class Case(Given):
         return self._hash(_DECISIVE)
 
     @property
+    def given(self) -> str:
+        """The same of what stands in the file alone, whatever options are left out, with the sweep."""
+        return self._hash((*_DECISIVE, "sweep"), written=True)
+
+    @property
     def structure_key(self) -> str:
         """Hash of geometry, mesh, material and supports."""
         return self._hash(STRUCTURE)
@@ -132,11 +137,11 @@ class Case(Given):
             reason = getattr(error, "strerror", None) or error
             raise self.problem(path, f"= {name!r} cannot be read ({reason})") from None
 
-    def _hash(self, tables: tuple[str, ...]) -> str:
-        chosen = self.tables.model_dump(mode="json", include=set(tables))
+    def _hash(self, tables: tuple[str, ...], written: bool = False) -> str:
+        chosen = self.tables.model_dump(mode="json", include=set(tables), exclude_unset=written)
         if "output" in chosen:
             # what is drawn decides over no result
-            chosen["output"] = chosen["output"]["points"]
+            chosen["output"] = chosen["output"].get("points")
         digest = hashlib.sha256(json.dumps(chosen, sort_keys=True).encode())
         named = sorted(_files(self.data).items(), key=str)
         if self.tables.body is not None:

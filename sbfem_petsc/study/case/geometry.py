@@ -154,11 +154,6 @@ class Isotropic(Table):
     density: float = item(text="density", unit="kg/m^3", gt=0)
     plane: Literal["stress", "strain"] = item("stress", text="plane stress or plane strain")
 
-    def contradictions(self) -> Iterator[tuple[str, str]]:
-        """A material that cannot be compressed in plane strain."""
-        if self.plane == "strain" and self.poisson >= 0.5:
-            yield "poisson", f"= {self.poisson:g} must be below 0.5 in plane strain"
-
 
 class Orthotropic(Table):
     """Orthotropic linear elastic material."""
@@ -213,16 +208,6 @@ class RayleighBand(Table):
     high: float = item(text="upper frequency", unit="Hz", gt=0)
     high_ratio: float = item(text="damping ratio there", ge=0, lt=1)
 
-    def contradictions(self) -> Iterator[tuple[str, str]]:
-        """Frequencies in the wrong order, ratios that no two factors give."""
-        if self.low >= self.high:
-            yield "low", f"= {self.low:g} must be below high = {self.high:g}, in Hz"
-            return
-        try:
-            damping.rayleigh_factors(self.low, self.low_ratio, self.high, self.high_ratio)
-        except ValueError as error:
-            yield "high_ratio", f"is refused: {error}"
-
 
 class DampingByFrequency(Table):
     """Modal damping ratios by frequency, constant beyond the first and the last one."""
@@ -230,13 +215,6 @@ class DampingByFrequency(Table):
     made: ClassVar = damping.DampingTable
 
     points: list[Pair] = item(text="[frequency in Hz, ratio], frequencies ascending", min_length=1)
-
-    def contradictions(self) -> Iterator[tuple[str, str]]:
-        """Frequencies in the wrong order, ratios out of range."""
-        try:
-            damping.DampingTable(tuple((frequency, ratio) for frequency, ratio in self.points))
-        except ValueError as error:
-            yield "points", f"is refused: {error}"
 
 
 class ModelTable(Table):

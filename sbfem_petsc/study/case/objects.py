@@ -62,23 +62,13 @@ def made(case: Given, table: Table, *path: str | int, **given: Any) -> Any:
     **given
         Arguments in the place of keys.
     """
-    for name in type(table).model_fields:
-        value = getattr(table, name)
-        if name == "kind" or name in given:
-            continue
-        if name == "file":  # beside the case's own
-            given["path"] = case.resolve(value)
-            continue
+    given = table.arguments() | given
+    if "file" in given:  # beside the case's own
+        given["path"] = case.resolve(given.pop("file"))
+    for name, value in given.items():
         if isinstance(value, list):
-            value = [
-                made(case, entry, *path, name, k)
-                if isinstance(entry, Table)
-                else tuple(entry)
-                if isinstance(entry, list)
-                else entry
-                for k, entry in enumerate(value)
-            ]
-        given[name] = value
+            tables = enumerate(value)
+            given[name] = [made(case, v, *path, name, k) if isinstance(v, Table) else v for k, v in tables]
     with located(case, *path):
         return type(table).made(**given)
 

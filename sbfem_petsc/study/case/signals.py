@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import ClassVar, Literal
 
 from ...options import item
@@ -45,16 +44,6 @@ class ChirpSignal(Table):
     duration: float = item(text="duration", unit="s", gt=0)
     phase: float = item(0.0, text="phase at the start", unit="rad")
     taper: float = item(0.0, text="time of rise and of fall", unit="s", ge=0)
-
-    def contradictions(self) -> Iterator[tuple[str, str]]:
-        """A taper that is too long, and no oscillation."""
-        if self.taper > 0.5 * self.duration:
-            yield (
-                "taper",
-                f"= {self.taper:g} must be at most half the duration, {0.5 * self.duration:g}, in s",
-            )
-        if self.start == self.stop == 0.0:
-            yield "stop", "= 0 and start = 0 leave no oscillation; one must be positive"
 
 
 class StepSignal(Table):

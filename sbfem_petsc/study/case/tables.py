@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import typing
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -46,7 +47,32 @@ class Table(Options):
 
     def problems(self) -> Iterator[Problem]:
         """What single keys cannot tell, at paths within the table."""
-        return (Problem((key,) if key else (), text) for key, text in self.contradictions())
+        yield from (Problem((key,) if key else (), text) for key, text in self.contradictions())
+        entries = (one for _, value in self for one in (value if isinstance(value, list) else [value]))
+        if (
+            self.made is None
+            or "file" in type(self).model_fields
+            or any(isinstance(e, Table) for e in entries)
+        ):
+            return
+        try:
+            type(self).made(**self.arguments())
+        except (ValueError, TypeError) as error:
+            text = str(error).rstrip(".")
+            named = re.match(r"\w+: (\w+)\b( ?)", text)
+            at = named[1] if named and named[1] in type(self).model_fields else None
+            words = text[named.end() :] if named and at and named[2] else f"is refused: {text}"
+            yield Problem((at,) if at else (), words)
+
+    def arguments(self) -> dict[str, Any]:
+        """Its keys as arguments of `made`."""
+        return {
+            name: [tuple(one) if isinstance(one, list) else one for one in value]
+            if isinstance(value, list)
+            else value
+            for name, value in self
+            if name != "kind"
+        }
 
 
 def _printable(name: str) -> str:
