@@ -3,7 +3,7 @@
     ./run python benchmarks/bodies.py                # 17,136 and 46,071 free unknowns
     ./run python benchmarks/bodies.py --motion       # wedge, folds and backbone of 17,136 too, two minutes
     mpiexec -n 2 ./run python benchmarks/bodies.py   # reduced by both
-    for k in 1 2 3; do for n in 1 2; do mpiexec -n $n ./run python benchmarks/bodies.py --last; done; done
+    mpiexec -n 2 ./run python benchmarks/bodies.py --last --turns 5  # alone, each for itself, together
 
 CalculiX (ccx) stores the matrices; reading them is not counted.
 """
@@ -34,11 +34,13 @@ def body_of(size: float, fine: float) -> sb.FiniteElementModel:
     return sb.read_calculix(f"{folder}/cantilever")
 
 
-def reduced(body: sb.FiniteElementModel, gap, modes: int = 80, damping: float = 0.0) -> sb.ReducedModel:
+def reduced(
+    body: sb.FiniteElementModel, gap, modes: int = 80, damping: float = 0.0, comm=MPI.COMM_WORLD
+) -> sb.ReducedModel:
     """Load and sensor along z at a corner of the free end."""
     tip, crack = body.at((0.2, 0.02, 0.01), "z"), body.contact("LEFT", "RIGHT", normal="x", gap=gap)
     given = {"loads": {"F": tip}, "points": {"tip": tip}, "modes": modes, "damping": damping}
-    return sb.reduce(body, contact=crack, shapes=False, **given)
+    return sb.reduce(body, contact=crack, shapes=False, comm=comm, **given)
 
 
 def row(body: sb.FiniteElementModel) -> None:
@@ -57,6 +59,46 @@ def row(body: sb.FiniteElementModel) -> None:
             f"reduced in {spent[0]:.2f} CPU s, {spent[1]:.2f} s, {memory:.2f} GB",
             flush=True,
         )
+
+
+def turns(body: sb.FiniteElementModel, count: int) -> None:
+    """How much faster all ranks are together than one alone, in turns, and what no program can exceed on this
+    machine: as many reductions at once, each by one rank, that is what its cores do to each other.
+    """
+    world = MPI.COMM_WORLD
+
+    def seconds(comm: MPI.Comm | None) -> float:
+        """Wall time of the slowest."""
+        _calm(world)
+        begun = time.perf_counter()
+        if comm is not None:
+            reduced(body, 0.0, comm=comm)
+        spent = time.perf_counter() - begun
+        _calm(world)
+        return world.allreduce(spent, MPI.MAX)
+
+    found = []
+    for _ in range(count):
+        alone = seconds(MPI.COMM_SELF if world.rank == 0 else None)
+        found.append((alone, seconds(MPI.COMM_SELF), seconds(world)))
+        if world.rank == 0:
+            print(
+                "alone {:.2f} s, each for itself {:.2f} s, together {:.2f} s".format(*found[-1]), flush=True
+            )
+    alone, copies, together = np.median(found, axis=0)
+    if world.rank == 0:
+        print(
+            f"medians of {count}: {world.size} ranks {alone / together:.2f} times as fast as one, of "
+            f"{world.size * alone / copies:.2f} that the machine's cores are together; "
+            f"{copies / together:.2f} times as fast as one whose neighbours work too"
+        )
+
+
+def _calm(world: MPI.Comm) -> None:
+    """Wait for all ranks, without work that slows others."""
+    arrived = world.Ibarrier()
+    while not arrived.Test():
+        time.sleep(0.005)
 
 
 def motion(body: sb.FiniteElementModel) -> None:
@@ -80,9 +122,12 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--motion", action="store_true")
     parser.add_argument("--last", action="store_true", help="the larger body alone")
+    parser.add_argument("--turns", type=int, default=0, help="one rank and all, beside each other, so often")
     chosen = parser.parse_args()
     for sizes in SIZES[chosen.last :]:
         cantilever = body_of(*sizes)
         row(cantilever)
+        if chosen.turns:
+            turns(cantilever, chosen.turns)
         if chosen.motion and sizes == SIZES[0]:
             motion(cantilever)

@@ -232,9 +232,8 @@ def _warn_of_superelement(mass: Any, stiffness: Any, omega: np.ndarray) -> None:
 
 def _coupled(matrix: sparse.csr_matrix) -> np.ndarray:
     """Which unknowns have an entry beside the diagonal."""
-    rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
-    beside = (rows != matrix.indices) & (matrix.data != 0.0)
-    return np.bincount(rows[beside], minlength=matrix.shape[0]) > 0
+    size = abs(matrix)
+    return np.asarray(size @ np.ones(matrix.shape[0]) > size.diagonal())
 
 
 def _seen(rows: sparse.csr_matrix, fields: np.ndarray) -> np.ndarray:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 from scipy import linalg, sparse
@@ -67,66 +65,92 @@ def sparse_modes(
     """
     require_thread()
     heavy = _heavy(mass, count)
-    try:
-        found = _solved((mass, heavy, stiffness), columns, count, comm, 0.0)
-        if found is None:  # with rigid-body motions
-            carried = mass.diagonal() > 0.0
-            shift = SHIFT * float(np.median(stiffness.diagonal()[carried] / mass.diagonal()[carried]))
-            found = _solved((mass, heavy, stiffness), columns, count, comm, shift)
-    except (ValueError, SolveError):
-        _require_mass(_negative(comm, lambda: heavy)[0])
-        raise
-    if found is None:
-        raise on_all_ranks(
-            SolveError(
-                f"modal: the stiffness is singular to working precision even with {shift:.3g} of the mass "
-                "added: its entries lie too far apart; hold the body, or make what is near rigid softer"
+    carried = mass.diagonal() > 0.0
+    ratio = float(np.median(stiffness.diagonal()[carried] / mass.diagonal()[carried]))
+    for shift in (0.0, SHIFT * ratio):  # the latter with rigid-body motions
+        definite = sparse.csr_matrix(stiffness + shift * mass) if shift else stiffness
+        for doubled in range(4):
+            solver = _Columns(comm, definite, "modal_st_")
+            try:
+                if not solver.factorised(sure=shift > 0.0):
+                    break
+                found = _solved(solver, (mass, heavy, stiffness), columns, (count, WIDTH << doubled), shift)
+            finally:
+                solver.free()
+            if found is None:
+                break
+            known, below, result = found
+            if below is None:
+                warnings.warn(
+                    "reduce_matrices: this PETSc has no MUMPS, which counts eigenvalues: whether modes are "
+                    "missing, or a matrix is indefinite, is not known; use one with MUMPS",
+                    SolverWarning,
+                    stacklevel=caller_level(),
+                )
+            if below is None or below <= known:
+                return result
+        else:
+            raise on_all_ranks(
+                SolveError(
+                    f"modal: {below} eigenvalues lie below the last of {count}, but {known} were found; keep "
+                    "another number of modes"
+                )
             )
+    raise on_all_ranks(
+        SolveError(
+            f"modal: the stiffness is singular to working precision even with {shift:.3g} of the mass "
+            "added: its entries lie too far apart; hold the body, or make what is near rigid softer"
         )
-    return found
+    )
 
 
 def _solved(
+    solver: _Columns,
     matrices: tuple[sparse.csr_matrix, sparse.csr_matrix, sparse.csr_matrix],
     columns: sparse.csr_matrix,
-    count: int,
-    comm: MPI.Comm,
+    sizes: tuple[int, int],
     shift: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """See `sparse_modes`, by K + shift M; None where a shift of 0 meets rigid-body motions."""
-    mass, heavy, stiffness = matrices
-    definite = sparse.csr_matrix(stiffness + shift * mass) if shift else stiffness
-    solver = _Columns(comm, definite, "modal_st_")
+) -> tuple[int, int | None, tuple[np.ndarray, np.ndarray, np.ndarray]] | None:
+    """How many modes are below the last one, how many there are, and what `sparse_modes` gives, by a factor
+    of K + shift M, in whose place eigenvalues are counted; None where a shift of 0 meets rigid-body motions.
+
+    As many vectors of a multiple eigenvalue are found as there are right-hand sides at a time, further ones
+    through round-off only.
+    """
+    (mass, heavy, stiffness), (count, width), comm = matrices, sizes, solver.comm
     try:
-        if not solver.factorised(sure=shift > 0.0):
-            return None
-        values, vectors, inertia = _none_left_out(solver, (mass, heavy), count, shift)
-        values = values - shift
-        if shift:  # which costs frequencies digits, but quotients of shapes have few errors of these
-            values, parts = linalg.eigh(vectors.T @ (stiffness @ vectors), vectors.T @ inertia)
-            vectors, inertia = vectors @ parts, inertia @ parts
-        first = np.abs(vectors[:, 0])
-        if not shift and values[0] * (first @ np.abs(inertia[:, 0])) <= ZERO * (
-            first @ (abs(stiffness) @ first)
-        ):
-            return None
-        values = np.where(np.abs(values) <= SAME * shift, 0.0, values)
-        own = share(comm, columns.shape[1])
-        right = np.asfortranarray(columns[:, own].toarray())
-        right -= inertia @ (vectors.T @ right)
-        if shift:
-            answers = _pinned(comm, stiffness, vectors[:, values == 0.0], right)
-        else:
-            answers = solver.own(right)
-        mixture = np.random.default_rng(0).uniform(1.0, 2.0, right.shape[1])  # which tells of any column
-        forces = right @ mixture
-        left = np.abs(stiffness @ (answers @ mixture) - forces).max()
-        if not comm.allreduce(left, MPI.MAX) <= RESIDUAL * comm.allreduce(np.abs(forces).max(), MPI.MAX):
-            raise _not_held(count)
-        answers -= vectors @ (inertia.T @ answers)
-        return values, vectors, whole(comm, answers.T, columns.shape[1]).T
-    finally:
-        solver.free()
+        values, vectors, inertia = _lowest(solver, mass, count, width, shift)
+    except (ValueError, SolveError):
+        _require_mass(solver.negative((0.0, 1.0, heavy))[0])
+        raise
+    rigid = values[-1] <= shift * (1.0 + SAME)
+    last = shift * (1.0 + SAME) if rigid else values[-1] * (1.0 - 1e-6)
+    known, values = int((values < last).sum()), values - shift
+    if shift:  # which costs frequencies digits, but quotients of shapes have few errors of these
+        values, parts = linalg.eigh(vectors.T @ (stiffness @ vectors), vectors.T @ inertia)
+        vectors, inertia = vectors @ parts, inertia @ parts
+    first = np.abs(vectors[:, 0])
+    if not shift and values[0] * (first @ np.abs(inertia[:, 0])) <= ZERO * (first @ (abs(stiffness) @ first)):
+        return None
+    values = np.where(np.abs(values) <= SAME * shift, 0.0, values)
+    own = share(comm, columns.shape[1])
+    right = np.asfortranarray(columns[:, own].toarray())
+    right -= inertia @ (vectors.T @ right)
+    if shift:
+        answers = _pinned(comm, stiffness, vectors[:, values == 0.0], right)
+    else:
+        answers = solver.own(right)
+    mixture = np.random.default_rng(0).uniform(1.0, 2.0, right.shape[1])  # which tells of any column
+    forces = right @ mixture
+    left = np.abs(stiffness @ (answers @ mixture) - forces).max()
+    if not comm.allreduce(left, MPI.MAX) <= RESIDUAL * comm.allreduce(np.abs(forces).max(), MPI.MAX):
+        raise _not_held(count)
+    answers -= vectors @ (inertia.T @ answers)
+    below, negative = solver.negative((1.0, -last, mass), (0.0, 1.0, heavy))
+    _require_mass(negative)
+    if rigid and below is not None and below > known:
+        raise _not_held(count)
+    return known, below, (values, vectors, whole(comm, answers.T, columns.shape[1]).T)
 
 
 def _pinned(comm: MPI.Comm, stiffness: sparse.csr_matrix, rigid: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -186,6 +210,35 @@ class _Columns:
         finally:
             inertia.destroy()
 
+    def negative(self, *sums: tuple[float, float, sparse.csr_matrix]) -> list[int | None]:
+        """Negative eigenvalues of sums, each so much of the matrix, all of it first if at all, and so much of
+        another one, which ranks share out; None where PETSc has nothing that counts them. The factor is lost.
+        Collective.
+        """
+        found = list[int | None]()
+        with collective(self.comm):
+            for own, factor, other in sums[self.comm.rank :: self.comm.size]:
+                found.append(self._negative(own, factor, other))
+        told = self.comm.allgather(found)
+        return [told[k % self.comm.size][k // self.comm.size] for k in range(len(sums))]
+
+    def _negative(self, own: float, factor: float, other: sparse.csr_matrix) -> int | None:
+        pc, added = self.ksp.getPC(), _matrix(other)
+        try:
+            if pc.getFactorSolverType() == "mumps" and _within(other, self.csr):  # its order stays
+                self.matrix.scale(own)
+                self.matrix.axpy(factor, added, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+                with solving("modal"):
+                    factorise(pc, pc.setUp, count_pivots)
+                return pivot_signs(pc, "modal")[0]
+        finally:
+            added.destroy()
+        made = _matrix(sparse.csr_matrix(own * self.csr + factor * other))
+        try:
+            return negative_eigenvalues(made, "modal")
+        finally:
+            made.destroy()
+
     def free(self) -> None:
         """Destroy what PETSc has of it."""
         self.ksp.destroy()
@@ -208,14 +261,12 @@ def _factorised(ksp: PETSc.KSP, sure: bool) -> bool:
     return not negative and not zero
 
 
-def _none_left_out(
-    solver: _Columns, masses: tuple[sparse.csr_matrix, sparse.csr_matrix], count: int, shift: float
+def _lowest(
+    solver: _Columns, mass: sparse.csr_matrix, count: int, width: int, shift: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lowest eigenvalues, mass-normalised vectors and M times these; with more right-hand sides at a time
-    where the inertia below the last one says that some are missing: as many vectors of a multiple eigenvalue
-    are found, further ones through round-off only.
+    """Lowest eigenvalues of K + shift M, mass-normalised vectors and M times these, by so many right-hand
+    sides at a time.
     """
-    mass, heavy = masses
     if shift and by_options():
         raise on_all_ranks(
             SolveError(
@@ -223,49 +274,25 @@ def _none_left_out(
                 "digits of what SLEPc finds; leave these options out, or hold the body"
             )
         )
-    for doubled in range(4):
-        width = WIDTH << doubled
-        if by_options():
-            inverse, vectors, inertia = solver.by_slepc(mass, count, width)
-            again = solver.of_all(inertia) / inverse
-            missed = float(np.sqrt(((again - vectors) * (mass @ (again - vectors))).sum(axis=0)).max())
-            if not missed <= RESIDUAL:
-                raise on_all_ranks(
-                    SolveError(
-                        f"modal: SLEPc's modes miss their equations by {missed:.1g}, above {RESIDUAL:g}; "
-                        "lower -modal_eps_tol, raise -modal_eps_ncv, or leave -modal_eps_ options out"
-                    )
+    if by_options():
+        inverse, vectors, inertia = solver.by_slepc(mass, count, width)
+        again = solver.of_all(inertia) / inverse
+        missed = float(np.sqrt(((again - vectors) * (mass @ (again - vectors))).sum(axis=0)).max())
+        if not missed <= RESIDUAL:
+            raise on_all_ranks(
+                SolveError(
+                    f"modal: SLEPc's modes miss their equations by {missed:.1g}, above {RESIDUAL:g}; "
+                    "lower -modal_eps_tol, raise -modal_eps_ncv, or leave -modal_eps_ options out"
                 )
-        else:
-            inverse, vectors, inertia = lowest(solver.comm, solver.shared, mass, count, width)
-        if mass.diagonal().min() <= 0.0:  # rounding in what has no mass
-            vectors = solver.of_all(inertia) / inverse
-            inertia = mass @ vectors
-            lengths = np.sqrt((vectors * inertia).sum(axis=0))
-            vectors, inertia = vectors / lengths, inertia / lengths
-        values = 1.0 / inverse
-        rigid = values[-1] <= shift * (1.0 + SAME)
-        last = shift * (1.0 + SAME) if rigid else values[-1] * (1.0 - 1e-6)
-        negative, below = _negative(solver.comm, lambda: heavy, partial(_less, solver.csr, last, mass))
-        _require_mass(negative)
-        found = int((values < last).sum())
-        if below is None:
-            warnings.warn(
-                "reduce_matrices: this PETSc has no MUMPS, which counts eigenvalues: whether modes are "
-                "missing, or a matrix is indefinite, is not known; use one with MUMPS",
-                SolverWarning,
-                stacklevel=caller_level(),
             )
-        if below is None or below <= found:
-            return values, vectors, inertia
-        if rigid:
-            raise _not_held(count)
-    raise on_all_ranks(
-        SolveError(
-            f"modal: {below} eigenvalues lie below the last of {count}, but {found} were found; keep another "
-            "number of modes"
-        )
-    )
+    else:
+        inverse, vectors, inertia = lowest(solver.comm, solver.shared, mass, count, width)
+    if mass.diagonal().min() <= 0.0:  # rounding in what has no mass
+        vectors = solver.of_all(inertia) / inverse
+        inertia = mass @ vectors
+        lengths = np.sqrt((vectors * inertia).sum(axis=0))
+        vectors, inertia = vectors / lengths, inertia / lengths
+    return 1.0 / inverse, vectors, inertia
 
 
 def _heavy(mass: sparse.csr_matrix, count: int) -> sparse.csr_matrix:
@@ -281,11 +308,15 @@ def _heavy(mass: sparse.csr_matrix, count: int) -> sparse.csr_matrix:
         )
     coupled = np.bincount(mass.indices[mass.data != 0.0], minlength=len(diagonal)) > 0  # it is symmetric
     _require_mass(int(((diagonal < 0.0) | (coupled & (diagonal == 0.0))).sum()))
-    return mass if len(heavy) == len(diagonal) else mass[heavy][:, heavy]
+    if len(heavy) == len(diagonal):
+        return mass
+    return sparse.csr_matrix(mass + sparse.diags(np.where(diagonal == 0.0, diagonal.max(), 0.0)))
 
 
-def _less(stiffness: sparse.csr_matrix, factor: float, mass: sparse.csr_matrix) -> sparse.csr_matrix:
-    return stiffness - factor * mass
+def _within(one: sparse.csr_matrix, other: sparse.csr_matrix) -> bool:
+    """Whether one matrix has entries where the other has, and nowhere else."""
+    both = [sparse.csr_matrix((np.ones(a.nnz), a.indices, a.indptr), a.shape) for a in (one, other)]
+    return int((both[0] + both[1]).nnz) == other.nnz
 
 
 def _require_mass(negative: int | None) -> None:
@@ -296,22 +327,6 @@ def _require_mass(negative: int | None) -> None:
                 f"reduce_matrices: mass is indefinite ({negative} negative eigenvalues); a mass is at least 0"
             )
         )
-
-
-def _negative(comm: MPI.Comm, *matrices: Callable[[], sparse.csr_matrix]) -> list[int | None]:
-    """Negative eigenvalues of what makes matrices, which ranks share out; None where PETSc has nothing that
-    counts them. Collective.
-    """
-    found = list[int | None]()
-    with collective(comm):
-        for matrix in matrices[comm.rank :: comm.size]:
-            made = _matrix(matrix())
-            try:
-                found.append(negative_eigenvalues(made, "modal"))
-            finally:
-                made.destroy()
-    told = comm.allgather(found)
-    return [told[k % comm.size][k // comm.size] for k in range(len(matrices))]
 
 
 def _matrix(matrix: sparse.csr_matrix) -> PETSc.Mat:

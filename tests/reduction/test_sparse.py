@@ -11,7 +11,7 @@ import scipy.sparse
 
 import sbfem_petsc as sb
 from meshing.warnings import BandWarning, SolverWarning
-from sbfem_petsc.petsc import PETSc
+from sbfem_petsc.petsc import MPI, PETSc
 from sbfem_petsc.reduction import sparse
 
 
@@ -209,7 +209,7 @@ def test_a_mass_that_is_indefinite_is_refused(change):
 def test_without_mumps_it_is_said_that_nothing_was_counted(monkeypatch):
     from sbfem_petsc.reduction import sparse as module
 
-    monkeypatch.setattr(module, "negative_eigenvalues", lambda *_: None)
+    monkeypatch.setattr(module._Columns, "_negative", lambda *_: None)
     mass = scipy.sparse.csr_matrix(np.eye(40))
     stiffness = 1e6 * scipy.sparse.diags([-np.ones(39), 2.0 * np.ones(40), -np.ones(39)], [-1, 0, 1])
     row = np.eye(40)[:1]
@@ -359,3 +359,22 @@ def test_orderings_take_nodes(beam):
     rows = scipy.sparse.csr_matrix(([1.0, 0.0], ([0, 0], y[:2])), (1, mass.shape[0]))
     sb.reduce_matrices(mass, stiffness, rows, np.zeros(1), loads=rows.T, sensors={"y": y[0]}, modes=4)
     assert rows.nnz == 2
+
+
+def test_eigenvalues_are_counted_in_the_place_of_a_factor(beam):
+    """Below a number, and of a mass that is none, with entries where the stiffness has some and elsewhere: as
+    many as of dense matrices.
+    """
+    mass, stiffness, _ = beam
+    n = mass.shape[0]
+    own = scipy.linalg.eigh(stiffness.toarray(), mass.toarray(), eigvals_only=True)
+    other = scipy.sparse.lil_matrix((n, n))
+    other[0, n - 1] = other[n - 1, 0] = 2.0 * mass.diagonal().max()
+    assert stiffness[0, n - 1] == 0.0
+    for changed in (mass - 0.4 * scipy.sparse.diags(mass.diagonal()), mass + other.tocsr()):
+        below = int((scipy.linalg.eigvalsh(changed.toarray()) < 0.0).sum())
+        solver = sparse._Columns(MPI.COMM_SELF, stiffness, "modal_st_")
+        assert solver.factorised(sure=True)
+        sums = (1.0, -float(own[29:31].mean()), mass), (0.0, 1.0, scipy.sparse.csr_matrix(changed))
+        assert 0 < below < n and solver.negative(*sums) == [30, below]
+        solver.free()
