@@ -87,8 +87,7 @@ class Deck:
 
     def __init__(self, owner: str, file: str):
         self.owner, self.nodes, self.held = owner, dict[int, tuple[float, ...]](), set[tuple[int, int]]()
-        self.found: dict[str, list[int]] = {}
-        self.cells: dict[str, list[int]] = {}
+        self.found, self.cells = dict[str, list[int]](), dict[str, list[int]]()
         keyword, options = "", dict[str, str]()
         for place, line in _lines(owner, file):
             cells = [cell.strip() for cell in line.split(",")]
@@ -118,9 +117,8 @@ class Deck:
             if kind is not None:
                 self.cells.setdefault(kind, []).extend(int(cell) for cell in cells if cell)
         elif keyword == "*NSET":
-            self.found.setdefault(options["NSET"], []).extend(
-                _members(cells, self.found, "GENERATE" in options)
-            )
+            labels = _members(cells, self.found, "GENERATE" in options)
+            self.found.setdefault(options["NSET"], []).extend(labels)
         elif keyword == "*BOUNDARY":
             first = int(cells[1])
             last = int(cells[2]) if cells[2:] and cells[2] else first

@@ -312,6 +312,7 @@ class FiniteElementModel:
 
     def _labels_at(self, place: Any) -> list[int]:
         if not isinstance(place, (list, tuple)) and not np.ndim(place):
+            instance("at", "place", place, (str, int, float, np.number), "a label, a set or x, y, z in m")
             label = place if isinstance(place, str) else [integer("at", "place", place)]
             return self._face("place", label, "at")
         point = numbers_of("at", "place", place, 3, "x, y and z in m")
@@ -355,8 +356,9 @@ class FiniteElementModel:
 
 def nodal_field(body: FiniteElementModel, owner: str, name: str, given: Any) -> np.ndarray:
     """(nodes, 3): m, of an array, a field or a static result, named in errors of a function."""
-    found = np.asarray(getattr(given, "field", given))
-    return real_array(owner, f"fields[{name!r}]", found, body.places.shape, "m")
+    if (found := getattr(given, "field", given)) is None:
+        raise RuntimeError(f"{owner}: fields[{name!r}] has no shapes; reduce the body with shapes=True")
+    return real_array(owner, f"fields[{name!r}]", np.asarray(found), body.places.shape, "m")
 
 
 def _matrix(name: str, value: Any, factor: float) -> sparse.csr_matrix:

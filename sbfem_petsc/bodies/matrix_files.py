@@ -11,7 +11,7 @@ from scipy import sparse
 
 from meshing.whole_file import require_regular
 
-from ..checks import path
+from ..checks import instance, path
 from .calculix import Deck
 from .finite_element_model import FiniteElementModel
 
@@ -66,6 +66,7 @@ def read_matrices(
     held, elements = {(int(a), int(d)) for a, d in fixed}, dict[str, np.ndarray]()
     sets = {} if sets is None else sets
     if not isinstance(nodes, Mapping):
+        instance(OWNER, "nodes", nodes, (str, os.PathLike), "a dict of labels to places, or a deck")
         deck = Deck(OWNER, path(OWNER, "nodes", nodes))
         nodes, sets, elements, held = deck.nodes, deck.sets | dict(sets), deck.elements, held | deck.held
     if labelled[0]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from ..checks import shown
+from ..checks import real, shown
 from ..contact.law import ContactLaw
 
 AXES = "xyz"
@@ -51,8 +51,9 @@ class Row:
         return Row(weights, self.direction if self.direction == other.direction else "")
 
     def __mul__(self, factor: float) -> Row:
+        factor = real("row", "factor", factor)
         turned = _opposite(self.direction) if factor < 0.0 else self.direction
-        return Row(sparse.csr_matrix(float(factor) * self.weights), turned)
+        return Row(sparse.csr_matrix(factor * self.weights), turned)
 
     __rmul__ = __mul__
 
@@ -90,9 +91,7 @@ class Contact:
         other = _same("contact", self, other)
         held = {_content(row) for row in self.rows}
         if again := [k for k, row in enumerate(other.rows) if _content(row) in held]:
-            raise ValueError(
-                f"contact: pair {again[0]} of what is added is there already; leave its node out"
-            )
+            raise ValueError(f"contact: pair {again[0]} that is added is there already; leave its node out")
         return Contact(
             sparse.vstack([self.rows, other.rows]).tocsr(),
             np.concatenate([self.gap, other.gap]),

@@ -165,7 +165,10 @@ def _reduced_body(
                 if not any(values):
                     raise ValueError(f"reduce: {item} = {row!r} moves nothing; give an acceleration, say 1.0")
                 continue
-            _of_body(item, instance("reduce", item, row, Row, "a Row, of body.at"), n)
+            known: Row = instance("reduce", item, row, Row, "a Row, of body.at")
+            _of_body(item, known, n)
+            if not known.weights.count_nonzero():
+                raise ValueError(f"reduce: {item} = {row!r} is zero whatever moves; is it a row less itself?")
     loads, points = named
     assert loads is not None and points is not None
     return inspect.unwrap(reduce_matrices)(  # ranks have agreed on the body

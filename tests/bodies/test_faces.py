@@ -98,7 +98,7 @@ def test_pairs_that_are_given_twice(body):
     labels = list(body.sets["LEFT"])
     crack = body.contact(labels, normal="x", gap=1e-6)
     assert len(body.contact(labels + labels[:3], normal="x", gap=1e-6).gap) == len(crack.gap)
-    with pytest.raises(ValueError, match="pair 0 of what is added is there already"):
+    with pytest.raises(ValueError, match="pair 0 that is added is there already"):
         crack + body.contact(labels[4:6], normal="x", gap=2e-6)
     stiffness, row = np.array([[2.0, -1.0], [-1.0, 2.0]]), np.array([[1.0, 0.0]])
     given = dict(loads=row.T, sensors={"x": 0}, modes=1)

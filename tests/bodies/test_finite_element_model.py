@@ -248,6 +248,12 @@ def test_wrong_models(parts, change, sentence):
         (lambda b: b.at("TOP", "x"), "set 'TOP' does not exist"),
         (lambda b: b.at((80, 10, 10), "z"), "coordinates are in m"),
         (lambda b: b.at(10**6, "z"), "place has node 1000000, which does not exist"),
+        (lambda b: b.at(None, "z"), "place = None must be a label, a set or x, y, z in m"),
+        (lambda b: b.at(5, "z") * "a", "row: factor = 'a' must be a number"),
+        (
+            lambda b: sb.reduce(b, loads={"F": b.at("LEFT", "x") - b.at("LEFT", "x")}, points={}),
+            r"loads\['F'\] = Row.* is zero whatever moves",
+        ),
         (lambda b: b.at("LEFT", "w"), "direction = 'w' must be one of 'x', 'y', 'z'"),
         (lambda b: b.at((0, 0, 0), "z"), "is held along"),
         (lambda b: b.at((0.04, 0.0, 0.01), "z"), "2 nodes lie at"),

@@ -89,6 +89,7 @@ def test_without_shapes(body, tmp_path):
         lambda: orbit.field(0.0),
         lambda: sb.modal(rom, 1).nodal(0),
         lambda: sb.write_animation(str(tmp_path), orbit),
+        lambda: sb.write_vtu(str(tmp_path / "a.vtu"), body, {"a": sb.static(rom, 1.0)}),
     ):
         with pytest.raises(RuntimeError, match="shapes"):
             call()
@@ -297,6 +298,8 @@ def test_a_deck_for_nodes(tmp_path):
     found = sb.read_matrices(
         tmp_path / "stiffness.npz", tmp_path / "mass.npz", DECK, right.unknowns, units="mm-N-t"
     )
+    with pytest.raises(TypeError, match="must be a dict of labels to places, or a deck"):
+        sb.read_matrices(tmp_path / "stiffness.npz", tmp_path / "mass.npz", right.places, right.unknowns)
     assert found.sets == right.sets and found.fixed == right.fixed
     assert found.elements["tetra"].tolist() == right.elements["tetra"].tolist()
     assert abs(found.stiffness - right.stiffness).max() <= 1e-12 * abs(right.stiffness).max()
