@@ -84,7 +84,8 @@ def beyond(reduced: ReducedModel, more: ReducedModel) -> float:
     """
     if more is reduced or not (more.points.loads.any() or more.points.contact.any()):  # which are all
         return 1.0
-    own, flexible = reduced.points, reduced.points.modes / reduced.omega**2
+    own, omega = reduced.points, np.where(reduced.omega > 0.0, reduced.omega, np.inf)  # of what bends
+    flexible = own.modes / omega**2
     for known, left, forced in (
         (own.loads, more.points.loads, reduced.load_modes),
         (own.contact, more.points.contact, reduced.gap.modes.T),

@@ -161,6 +161,23 @@ def test_free_body_beside_dense(whole, lumped):
     assert momentum == pytest.approx(10.0 / (np.pi * 1000.0), rel=1e-4)  # of half a sine
 
 
+def test_free_body_in_a_steady_state(whole):
+    """Pulled along and pushed: displacements of dense matrices within what is told, which is no warning."""
+    given = {**whole, "fixed": ()}
+    body, (m, k, _) = sb.FiniteElementModel(**given), dense(given)
+    end = body.at((0.08, 0.01, 0.01), "z")
+    rom = sb.reduce(body, loads={"F": end}, points={"end": end}, modes=16, damping=0.02)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        orbit = sb.periodic(rom, 5.0, 1000.0)
+    values, shapes = scipy.linalg.eigh(k, m)
+    values[:6], w, f = 0.0, 2.0 * np.pi * 1000.0, end.weights.toarray()[0]
+    modal = 5.0 * (f @ shapes) / (values - w**2 + 0.04j * np.sqrt(values) * w)
+    right = np.abs(f @ shapes @ modal)
+    assert np.abs(orbit.harmonics("end"))[1] == pytest.approx(right, rel=1e-5)
+    assert np.abs(np.abs(orbit.harmonics("end"))[1] - right) < orbit.mode_error[1]
+
+
 def test_offset_and_interference(parts, body):
     """Half thicknesses are taken off gaps; a press fit's forces are those of dense matrices at no load."""
     open_faces = body.contact("LEFT", "RIGHT", normal="x", gap=5e-6)
