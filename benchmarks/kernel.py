@@ -41,7 +41,7 @@ def rate(shapes: list[np.ndarray], order: int, elasticity: np.ndarray, **options
     for _ in range(3):
         start = time.process_time()
         for shape in shapes:
-            solve_selement(Sectors(shape, order, elasticity), True, isotropic=True, **options)
+            solve_selement(Sectors(shape, order, elasticity), True, **options)
         best = min(best, time.process_time() - start)
     return len(shapes) / best
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import contextvars
 import functools
 import inspect
@@ -35,6 +36,12 @@ FINE, FAILED, AGREE = b"\0", b"\1", b"\2"
 OWN = {"progress", "watch"}
 # Attributes by which a result leads to the ranks that share it, and entries of a sequence that are asked.
 SHARED, MOST = ("comm", "reduced", "model", "own", "states", "fields", "motions"), 10
+
+# What an error that cannot be sent is on other ranks: the first of these that it is.
+_KINDS: dict[str, type[Exception]] = {
+    kind.__name__: kind
+    for kind in (UnknownName, SolveError, KeyError, TypeError, ValueError, OSError, ArithmeticError)
+}
 
 Result = TypeVar("Result")
 Parameters = ParamSpec("Parameters")
@@ -76,11 +83,11 @@ class collective:
             return False
         if any(word[:1] == AGREE for word in told):
             raise _mark(_apart(comm, told))
-        messages = comm.allgather(None if error is None else packed(error))
+        messages = comm.allgather(None if error is None else _packed(error))
         first = next(message for message in messages if message is not None)
         mine = messages[comm.rank]
         if error is None or mine is None or mine[1:] != first[1:]:
-            raise _mark(unpacked(first))
+            raise _mark(_unpacked(first))
         _mark(error)
         return False
 
@@ -292,20 +299,11 @@ def _exchange(comm: MPI.Comm, word: bytes) -> list[bytes]:
 
 
 def _wait(comm: MPI.Comm, requests: list[MPI.Request]) -> None:
-    """Wait for messages, but not for a rank that has left."""
-    wait_until(comm, lambda: MPI.Request.Testall(requests))
-
-
-def wait_until(comm: MPI.Comm, done: Callable[[], bool]) -> None:
-    """Ask `done` until it says so; a long wait leaves the core to others.
-
-    Raises
-    ------
-    SolveError
-        If a rank has left, for which `done` may wait for ever.
+    """Wait for messages, but not for ever for those of a rank that has left; a long wait leaves the core to
+    others.
     """
     begun, missing, since, turns = time.monotonic(), None, 0.0, 0
-    while not done():
+    while not MPI.Request.Testall(requests):
         turns += 1
         if turns < SPIN:
             continue
@@ -330,37 +328,23 @@ def _apart(comm: MPI.Comm, told: list[bytes]) -> RanksDiffer:
     )
 
 
-def packed(error: Exception) -> tuple[bytes | None, str, str]:
+def _packed(error: Exception) -> tuple[bytes | None, str, str]:
     """An error as it can be sent: itself if it survives that, the nearest known type and its text."""
-    kinds = (UnknownName, SolveError, KeyError, TypeError, ValueError, OSError, RuntimeError, ArithmeticError)
-    kind = next((kind.__name__ for kind in kinds if isinstance(error, kind)), "RuntimeError")
+    kind = next((name for name, kind in _KINDS.items() if isinstance(error, kind)), "")
     whole = None
-    try:
-        whole = pickle.dumps(error)
-        copy = pickle.loads(whole)
-        if type(copy) is not type(error) or str(copy) != str(error):
-            whole = None
-    except Exception:  # whatever a foreign class does when it is copied
-        whole = None
+    with contextlib.suppress(Exception):  # whatever a foreign class does when it is copied
+        sent = pickle.dumps(error)
+        copy = pickle.loads(sent)
+        whole = sent if type(copy) is type(error) and str(copy) == str(error) else None
     return whole, kind, str(error)
 
 
-def unpacked(message: tuple[bytes | None, str, str]) -> Exception:
+def _unpacked(message: tuple[bytes | None, str, str]) -> Exception:
     """The error of another rank."""
     whole, kind, text = message
     if whole is not None:
-        try:
+        with contextlib.suppress(Exception):  # a class that this rank does not know
             known: Exception = pickle.loads(whole)
             return known
-        except Exception:  # a class that this rank does not know
-            pass
-    plain: dict[str, type[Exception]] = {
-        "UnknownName": UnknownName,
-        "SolveError": SolveError,
-        "KeyError": UnknownName,
-        "TypeError": TypeError,
-        "ValueError": ValueError,
-        "OSError": OSError,
-        "ArithmeticError": ArithmeticError,
-    }
-    return plain.get(kind, RuntimeError)(text)
+    plain = _KINDS.get(kind, RuntimeError)
+    return UnknownName(text) if plain is KeyError else plain(text)

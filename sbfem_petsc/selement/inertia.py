@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import linalg
+from scipy.linalg import lapack
 
-from .coefficients import SElementError
+from .coefficients import Coefficients, SElementError
 from .dense import (
     ADVICE,
     cholesky,
@@ -16,9 +17,16 @@ from .dense import (
     schur,
     symmetric,
     symmetric_eigen,
+    turned,
     upper_factor,
     upper_solve,
 )
+from .polynomial_modes import PolynomialModes
+from .stiffness import largest_of_each
+
+# Of A: what it leaves of the polynomial modes to the rest is round-off up to here, relative to its largest
+# entry; and modes that depend more on one another, as on flat cells, cost moments digits (2e-13 here).
+_MIXED, _APART = 1e-12, 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +70,6 @@ def continued_fraction(
     factor: np.ndarray,
     radial: np.ndarray,
     terms: int,
-    form: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Inertia:
     """Mass, coupling and inertia of the auxiliary unknowns, with S0 = I by the scaling X X^T = Z.
 
@@ -75,8 +82,6 @@ def continued_fraction(
     radial : (n, n) array
         A.
     terms : int
-    form : (T, Q), optional
-        Real Schur form of A^T, if it is known.
 
     Notes
     -----
@@ -88,7 +93,7 @@ def continued_fraction(
     SElementError
         If a matrix that is positive definite in exact arithmetic is not.
     """
-    u, basis = schur(radial.T) if form is None else form
+    u, basis = schur(radial.T)
     n = len(u)
     v = lyapunov(u, 1.0, basis.T @ m0 @ basis)
     mass = symmetric(basis @ v @ basis.T)
@@ -127,3 +132,56 @@ def continued_fraction(
             f"{inertia[0]:.2g}); {ADVICE}"
         )
     return Inertia(mass, -(basis @ (scalings[0] @ modes[:n])), inertia)
+
+
+def moments(
+    c: Coefficients, known: PolynomialModes, stiffness: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """M, P and S (b, n, n), and where they could be told (b,).
+
+    The Lyapunov equations (A^T + s) Y + Y (A + s) = R of s = 1, 2, 3 are solved in the basis X = [modes, W Z]
+    with A X = X [[E, N], [0, U]]: the polynomial modes with their exponents E, a complement W and the Schur
+    vectors Z of W^T A W. Blocks of Y among the modes are divisions.
+    """
+    basis, rest, triangle, exponents = known.basis, known.rest, known.triangle, known.exponents
+    count, n, k = basis.shape
+    right = np.concatenate([stiffness - turned(c.e1), np.broadcast_to(np.eye(n), stiffness.shape)], axis=2)
+    solved = np.linalg.solve(c.e0, right)
+    radial, flexibility = solved[:, :, :n], solved[:, :, n:]
+    good = largest_of_each(turned(rest) @ (radial @ basis)) <= _MIXED * largest_of_each(radial)
+    sizes = np.abs(np.diagonal(triangle, axis1=1, axis2=2))
+    good &= sizes.min(axis=1) >= _APART * sizes.max(axis=1)
+    images = radial @ rest
+    forms, vectors = np.empty((2, count, n - k, n - k))
+    own = turned(rest) @ images
+    for b in range(count):
+        forms[b], _, _, _, vectors[b], _, info = lapack.dgees(lambda re, im: False, own[b])
+        good[b] &= info == 0
+    x = np.concatenate([basis @ triangle, rest @ vectors], axis=2)
+    dual = np.concatenate([np.linalg.solve(triangle, turned(basis)), turned(rest @ vectors)], axis=1)  # X^-1
+    mixed = dual[:, :k] @ images @ vectors
+    gram = dual @ flexibility @ turned(dual)
+
+    def lyapunov(right: np.ndarray, shift: float) -> np.ndarray:
+        y = np.empty_like(right)
+        y[:, :k, :k] = right[:, :k, :k] / (exponents[:, None] + exponents + 2.0 * shift)
+        both = right[:, :k, k:] - y[:, :k, :k] @ mixed
+        diagonal, away = np.diag(exponents + shift), shift * np.eye(n - k)
+        for b in range(count):
+            y[b, :k, k:], scale, info = lapack.dtrsyl(diagonal, forms[b] + away, both[b])
+            good[b] &= info == 0 and scale == 1.0
+        product = turned(mixed) @ y[:, :k, k:]
+        corner = right[:, k:, k:] - product - turned(product)
+        for b in range(count):
+            form = forms[b] + away
+            y[b, k:, k:], scale, info = lapack.dtrsyl(form, form, corner[b], trana="T")
+            good[b] &= info == 0 and scale == 1.0
+        y[:, k:, :k] = turned(y[:, :k, k:])
+        return symmetric(y)
+
+    first = lyapunov(turned(x) @ c.m0 @ x, 1.0)
+    product = first @ gram
+    second = lyapunov(symmetric(product @ first), 2.0)
+    third = lyapunov(2.0 * symmetric(product @ second), 3.0)
+    mass, second, third = (symmetric(turned(dual) @ y @ dual) for y in (first, second, third))
+    return mass, second, third, good

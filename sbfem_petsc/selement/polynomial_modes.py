@@ -16,12 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from .coefficients import Coefficients
-from .dense import largest, schur, turned
+from .dense import turned
 
 # Modes that are nearly dependent on the outline, as those of flat cells are, would cost as many digits.
 _DEPENDENT = 1e-3
-# Of A: what it leaves of these modes to the rest is round-off up to here, relative to its largest entry.
-MIXED = 1e-12
 # Translations and linear fields.
 _FEWEST = 6
 
@@ -49,27 +47,6 @@ class PolynomialModes:
     forces: np.ndarray
     triangle: np.ndarray
     exponents: np.ndarray
-
-    def schur_form(self, radial: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Real Schur form (T, Q) of A^T of the first S-element, of which a part is known; None where A leaves
-        more than round-off of these modes to the rest, or where there is no rest.
-        """
-        known, rest, triangle = self.basis[0], self.rest[0], self.triangle[0]
-        if not rest.size:
-            return None
-        k = known.shape[1]
-        images = radial @ rest
-        if largest(rest.T @ (radial @ known)) > MIXED * largest(radial):
-            return None
-        own, vectors = schur(rest.T @ images)
-        whole = np.zeros(radial.shape)
-        # upper triangular with the exponents on the diagonal
-        whole[:k, :k] = np.triu(np.linalg.solve(triangle.T, (triangle * self.exponents).T).T)
-        whole[k:, k:] = own
-        whole[:k, k:] = (known.T @ images) @ vectors
-        basis = np.concatenate([known, rest @ vectors], axis=1)
-        # that of the transpose is the transpose in reverse order
-        return np.asfortranarray(whole[::-1, ::-1].T), np.ascontiguousarray(basis[:, ::-1])
 
 
 def polynomial_modes(

@@ -1,28 +1,35 @@
-"""Stiffness, mass and continued fraction of one S-element, non-dimensional and checked.
+"""Stiffness, mass and continued fraction of S-elements, non-dimensional and checked.
 
 Lengths are in units of the element's size h, stresses in units of the modulus E, and x = -omega^2 is in units
 of E / (rho h^2), so that similar elements share one solution.
+
+Many closed S-elements of one material and one number of nodes are solved at once: what NumPy does with stacks
+of matrices costs a fraction of what it costs one by one. What a stack does not solve to round-off, as curved
+or very flat outlines, is None, and left to `solve_selement`, which says why where it cannot either.
 """
 
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .coefficients import Coefficients, SElementError, coefficient_matrices
-from .dense import ADVICE, cholesky, cholesky_solve, is_definite, largest, symmetric
-from .inertia import Inertia, Moments, continued_fraction
+from .coefficients import Coefficients, SElementError, coefficient_matrices, edge_nodes, straight_edges
+from .dense import ADVICE, cholesky, cholesky_solve, is_definite, largest, turned
+from .inertia import Inertia, Moments, continued_fraction, moments
 from .polynomial_modes import PolynomialModes, polynomial_modes
 from .rigid_motions import rigid_motions
 from .sectors import Sectors
-from .stiffness import ACCEPTED, static_stiffness, stiffness_beyond
-from .symmetry import invariant_subspaces
+from .stiffness import ACCEPTED, largest_of_each, static_stiffness, stiffness_beyond
 
 # Round-off of the stiffness and the Lyapunov solves grows with the number of unknowns; up to 400 unknowns an
 # element 1e-13 to 1e-11 is met, while a wrong split of the spectrum shows as 1e-6 or more.
 TOLERANCE = 1e-8
+# Of S-elements that are solved at once: their matrices stay in a processor's cache.
+STACK = 32
+_E0 = "coefficient matrix E0"
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +49,6 @@ class SElement:
     closed : bool
     elasticity : (3, 3) or (edges, 3, 3) array
         D in units of the modulus, of the S-element or of each edge's sector.
-    isotropic : bool
-        Whether mirror symmetries of the outline are used.
     stiffness : (n, n) array
         K, symmetric.
     riccati_residual, asymmetry, rigid_body_residual : float
@@ -57,7 +62,6 @@ class SElement:
     order: int
     closed: bool
     elasticity: np.ndarray
-    isotropic: bool
     stiffness: np.ndarray
     riccati_residual: float
     asymmetry: float
@@ -71,11 +75,12 @@ class SElement:
 
         Computed each time: of many S-elements it would take as much memory as their stiffness.
         """
-        return self._equations().radial(self.stiffness)
+        c = self._coefficients()
+        return cholesky_solve(cholesky(c.e0, _E0), self.stiffness - c.e1.T)
 
-    def _equations(self) -> _Equations:
-        return _equations(
-            self.coordinates, self.order, self.closed, self.elasticity, self.isotropic, self.density
+    def _coefficients(self) -> Coefficients:
+        return coefficient_matrices(
+            self.coordinates, self.order, self.closed, self.elasticity, density=self.density
         )
 
     @property
@@ -119,16 +124,16 @@ class SElement:
         SElementError
             If a matrix that is positive definite in exact arithmetic is not.
         """
-        equations = self._equations()
-        dynamics = _dynamics(equations, equations.radial(self.stiffness), terms)
-        return replace(self, dynamics=dynamics)
+        c = self._coefficients()
+        factor = cholesky(c.e0, _E0)
+        radial = cholesky_solve(factor, self.stiffness - c.e1.T)
+        return replace(self, dynamics=continued_fraction(c.m0, factor, radial, terms))
 
 
 def solve_selement(
     sectors: Sectors,
     closed: bool,
     terms: int | None = None,
-    isotropic: bool = False,
     *,
     density: np.ndarray | None = None,
     method: str | None = None,
@@ -142,8 +147,6 @@ def solve_selement(
     terms : int, optional
         Order of the continued fraction (Mcf of the paper), 0 for stiffness and mass; default: the stiffness
         alone.
-    isotropic : bool
-        Whether mirror symmetries of the outline are symmetries of the S-element; its equations then separate.
     density : (edges,) array, optional
         Densities of the sectors in units of the one that the inertia is scaled with; default: 1.
     method : {"doubling", "schur"}, optional
@@ -157,10 +160,23 @@ def solve_selement(
     """
     coordinates, order, elasticity = sectors
     elasticity = np.asarray(elasticity, dtype=float)
-    equations = _equations(coordinates, order, closed, elasticity, isotropic, density)
-    motions = rigid_motions(coordinates)
-    solved = _beyond_polynomials(equations) if method is None else None
-    stiffness, asymmetry, radial, riccati = solved or _by_subspaces(equations, motions[:, :2], method)
+    element = None
+    if method is None and closed and elasticity.ndim == 2 and density is None:
+        element = solve_stack(Sectors(coordinates[None], order, elasticity))[0]
+    if element is None:
+        element = _solved_alone(Sectors(coordinates, order, elasticity), closed, density, method)
+    return element if terms is None else element.with_inertia(terms)
+
+
+def _solved_alone(sectors: Sectors, closed: bool, density: np.ndarray | None, method: str | None) -> SElement:
+    """The stiffness by doubling or by Schur forms, without known modes but the translations."""
+    coordinates, order, elasticity = sectors
+    c = coefficient_matrices(coordinates, order, closed, elasticity, density=density)
+    factor, motions = cholesky(c.e0, _E0), rigid_motions(coordinates)
+    stiffness, asymmetry = static_stiffness(c, factor, motions[:, :2], method)
+    cholesky(_shifted(stiffness), "stiffness")
+    residual = (stiffness - c.e1) @ cholesky_solve(factor, stiffness - c.e1.T) - c.e2
+    riccati = largest(residual) / max(largest(c.e2), largest(stiffness))
     rigid = largest(stiffness @ motions) / largest(stiffness)
     for name, value in (
         ("residual of the Riccati equation", riccati),
@@ -172,154 +188,81 @@ def solve_selement(
                 f"{name} {value:.2g} exceeds {TOLERANCE:.0g}: the radial modes could not be separated; "
                 f"{ADVICE}"
             )
-    return SElement(
-        coordinates,
-        order,
-        closed,
-        elasticity,
-        isotropic,
-        stiffness,
-        riccati,
-        asymmetry,
-        rigid,
-        density,
-        None if terms is None else _dynamics(equations, radial, terms),
-    )
+    return SElement(coordinates, order, closed, elasticity, stiffness, riccati, asymmetry, rigid, density)
 
 
-# A basis is None where the whole space is taken: products with an identity would cost as much as others.
-_Bases = list[np.ndarray] | list[None]
-# Stiffness, its asymmetry, A, and the residual of the Riccati equation.
-_Solved = tuple[np.ndarray, float, np.ndarray, float]
-
-
-@dataclass(frozen=True, eq=False)
-class _Equations:
-    """What the stiffness and the inertia of an S-element follow from.
-
-    Attributes
-    ----------
-    coefficients : Coefficients
-    bases : list
-        Bases of the subspaces that the S-element's matrices leave invariant.
-    factors : list of arrays
-        Lower Cholesky factors of E0 in the subspaces.
-    known : PolynomialModes or None
-        Of this one.
-    """
-
-    coefficients: Coefficients
-    bases: _Bases
-    factors: list[np.ndarray]
-    known: PolynomialModes | None
-
-    def radial(self, stiffness: np.ndarray) -> np.ndarray:
-        """A from K."""
-        right = stiffness - self.coefficients.e1.T
-        parts = [cholesky_solve(f, _restricted(right, b)) for f, b in zip(self.factors, self.bases)]
-        return _whole(parts, self.bases)
-
-    def judged(self, stiffness: np.ndarray) -> tuple[np.ndarray, float]:
-        """A, and the relative residual of the Riccati equation."""
-        c, radial = self.coefficients, self.radial(stiffness)
-        residual = largest((stiffness - c.e1) @ radial - c.e2)
-        return radial, residual / max(largest(c.e2), largest(stiffness))
-
-
-def _equations(
-    coordinates: np.ndarray,
-    order: int,
-    closed: bool,
-    elasticity: np.ndarray,
-    isotropic: bool,
-    density: np.ndarray | None,
-) -> _Equations:
-    coefficients = coefficient_matrices(coordinates, order, closed, elasticity, density=density)
-    uniform = elasticity.ndim == 2
-    # the outline's mirrors are the S-element's if all sectors are of one material
-    mirrored = isotropic and uniform and density is None
-    bases: _Bases = invariant_subspaces(coordinates, order, closed, True) if mirrored else [None]
-    known = None
-    if len(bases) == 1:
-        bases = [None]
-        if closed and uniform:
-            found = polynomial_modes(coordinates[None], order, elasticity, coefficients.of(None))
-            known = next((modes for _, modes in found), None)
-    factors = [cholesky(_restricted(coefficients.e0, b), "coefficient matrix E0") for b in bases]
-    return _Equations(coefficients, bases, factors, known)
-
-
-def _restricted(matrix: np.ndarray, basis: np.ndarray | None) -> np.ndarray:
-    return matrix if basis is None else basis.T @ matrix @ basis
-
-
-def _whole(parts: list[np.ndarray], bases: _Bases) -> np.ndarray:
-    """Sum of the subspaces' shares of an (n, n) matrix."""
-    if bases[0] is None:
-        return parts[0]
-    return np.sum([basis @ part @ basis.T for basis, part in zip(bases, parts)], axis=0)
-
-
-def _beyond_polynomials(equations: _Equations) -> _Solved | None:
-    """The solution from the polynomial modes; None where they are not known or cost digits."""
-    if equations.known is None:
-        return None
-    found = stiffness_beyond(equations.coefficients.of(None), equations.known)
-    if found is None or not found[2].all():
-        return None
-    stiffness = found[0][0]
-    radial, riccati = equations.judged(stiffness)
-    if not (riccati <= ACCEPTED and is_definite(shifted(stiffness))):
-        return None
-    return stiffness, float(found[1][0]), radial, riccati
-
-
-def _by_subspaces(equations: _Equations, translations: np.ndarray, method: str | None) -> _Solved:
-    """The solution by doubling or by Schur forms."""
-    parts = [
-        _solve_subspace(equations.coefficients, factor, translations, basis, method)
-        for basis, factor in zip(equations.bases, equations.factors)
-    ]
-    stiffness = symmetric(_whole([part[0] for part in parts], equations.bases))
-    return (stiffness, max(part[1] for part in parts), *equations.judged(stiffness))
-
-
-def _solve_subspace(
-    coefficients: Coefficients,
-    factor: np.ndarray,
-    translations: np.ndarray,
-    basis: np.ndarray | None,
-    method: str | None,
-) -> tuple[np.ndarray, float]:
-    """K and its asymmetry in a subspace that E0, E1 and E2 leave invariant."""
-    if basis is not None:
-        e0, e1, e2 = (_restricted(m, basis) for m in (coefficients.e0, coefficients.e1, coefficients.e2))
-        coefficients = Coefficients(e0, e1, e2, coefficients.m0)
-        translations = basis.T @ translations
-    stiffness, asymmetry = static_stiffness(coefficients, factor, translations, method)
-    cholesky(shifted(stiffness), "stiffness")
-    return stiffness, asymmetry
-
-
-def shifted(stiffness: np.ndarray) -> np.ndarray:
+def _shifted(stiffness: np.ndarray) -> np.ndarray:
     """K is singular for rigid-body motions alone: a shift at round-off's level makes it definite, or
     something is wrong.
     """
     return stiffness + TOLERANCE * largest(stiffness) * np.eye(len(stiffness))
 
 
-def _dynamics(equations: _Equations, radial: np.ndarray, terms: int) -> Inertia:
-    """Inertia from that of the subspaces."""
-    m0, bases, known = equations.coefficients.m0, equations.bases, equations.known
-    form = None if known is None else known.schur_form(radial)
-    parts = [
-        continued_fraction(_restricted(m0, basis), factor, _restricted(radial, basis), terms, form=form)
-        for basis, factor in zip(bases, equations.factors)
-    ]
-    if bases[0] is None:
-        return parts[0]
-    inertia = np.concatenate([part.inertia for part in parts])
-    coupling = np.concatenate([basis @ part.coupling for basis, part in zip(bases, parts)], axis=1)
-    ascending = np.argsort(inertia, kind="stable")
-    mass = _whole([part.mass for part in parts], bases)
-    return Inertia(symmetric(mass), coupling[:, ascending], inertia[ascending])
+def solve_stack(stack: Sectors) -> list[SElement | None]:
+    """The stiffness of each.
+
+    Parameters
+    ----------
+    stack : Sectors
+        With (b, nodes, 2) shapes, one elasticity, and closed outlines.
+    """
+    shapes, order, elasticity = stack
+
+    def solve(rows: np.ndarray, c: Coefficients, known: PolynomialModes) -> list[SElement | None]:
+        found = stiffness_beyond(c, known)
+        if found is None:
+            return [None] * len(rows)
+        stiffness, asymmetry, good = found
+        radial = np.linalg.solve(c.e0, stiffness - turned(c.e1))
+        riccati = largest_of_each((stiffness - c.e1) @ radial - c.e2)
+        riccati /= np.maximum(largest_of_each(c.e2), largest_of_each(stiffness))
+        motions = np.stack([rigid_motions(shape) for shape in shapes[rows]])
+        rigid = largest_of_each(stiffness @ motions) / largest_of_each(stiffness)
+        good &= (riccati <= ACCEPTED) & (asymmetry < TOLERANCE) & (rigid < TOLERANCE)
+        return [
+            SElement(shapes[row], order, True, elasticity, k, float(r), float(a), float(m))
+            if fine and is_definite(e0) and is_definite(_shifted(k))
+            else None
+            for row, k, r, a, m, fine, e0 in zip(rows, stiffness, riccati, asymmetry, rigid, good, c.e0)
+        ]
+
+    return _each(stack, solve)
+
+
+def inertia_of_stack(elements: list[SElement], terms: int) -> list[Inertia | Moments | None]:
+    """The mass of each, and the moments where the continued fraction has `terms` = 1, of S-elements that
+    agree in all but their outlines; of more terms than that none is solved.
+    """
+    if terms > 1:
+        return [None] * len(elements)
+    first = elements[0]
+    stack = Sectors(np.stack([element.coordinates for element in elements]), first.order, first.elasticity)
+
+    def solve(rows: np.ndarray, c: Coefficients, known: PolynomialModes) -> list[Inertia | Moments | None]:
+        if not known.rest.size:  # no Schur form is left to take, as of triangles of order 1
+            return [None] * len(rows)
+        found = moments(c, known, np.stack([elements[row].stiffness for row in rows]))
+        none = (np.zeros((len(c.e0[0]), 0)), np.zeros(0))
+        return [
+            (Moments(mass, second, third) if terms else Inertia(mass, *none))
+            if fine and is_definite(mass)
+            else None
+            for mass, second, third, fine in zip(*found)
+        ]
+
+    return _each(stack, solve)
+
+
+def _each(stack: Sectors, solve: Callable[[np.ndarray, Coefficients, PolynomialModes], list]) -> list:
+    """What `solve` finds of those whose polynomial modes are known, None of the others."""
+    shapes, order, elasticity = stack
+    found: list = [None] * len(shapes)
+    straight = np.flatnonzero(straight_edges(shapes, order, edge_nodes(shapes.shape[1], order, True)))
+    try:
+        c = coefficient_matrices(shapes[straight], order, True, elasticity)
+        for some, known in polynomial_modes(shapes[straight], order, elasticity, c):
+            for row, one in zip(straight[some], solve(straight[some], c.of(some), known)):
+                found[row] = one
+    except (SElementError, np.linalg.LinAlgError):  # of one of them
+        pass
+    return found

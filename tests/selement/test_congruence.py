@@ -6,9 +6,7 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.selement.congruence import placements, same_shape, shape_key
-from sbfem_petsc.selement.sectors import Sectors
-from sbfem_petsc.selement.symmetry import invariant_subspaces
-from tests.selement.test_solution import polygon, square
+from tests.selement.test_solution import polygon
 
 CORNERS = np.array([[-1.0, -0.7], [0.9, -1.0], [1.2, 0.3], [0.2, 1.1], [-0.8, 0.9]])
 
@@ -60,33 +58,3 @@ def test_near_copies_stay_apart(difference):
     shared = sb.Model(alike.mesh(order=3), sb.Material(70e9, 0.33, 2700))
     assert model.shapes > shared.shapes
     assert sb.modal(shared, 3).frequencies[0] < base[0]
-
-
-def test_symmetric_outlines_separate():
-    """Square: four subspaces; a mirrored trapezoid: two; an irregular pentagon: one. Bases are orthonormal
-    and complete.
-    """
-    trapezoid = polygon([[-1, -0.5], [1, -0.5], [0.5, 0.5], [-0.5, 0.5]], 4)
-    for outline, count in ((square(4), 4), (trapezoid, 2), (polygon(CORNERS, 4), 1)):
-        bases = invariant_subspaces(outline, 4, True, True)
-        assert len(bases) == count
-        whole = np.concatenate(bases, axis=1)
-        np.testing.assert_allclose(whole.T @ whole, np.eye(2 * len(outline)), atol=1e-12)
-    assert len(invariant_subspaces(square(4), 4, True, False)) == 1
-
-
-def test_separated_solution_is_the_whole_one():
-    """The solution by subspaces equals the one without symmetry, K, M and the dynamic stiffness at a
-    frequency.
-    """
-    from sbfem_petsc.selement.solution import solve_selement
-
-    elasticity = sb.Material(1.0, 0.3, 1.0).elasticity
-    parts, whole = (
-        solve_selement(Sectors(square(5), 5, elasticity), True, 2, isotropic) for isotropic in (True, False)
-    )
-    np.testing.assert_allclose(parts.stiffness, whole.stiffness, atol=1e-12)
-    np.testing.assert_allclose(parts.mass, whole.mass, atol=1e-12)
-    np.testing.assert_allclose(parts.inertia, whole.inertia, rtol=1e-6)
-    dynamic = [s.coupling / (1.0 - 0.3 * s.inertia) @ s.coupling.T for s in (parts, whole)]
-    np.testing.assert_allclose(dynamic[0], dynamic[1], atol=1e-11)

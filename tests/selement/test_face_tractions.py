@@ -32,7 +32,7 @@ LEVELS = np.array([1.0, 0.6, 0.2, 0.01])
 
 def element(corners, order, material, modes=4, directions=None):
     shape = polygon(corners, order, closed=False)
-    solved = solve_selement(Sectors(shape, order, material.elasticity), False, 0, material.isotropic)
+    solved = solve_selement(Sectors(shape, order, material.elasticity), False, 0)
     tractions = face_tractions(
         Sectors(shape, order, material.elasticity),
         stiffness=solved.stiffness,

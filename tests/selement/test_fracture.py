@@ -144,7 +144,7 @@ def test_edge_crack(ratio, height, factor, t_stress):
     """
     order = 12
     shape = edge_crack(ratio, height)
-    element = solve_selement(Sectors(shape, order, ISOTROPIC.elasticity), False, isotropic=True)
+    element = solve_selement(Sectors(shape, order, ISOTROPIC.elasticity), False)
     axis = face_axis(shape)
     form = intensity_rows(element.radial, Sectors(shape, order, ISOTROPIC.elasticity), axis, True)
     t_form = t_stress_row(element.radial, shape, ISOTROPIC.elasticity, axis)

@@ -69,7 +69,7 @@ def test_unsymmetric_tip_element(order, bound):
         Material(1.0, NU, 1.0),
         OrthotropicMaterial(1.0, 1.0, NU, 0.5 / (1.0 + NU), 1.0, angle=20.0),
     ):
-        element = solve_selement(Sectors(shape, order, material.elasticity), False, 0, material.isotropic)
+        element = solve_selement(Sectors(shape, order, material.elasticity), False, 0)
         form = intensity_rows(
             element.radial, Sectors(shape, order, material.elasticity), AXIS, material.isotropic
         )

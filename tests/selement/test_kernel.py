@@ -5,8 +5,9 @@ import pytest
 from scipy import linalg
 
 from sbfem_petsc.material import Material, OrthotropicMaterial
-from sbfem_petsc.selement import polynomial_modes, solution, stiffness
+from sbfem_petsc.selement import stiffness
 from sbfem_petsc.selement.coefficients import coefficient_matrices
+from sbfem_petsc.selement.polynomial_modes import polynomial_modes
 from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.solution import solve_selement
 from tests.selement.test_solution import polygon
@@ -45,9 +46,7 @@ def test_doubling_and_schur_agree(case):
     corners, order, closed, material = CASES[case]
     shape = polygon(corners, order, closed)
     first, second = (
-        solve_selement(
-            Sectors(shape, order, material.elasticity), closed, None, material.isotropic, method=method
-        )
+        solve_selement(Sectors(shape, order, material.elasticity), closed, method=method)
         for method in ("doubling", "schur")
     )
     # both lose what the equation's condition costs: 2e-13 in the graded and the flat shapes
@@ -71,20 +70,26 @@ def test_schur_where_doubling_fails(monkeypatch):
     assert called == [1]
 
 
+def modes_of(shape, order, elasticity):
+    """The polynomial modes of one S-element."""
+    coefficients = coefficient_matrices(shape[None], order, True, elasticity)
+    return next(known for _, known in polynomial_modes(shape[None], order, elasticity, coefficients))
+
+
 POLYNOMIAL = [name for name, case in CASES.items() if case[2]]
 
 
 @pytest.mark.parametrize("case", POLYNOMIAL)
-def test_beyond_polynomial_modes(case, monkeypatch):
-    """What is left to solve beyond the polynomial modes gives the stiffness and the inertia of the whole, and
-    the modes of degree k have the exponent k.
+def test_beyond_polynomial_modes(case):
+    """What is left to solve beyond the polynomial modes gives the stiffness of the whole, and the modes of
+    degree k have the exponent k.
     """
     corners, order, closed, material = CASES[case]
     shape, elasticity = polygon(corners, order, closed), material.elasticity
     found = solve_selement(Sectors(shape, order, elasticity), closed, 1)
     schur = solve_selement(Sectors(shape, order, elasticity), closed, method="schur").stiffness
     assert relative(found.stiffness, schur) < 1e-12
-    known = solution._equations(shape, order, closed, elasticity, False, None).known
+    known = modes_of(shape, order, elasticity)
     count = known.basis.shape[2]
     exponents = [0, 0, *np.repeat(range(1, order + 1), 4)]
     assert known.exponents.tolist() == exponents[:count]
@@ -93,11 +98,6 @@ def test_beyond_polynomial_modes(case, monkeypatch):
     # round-off of the whole A, whose entries grow with the aspect ratio
     missed = found.radial @ modes - modes * known.exponents
     assert np.abs(missed).max() < 1e-12 * np.abs(found.radial).max()
-    monkeypatch.setattr(polynomial_modes, "MIXED", -1.0)
-    own = found.with_inertia(1)
-    assert relative(found.mass, own.mass) < 1e-12
-    stiffness_of = [(e.coupling / (1.0 - 0.3 * e.inertia)) @ e.coupling.T for e in (found, own)]
-    assert relative(*stiffness_of) < 1e-11
 
 
 @pytest.mark.parametrize("material", [STRESS, ORTHOTROPIC], ids=["isotropic", "orthotropic"])
@@ -105,14 +105,14 @@ def test_fields_of_plane_elasticity_are_among_the_polynomial_modes(material):
     """Pure bending, of degree 2, and a cubic field of shear that varies along a beam, from their stresses."""
     order, elasticity = 3, material.elasticity
     shape = polygon(QUADRILATERAL, order)
-    equations = solution._equations(shape, order, True, elasticity, False, None)
-    assert equations.known.basis.shape[2] == 14
+    known = modes_of(shape, order, elasticity)
+    assert known.basis.shape[2] == 14
     (x, y), s = shape.T, np.linalg.inv(elasticity)
     # sigma_xx = y alone: strains s[:, 0] y
     u = s[0, 0] * x * y + 0.5 * s[2, 0] * y**2
     v = 0.5 * s[1, 0] * y**2 - 0.5 * s[0, 0] * x**2
     field = np.stack([u, v], axis=1).ravel()
-    rest = equations.known.rest[0].T @ field
+    rest = known.rest[0].T @ field
     assert np.abs(rest).max() < 1e-14 * np.abs(field).max()
     # its nodal forces do the work of the stress: area integral of s00 y^2
     forces = solve_selement(Sectors(shape, order, elasticity), True).stiffness @ field
@@ -168,11 +168,10 @@ def test_continued_fraction_by_scipy(terms, order):
     assert relative(found, share) < 1e-11
 
 
-@pytest.mark.parametrize("isotropic", [True, False])
-def test_inertia_computed_later(isotropic):
+def test_inertia_computed_later():
     shape = polygon(SQUARE, 4)
-    at_once = solve_selement(Sectors(shape, 4, STRESS.elasticity), True, 2, isotropic)
-    static = solve_selement(Sectors(shape, 4, STRESS.elasticity), True, isotropic=isotropic)
+    at_once = solve_selement(Sectors(shape, 4, STRESS.elasticity), True, 2)
+    static = solve_selement(Sectors(shape, 4, STRESS.elasticity), True)
     same_products(static.stiffness, at_once.stiffness)
     with pytest.raises(RuntimeError, match="with_inertia"):
         _ = static.mass
@@ -192,7 +191,7 @@ def test_sectors_of_two_materials():
     soft, stiff = 0.2 * STRESS.elasticity, STRESS.elasticity
     elasticity = np.array([soft] * 3 + [stiff] * 3)
     density = np.array([3.0] * 3 + [1.0] * 3)
-    element = solve_selement(Sectors(shape, order, elasticity), True, 0, True, density=density)
+    element = solve_selement(Sectors(shape, order, elasticity), True, 0, density=density)
     # tension along y: the strains across add up layer by layer, with sigma_xx for equal strain along x
     strain_x = 0.1
     u = np.zeros_like(shape)

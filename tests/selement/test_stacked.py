@@ -7,8 +7,7 @@ import sbfem_petsc as sb
 from meshing import Hole, Plate
 from sbfem_petsc.material import Material, OrthotropicMaterial
 from sbfem_petsc.selement.sectors import Sectors
-from sbfem_petsc.selement.solution import solve_selement
-from sbfem_petsc.selement.stacked import inertia_of_stack, solve_stack
+from sbfem_petsc.selement.solution import inertia_of_stack, solve_selement, solve_stack
 from sbfem_petsc.system.elements import shapes
 from tests.selement.test_solution import polygon
 
@@ -36,7 +35,7 @@ def relative(found: np.ndarray, expected: np.ndarray) -> float:
 def test_stacks_are_what_each_is_alone(sides, order, material):
     """Stiffness, mass, C C' and C J C' to 1e-12 of what ordered Schur forms of each give."""
     stack = outlines(sides, order)
-    found = solve_stack(Sectors(stack, order, material.elasticity), False)
+    found = solve_stack(Sectors(stack, order, material.elasticity))
     inertia = inertia_of_stack(found, 1)
     for shape, element, moments in zip(stack, found, inertia):
         alone = solve_selement(Sectors(shape, order, material.elasticity), True, 1, method="schur")
@@ -49,23 +48,23 @@ def test_stacks_are_what_each_is_alone(sides, order, material):
 def test_companions_change_nothing():
     """Bitwise, for ranks share stacks; a curved outline, and one that its centre does not see, are None."""
     stack, elasticity = outlines(4, 5), MATERIALS[0].elasticity
-    whole = solve_stack(Sectors(stack, 5, elasticity), True)
-    part = solve_stack(Sectors(stack[1:4], 5, elasticity), True)
+    whole = solve_stack(Sectors(stack, 5, elasticity))
+    part = solve_stack(Sectors(stack[1:4], 5, elasticity))
     assert all((a.stiffness == b.stiffness).all() for a, b in zip(whole[1:4], part))
     both = inertia_of_stack(whole, 1)[1:4], inertia_of_stack(part, 1)
     assert all((a.third == b.third).all() for a, b in zip(*both))
     curved = stack * (1.0 + 0.02 * np.cos(3.0 * np.arange(20)))[:, None]
     mixed = np.array([stack[0], curved[0], stack[1]])
-    first, none, last = solve_stack(Sectors(mixed, 5, elasticity), True)
+    first, none, last = solve_stack(Sectors(mixed, 5, elasticity))
     assert none is None and first.stiffness.tolist() == whole[0].stiffness.tolist()
     assert last.stiffness.tolist() == whole[1].stiffness.tolist()
-    assert solve_stack(Sectors(np.array([stack[0], stack[1] + [3.0, 0.0]]), 5, elasticity), True) == [
+    assert solve_stack(Sectors(np.array([stack[0], stack[1] + [3.0, 0.0]]), 5, elasticity)) == [
         None,
         None,
     ]
     assert inertia_of_stack(whole, 2) == [None] * len(whole)
     # on flat cells the polynomial modes depend on one another: 7e-10 would be left of C C'
-    assert inertia_of_stack(solve_stack(Sectors(polygon(FLAT, 5)[None], 5, elasticity), False), 1) == [None]
+    assert inertia_of_stack(solve_stack(Sectors(polygon(FLAT, 5)[None], 5, elasticity)), 1) == [None]
 
 
 def test_modes_by_moments(monkeypatch):
@@ -90,7 +89,7 @@ def test_modes_by_moments(monkeypatch):
 def test_triangles_of_order_one():
     """Polynomials are all their modes: no Schur form is left to take, and each is solved alone."""
     stack, elasticity = outlines(3, 1), MATERIALS[0].elasticity
-    found = solve_stack(Sectors(stack, 1, elasticity), False)
+    found = solve_stack(Sectors(stack, 1, elasticity))
     for shape, element in zip(stack, found):
         alone = solve_selement(Sectors(shape, 1, elasticity), True, 1, method="schur")
         assert relative(element.stiffness, alone.stiffness) < 1e-12

@@ -67,7 +67,7 @@ class Case:
         material = Material(1.0, 0.3, 1.0, plane=plane)
         self.shape, self.exact = polygon(corners, ORDER, closed=False), Disclination(material)
         self.sectors = Sectors(self.shape, ORDER, material.elasticity)
-        self.element = solve_selement(self.sectors, False, isotropic=True)
+        self.element = solve_selement(self.sectors, False)
         self.tractions = face_tractions(
             self.sectors,
             stiffness=self.element.stiffness,

@@ -3,27 +3,28 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar, cast
+from typing import TypeVar
 
 import numpy as np
 
 from ...material import AnyMaterial
 from ...petsc import MPI, stage
-from ...ranks.balance import balanced
+from ...ranks.parallel import collective
 from ...selement.coefficients import SElementError
 from ...selement.congruence import placements, same_shape, shape_key
 from ...selement.inertia import Inertia, Moments
 from ...selement.sectors import Sectors
-from ...selement.solution import SElement, solve_selement
-from ...selement.stacked import STACK, inertia_of_stack, solve_stack
+from ...selement.solution import STACK, SElement, inertia_of_stack, solve_selement, solve_stack
 from ..layout.partition import Part
 
 _Given = TypeVar("_Given")
 _Found = TypeVar("_Found")
 # S-elements that are placed at a time.
 _BATCH = 4096
+# How many times longer an S-element takes that is not solved with others.
+_ALONE = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +175,7 @@ def _similar(part: Part, order: int, materials: Sequence[AnyMaterial]) -> list[l
 
 class Solutions:
     """Different shapes over the ranks of a communicator, each solved once: by a rank that has it, or by one
-    that has none left of its own.
+    that has less to do.
 
     Parameters
     ----------
@@ -194,7 +195,7 @@ class Solutions:
         self, comm: MPI.Comm, requests: list[_Request], order: int, materials: Sequence[AnyMaterial]
     ):
         self.comm, self.order, self.materials = comm, order, materials
-        self._owners = _solvers(comm, [request.key for request in requests])
+        self._owners = _solvers(comm, requests, [self._at_once(request) for request in requests])
         outgoing: list[list[_Request]] = [[] for _ in range(comm.size)]
         for request, owner in zip(requests, self._owners):
             outgoing[owner].append(request)
@@ -225,14 +226,13 @@ class Solutions:
             return solve_selement(
                 Sectors(request.shape, self.order, material.elasticity),
                 request.closed,
-                isotropic=material.isotropic,
                 density=material.densities,
             )
 
         def solve_all(requests: list[_Request]) -> list[SElement | None]:
             material = self.materials[requests[0].material]
             shapes = np.stack([request.shape for request in requests])
-            return solve_stack(Sectors(shapes, self.order, material.elasticity), material.isotropic)
+            return solve_stack(Sectors(shapes, self.order, material.elasticity))
 
         self._solved = self._of_each(self._shapes, solve_all, solve)
         return self._sent_back(self._solved)
@@ -256,47 +256,34 @@ class Solutions:
         solve_all: Callable[[list[_Given]], list[_Found | None]],
         solve: Callable[[_Given], _Found],
     ) -> list[_Found]:
-        """What is found from what is given of each of this rank's shapes, by any rank: of a stack of closed
-        ones of one material at once, and one by one of what that leaves. What is raised names the S-element,
-        on all ranks. Collective.
+        """What is found from what is given of each of this rank's shapes: of a stack of closed ones of one
+        material at once, and one by one of what that leaves. What is raised names the S-element, on all
+        ranks. Collective.
         """
-        stacks = self._stacks()
+        found: dict[int, _Found | None] = {}
+        with collective(self.comm):
+            for rows in self._stacks():
+                found |= zip(rows, solve_all([given[row] for row in rows]))
+            for row, request in enumerate(self._shapes):
+                try:
+                    found[row] = found.get(row) or solve(given[row])
+                except SElementError as error:
+                    raise SElementError(f"{request.label}: {error}") from None
+        return [one for _, one in sorted(found.items()) if one is not None]
 
-        def work(item: tuple[bool, list[str], list[_Given]]) -> list[_Found]:
-            alike, labels, some = item
-            found: list[_Found | None] = solve_all(some) if alike else [None] * len(some)
-            for k, label in enumerate(labels):
-                if found[k] is None:
-                    try:
-                        found[k] = solve(some[k])
-                    except SElementError as error:
-                        raise SElementError(f"{label}: {error}") from None
-            return cast("list[_Found]", found)
+    def _at_once(self, request: _Request) -> bool:
+        """Whether a shape can be solved with others."""
+        return request.closed and self.materials[request.material].elasticity.ndim == 2
 
-        items = [
-            (alike, [self._shapes[row].label for row in rows], [given[row] for row in rows])
-            for alike, rows in stacks
-        ]
-        result: list[Any] = [None] * len(self._shapes)
-        for (_, rows), found in zip(stacks, balanced(self.comm, items, work)):
-            for row, one in zip(rows, found):
-                result[row] = one
-        return result
-
-    def _stacks(self) -> list[tuple[bool, list[int]]]:
-        """Rows of this rank's shapes that can be solved at once, and rows of one."""
+    def _stacks(self) -> Iterator[list[int]]:
+        """Rows of this rank's shapes that can be solved at once."""
         alike: dict[tuple[int, int], list[int]] = {}
-        others: list[tuple[bool, list[int]]] = []
         for row, request in enumerate(self._shapes):
-            if request.closed and self.materials[request.material].elasticity.ndim == 2:
+            if self._at_once(request):
                 alike.setdefault((len(request.shape), request.material), []).append(row)
-            else:
-                others.append((False, [row]))
-        return others + [
-            (True, rows[first : first + STACK])
-            for rows in alike.values()
-            for first in range(0, len(rows), STACK)
-        ]
+        for rows in alike.values():
+            for first in range(0, len(rows), STACK):
+                yield rows[first : first + STACK]
 
     def _sent_back(self, found: list) -> list:
         """Answers to this rank's requests, from what each rank has found for its own shapes."""
@@ -305,30 +292,39 @@ class Solutions:
         return [next(queues[owner]) for owner in self._owners]
 
 
-def _solvers(comm: MPI.Comm, keys: list[bytes]) -> list[int]:
-    """Rank that sees to each of this rank's shapes: itself, or one of the ranks that have a shape like it.
-    Collective.
+def _solvers(comm: MPI.Comm, requests: list[_Request], at_once: list[bool]) -> list[int]:
+    """Rank that solves each of this rank's shapes. Collective.
 
-    Digests alone travel, each to the rank that it points to, which knows all who have it. Where two shapes
-    share one, the rank that solves them tells them apart.
+    Of all shapes every rank knows a digest and a cost, and finds the same. Where two shapes share a digest,
+    the rank that solves them tells them apart.
     """
-    if comm.size == 1:
-        return [0] * len(keys)
-    made = [int.from_bytes(hashlib.blake2b(key, digest_size=8).digest(), "little") >> 1 for key in keys]
-    digests = np.array(made, dtype=np.int64)
-    order = np.argsort(digests % comm.size, kind="stable")
-    sent = np.split(digests[order], np.searchsorted(digests[order] % comm.size, np.arange(1, comm.size)))
-    received = comm.alltoall(sent)
-    asked, lengths = np.concatenate(received), [len(part) for part in received]
-    askers = np.repeat(np.arange(comm.size), lengths)
-    distinct, which, counts = np.unique(asked, return_inverse=True, return_counts=True)
-    by_digest = np.argsort(which, kind="stable")
-    first = np.cumsum(counts) - counts
-    chosen = askers[by_digest[first + distinct // comm.size % counts]]
-    answers = np.split(chosen[which], np.cumsum(lengths)[:-1])
-    solvers = np.empty(len(keys), dtype=int)
-    solvers[order] = np.concatenate(comm.alltoall(answers))
-    return solvers.tolist()
+    made = [hashlib.blake2b(request.key, digest_size=8).digest() for request in requests]
+    digests = [int.from_bytes(digest, "little") >> 1 for digest in made]
+    costs = [len(r.shape) ** 3 * (1 if alike else _ALONE) for r, alike in zip(requests, at_once)]
+    parts = comm.allgather(np.array([digests, costs], dtype=np.int64))
+    digest, cost = np.concatenate(parts, axis=1)
+    holder = np.repeat(np.arange(comm.size), [part.shape[1] for part in parts])
+    return shared_out(digest, cost, holder, comm.size)[holder == comm.rank].tolist()
+
+
+def shared_out(digest: np.ndarray, cost: np.ndarray, holder: np.ndarray, ranks: int) -> np.ndarray:
+    """(n,): rank that solves each of n shapes, which ranks hold, those of one digest once: one that holds it,
+    or one that has less to do than others.
+    """
+    distinct, first, which, counts = np.unique(
+        digest, return_index=True, return_inverse=True, return_counts=True
+    )
+    ends, cost = np.cumsum(counts), cost[first]
+    worker = holder[np.argsort(which, kind="stable")[ends - counts + distinct % counts]]
+    load = np.bincount(worker, cost, ranks)
+    # of a rank's shapes one after the other those beyond the mean go to ranks below it
+    order, mean = np.argsort(worker, kind="stable"), load.sum() / ranks
+    middle = np.cumsum(cost[order]) - 0.5 * cost[order] - (np.cumsum(load) - load)[worker[order]]
+    left = order[middle > mean]
+    room = np.cumsum(np.maximum(mean - load, 0.0))
+    places = np.searchsorted(room, np.cumsum(cost[left]) - 0.5 * cost[left])
+    worker[left] = np.minimum(places, ranks - 1)
+    return worker[which]
 
 
 def _exchanged(comm: MPI.Comm, outgoing: list[list]) -> list[list]:

@@ -291,7 +291,6 @@ def _add_group(
         Sectors(whole @ group.shape, order + MORE_ORDERS, material.elasticity),
         group.closed,
         elements.terms + MORE_TERMS,
-        material.isotropic,
         density=material.densities,
     )
     bubbles = _bubbles(len(group.shape), order, group.closed)
