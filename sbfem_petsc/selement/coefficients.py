@@ -62,7 +62,7 @@ def strain_operators(
     edges : (e, p + 1, 2) array
         Nodes of the edges relative to the scaling centre.
     values, derivatives : (q, p + 1) arrays
-        Shape functions at the points.
+        Shape functions at the points, or (e, q, p + 1), at points of each edge's own.
 
     Returns
     -------
@@ -84,7 +84,7 @@ def strain_operators(
             f"the scaling centre does not see edge {worst} (|J| = {jacobian.min():.3g} in units of the "
             "squared size)"
         )
-    first = np.zeros((*jacobian.shape, 3, values.shape[1], 2))
+    first = np.zeros((*jacobian.shape, 3, values.shape[-1], 2))
     second = np.zeros_like(first)
     first[:, :, 0, :, 0] = first[:, :, 2, :, 1] = (dy / jacobian)[:, :, None] * values
     first[:, :, 1, :, 1] = first[:, :, 2, :, 0] = -(dx / jacobian)[:, :, None] * values

@@ -157,10 +157,6 @@ class FaceTractions:
         """(l, n, c): what the tractions add to ``xi u,xi - A u``, for forces (m, c) / (E thickness), in m."""
         return -(self.forcing @ (_grown(self.growth, levels) @ (self.monomials @ force)))
 
-    def resultant(self, force: np.ndarray) -> np.ndarray:
-        """(d,): sum of the forces (m,) of each direction, in their unit."""
-        return np.asarray(force, dtype=float).reshape(len(self.lengths), self.modes).sum(axis=1)
-
 
 def _along_the_face(modes: int) -> tuple[np.ndarray, np.ndarray]:
     """Levels and weights of integrals of products of two modes.
@@ -206,16 +202,6 @@ def opening_direction(shape: np.ndarray, axis: np.ndarray | None = None) -> np.n
     return np.array([normal, -normal])
 
 
-def sliding_direction(shape: np.ndarray, axis: np.ndarray | None = None) -> np.ndarray:
-    """(2, 2): the direction of the faces' sliding along `axis`, first face relative to last one.
-
-    A reflected placement exchanges the faces of the element's own chain: the sense of sliding there is
-    that of the reference shape times the determinant of its rotation.
-    """
-    axis = face_axis(shape) if axis is None else np.asarray(axis, dtype=float)
-    return np.array([axis, -axis])
-
-
 def single_face_directions(face: int) -> np.ndarray:
     """(2, 2, 2): tractions along x and y of the reference frame on face 0 (first node) or 1 (last node)."""
     directions = np.zeros((2, 2, 2))
@@ -240,8 +226,8 @@ def face_tractions(
     stiffness, radial : (n, n) arrays
         K and A of the S-element.
     directions : (d, 2, 2) array, optional
-        Vectors on the first and last face; default: the opening alone (`opening_direction`). Tangential
-        contact adds `sliding_direction`, loads use `single_face_directions`.
+        Vectors on the first and last face; default: the opening alone (`opening_direction`). Loads
+        and friction use `single_face_directions`.
     modes : int
         Polynomials a direction, at least 1 (constant).
     logarithm : bool

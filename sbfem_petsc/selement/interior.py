@@ -11,12 +11,15 @@ points add what inertia does inside, see `interior_motion`.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy import linalg
 
 from .basis import shape_functions
 from .coefficients import edge_nodes, strain_operators
 from .face_tractions import FaceTractions
+from .sectors import Sectors
 
 
 def radial_displacement(
@@ -99,128 +102,85 @@ def _translations(n: int) -> tuple[np.ndarray, np.ndarray]:
     return np.kron(reflector[:, :1], np.eye(2)), np.kron(reflector[:, 1:], np.eye(2))
 
 
-class InteriorSampler:
-    """Points (xi, edge, eta) of all copies of one reference shape, with displacement and stress there.
-
-    Parameters
-    ----------
-    radial : (n, n) array
-        A of the reference shape (`SElement.radial`).
-    shape : (nodes, 2) array
-        Reference coordinates about the scaling centre, counter-clockwise, in units of the element's size.
-    order : int
-    closed : bool
-    elasticity : (3, 3) or (edges, 3, 3) array
-        D in units of the modulus, in the reference frame.
-    at : (q,) array
-        eta in [-1, 1] on every edge.
+class Located(NamedTuple):
+    """Where points lie in an S-element.
 
     Attributes
     ----------
-    edges : int
+    edge : (q,) int array
+        Edge whose sector a point lies in, -1 outside the S-element.
+    eta : (q,) array
+        In [-1, 1] along the edge.
+    level : (q,) array
+        xi, 0 at the scaling centre and 1 on the boundary.
     """
 
-    def __init__(
-        self,
-        radial: np.ndarray,
-        shape: np.ndarray,
-        order: int,
-        closed: bool,
-        elasticity: np.ndarray,
-        at: np.ndarray,
-    ):
-        self._radial, self._shape = radial, shape
-        self._connectivity = edge_nodes(len(shape), order, closed)
-        self._elasticity = np.broadcast_to(elasticity, (len(self._connectivity), 3, 3))
-        self._values, self._derivatives = shape_functions(order, at)
-        self.edges = len(self._connectivity)
+    edge: np.ndarray
+    eta: np.ndarray
+    level: np.ndarray
 
-    def positions(
-        self, levels: np.ndarray, centres: np.ndarray, sizes: np.ndarray, rotations: np.ndarray
-    ) -> np.ndarray:
-        """(k, l, edges, q, 2): coordinates, m, of the points of k copies.
 
-        Parameters
-        ----------
-        levels : (l,) array
-            xi.
-        centres : (k, 2) array
-            m.
-        sizes : (k,) array
-            m.
-        rotations : (k, 2, 2) array
-            From each copy's frame to the reference frame.
-        """
-        outline = self._values @ self._shape[self._connectivity]
-        turned = np.einsum("k,eqi,kij->keqj", sizes, outline, rotations)
-        return centres[:, None, None, None] + np.asarray(levels)[None, :, None, None, None] * turned[:, None]
+class RadialFields(NamedTuple):
+    """Fields on the rays through the nodes, which tell what is between them.
 
-    def radial_fields(
-        self,
-        boundary: np.ndarray,
-        rotations: np.ndarray,
-        levels: np.ndarray,
-        faces: tuple[FaceTractions, np.ndarray] | None = None,
-    ) -> np.ndarray:
-        """(k, l, nodes, 2): displacements on the rays through the nodes, in the reference frame.
+    Attributes
+    ----------
+    displacements : (l, n, c) array
+    beside, slopes : (l, n, c) arrays
+        Displacements where the stress is taken, and xi times their derivatives there.
+    levels : (l,) array
+        xi there; at 0 the stress is nan.
+    """
 
-        Parameters
-        ----------
-        boundary : (k, nodes, 2) array
-            Boundary displacements of each copy in its own frame, m.
-        faces : (FaceTractions, (m, k) array), optional
-            Traction modes on the faces of open S-elements, and their forces on each copy divided by the
-            modulus and the thickness, m.
-        """
-        count, nodes, _ = boundary.shape
-        columns = np.einsum("kij,knj->nik", rotations, boundary).reshape(2 * nodes, count)
-        fields = radial_displacement(self._radial, columns, levels, faces)
-        return np.moveaxis(fields, 2, 0).reshape(count, len(levels), nodes, 2)
+    displacements: np.ndarray
+    beside: np.ndarray
+    slopes: np.ndarray
+    levels: np.ndarray
 
-    def displacement(self, fields: np.ndarray, rotations: np.ndarray) -> np.ndarray:
-        """(k, l, edges, q, 2): displacement in each copy's own frame, m, from `radial_fields`."""
-        return np.einsum(
-            "qa,kleai,kij->kleqj", self._values, fields[:, :, self._connectivity], rotations, optimize=True
-        )
 
-    def stress(
-        self,
-        fields: np.ndarray,
-        levels: np.ndarray,
-        rotations: np.ndarray,
-        sizes: np.ndarray,
-        modulus: float,
-        faces: tuple[FaceTractions, np.ndarray] | None = None,
-    ) -> np.ndarray:
-        """(k, l, edges, q, 3): stress (xx, yy, xy) in each copy's own frame, Pa, from `radial_fields` with
-        the same tractions on the faces.
+def static_fields(
+    radial: np.ndarray,
+    boundary: np.ndarray,
+    levels: np.ndarray,
+    near: np.ndarray,
+    faces: tuple[FaceTractions, np.ndarray] | None = None,
+) -> RadialFields:
+    """Static fields at levels (l,), and at others (l,) for the stress; see `radial_displacement`."""
+    whole = radial_displacement(radial, boundary, np.concatenate([levels, near]), faces)
+    beside = whole[len(levels) :]
+    slopes = radial @ beside
+    if faces is not None:
+        slopes += faces[0].inflow(faces[1], near)
+    return RadialFields(whole[: len(levels)], beside, slopes, near)
 
-        Raises
-        ------
-        ValueError
-            At xi = 0: the stress of a crack tip has no limit there, and elsewhere it depends on the
-            direction.
-        SElementError
-            If the scaling centre does not see a point.
-        """
-        levels = np.asarray(levels, dtype=float)
-        if not (levels > 0.0).all():
-            raise ValueError(
-                "the stress is not defined at the scaling centre (xi = 0); take a small positive xi"
-            )
-        first, second, _ = strain_operators(self._shape[self._connectivity], self._values, self._derivatives)
-        count, depth, nodes, _ = fields.shape
-        flat = fields.reshape(count, depth, 2 * nodes)
-        slopes = flat @ self._radial.T  # xi u,xi
-        if faces is not None:
-            slopes = slopes + np.moveaxis(faces[0].inflow(faces[1], levels), 2, 0)
-        slopes = slopes.reshape(fields.shape)
-        strain = np.einsum("eqsai,kleai->kleqs", first, slopes[:, :, self._connectivity], optimize=True)
-        strain += np.einsum("eqsai,kleai->kleqs", second, fields[:, :, self._connectivity], optimize=True)
-        scale = modulus / (levels[None, :] * np.asarray(sizes)[:, None])
-        stress = np.einsum("kleqs,ets->kleqt", strain, self._elasticity) * scale[:, :, None, None, None]
-        tensor = stress[..., [0, 2, 2, 1]].reshape(*stress.shape[:-1], 2, 2)
-        turned = np.einsum(
-            "kai,kleqab,kbj->kleqij", rotations, tensor, rotations, optimize=True
-        )  # R^T sigma R
-        return np.stack([turned[..., 0, 0], turned[..., 1, 1], turned[..., 0, 1]], axis=-1)
+
+def fields_at(
+    sectors: Sectors, closed: bool, located: Located, fields: RadialFields, which: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(q, 2, c), (q, 3, c): displacement and stress (xx, yy, xy) at points, in the frame of the S-element's
+    shape and in units of its size and modulus; ``which`` (q,) of the fields' levels each point has.
+    """
+    shape, order, elasticity = sectors
+    edges = edge_nodes(len(shape), order, closed)
+    nodes = edges[located.edge]
+    unknowns = which[:, None, None], 2 * nodes[:, :, None] + [0, 1]
+    values, derivatives = shape_functions(order, located.eta)
+    displacement = np.einsum("qa,qaic->qic", values, fields.displacements[unknowns])
+    first, second, _ = strain_operators(shape[nodes], values[:, None], derivatives[:, None])
+    width = 2 * nodes.shape[1]
+    first, second = (part.reshape(-1, 3, width) for part in (first, second))
+    slopes, beside = (
+        part[unknowns].reshape(len(which), width, -1) for part in (fields.slopes, fields.beside)
+    )
+    levels = np.where(fields.levels > 0.0, fields.levels, np.nan)[which, None, None]
+    strain = (first @ slopes + second @ beside) / levels
+    return displacement, np.broadcast_to(elasticity, (len(edges), 3, 3))[located.edge] @ strain
+
+
+def in_own_frames(
+    displacement: np.ndarray, stress: np.ndarray, rotations: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(k, q, 2), (k, q, 3): fields (q, 2, k), (q, 3, k) of k copies of a shape, from its frame."""
+    tensor = stress[:, [0, 2, 2, 1]].reshape(len(stress), 2, 2, -1)
+    turned = np.einsum("kai,qabk,kbj->kqij", rotations, tensor, rotations, optimize=True)
+    return np.einsum("kij,qik->kqj", rotations, displacement), turned[..., [0, 1, 0], [0, 1, 1]]

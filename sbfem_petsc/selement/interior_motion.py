@@ -19,8 +19,9 @@ from scipy import linalg
 
 from .coefficients import coefficient_matrices
 from .dense import cholesky, cholesky_solve, lyapunov, schur, symmetric
-from .interior import radial_displacement
-from .points import Located, PointOperators, PointRows
+from .interior import Located, RadialFields, fields_at, radial_displacement
+from .points import PointOperators
+from .sectors import Sectors
 from .solution import SElement
 
 # Below this xi what inertia adds is taken as here: it varies like xi^2 and stands beside 1 / xi^2k.
@@ -73,19 +74,20 @@ def inertial_operators(element: SElement, terms: int, located: Located) -> Point
     levels = np.maximum(located.level, _INNERMOST)
     n, count, a = element.stiffness.shape[0], len(levels), len(element.inertia)
     radial, translations = element.radial, np.tile(np.eye(2), (n // 2, 1))
-    at_point = PointRows(
-        element.coordinates, element.order, element.elasticity, located=located, closed=element.closed
-    )
+    sectors = Sectors(element.coordinates, element.order, element.elasticity)
     displacement, stress = np.empty((count, 2, a + 2)), np.empty((count, 3, a + 2))
     for start in range(0, count, _CHUNK):
-        distinct, which = np.unique(levels[start : start + _CHUNK], return_inverse=True)
-        fields, slopes = _held_fields(element, radial, distinct, min(max(terms, 1), _KRYLOV))
+        chosen = slice(start, start + _CHUNK)
+        distinct, which = np.unique(levels[chosen], return_inverse=True)
         whole, steep = (
             np.concatenate([_auxiliary(element, parts), parts[0] @ translations], axis=2)
-            for parts in (fields, slopes)
+            for parts in _held_fields(element, radial, distinct, min(max(terms, 1), _KRYLOV))
         )
-        for i, k in enumerate(which.ravel(), start):
-            displacement[i], stress[i] = at_point(i, whole[k], whole[k], steep[k], levels[i])
+        some = Located(*(part[chosen] for part in located))
+        found = fields_at(
+            sectors, element.closed, some, RadialFields(whole, whole, steep, distinct), which.ravel()
+        )
+        displacement[chosen], stress[chosen] = found
     return PointOperators(displacement, stress, 0)
 
 

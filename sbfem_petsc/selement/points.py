@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .basis import shape_functions
-from .coefficients import edge_nodes, strain_operators
+from .coefficients import edge_nodes
 from .face_tractions import FaceTractions
-from .interior import radial_displacement
+from .interior import Located, fields_at, static_fields
 from .sectors import Sectors
 
 # A point this far outside the outline, relative to the size, counts as on it.
@@ -20,28 +20,7 @@ _CENTRE = 1e-4
 _CHUNK = 64
 
 
-@dataclass(frozen=True, eq=False)
-class Located:
-    """Where points lie in an S-element.
-
-    Attributes
-    ----------
-    edge : (q,) int array
-        Edge whose sector a point lies in, -1 outside the S-element.
-    eta : (q,) array
-        In [-1, 1] along the edge.
-    level : (q,) array
-        xi, 0 at the scaling centre and 1 on the boundary.
-    """
-
-    edge: np.ndarray
-    eta: np.ndarray
-    level: np.ndarray
-
-
-def locate(
-    shape: np.ndarray, order: int, closed: bool, points: np.ndarray, *, last_face: bool = False
-) -> Located:
+def locate(shape: np.ndarray, order: int, closed: bool, points: np.ndarray) -> Located:
     """Scaled boundary coordinates of points.
 
     Parameters
@@ -52,13 +31,9 @@ def locate(
     closed : bool
     points : (q, 2) array
         About the scaling centre, in units of the size.
-    last_face : bool
-        On the faces of a closed crack, whether points belong to the last face (default: to the first).
     """
     points = np.atleast_2d(np.asarray(points, dtype=float))
     edges = edge_nodes(len(shape), order, closed)
-    if last_face:
-        edges = edges[::-1]
     distance = np.hypot(*points.T)
     centre = distance <= TOLERANCE * 1e-3
     direction = points / np.where(centre, 1.0, distance)[:, None]
@@ -74,8 +49,6 @@ def locate(
     eta[inside], reach = _meetings(shape[edges[edge[inside]]], order, direction[inside], across[inside])
     level[inside] = np.minimum(distance[inside] / reach, 1.0)
     edge[inside[distance[inside] > reach + TOLERANCE]] = -1
-    if last_face:
-        edge = np.where(edge >= 0, len(edges) - 1 - edge, -1)
     return Located(edge, eta, level)
 
 
@@ -137,41 +110,8 @@ class PointOperators:
         return replace(
             self,
             displacement=np.einsum("ai,qac->qic", rotation, columns(self.displacement)),
-            stress=np.stack([tensor[:, 0, 0], tensor[:, 1, 1], tensor[:, 0, 1]], axis=1),
+            stress=tensor[:, [0, 1, 0], [0, 1, 1]],
         )
-
-
-class PointRows:
-    """Rows for displacement and stress at points of one S-element from fields along its radius.
-
-    Parameters
-    ----------
-    shape, order, elasticity, located, closed
-        As of `point_operators`.
-    """
-
-    def __init__(
-        self, shape: np.ndarray, order: int, elasticity: np.ndarray, *, located: Located, closed: bool
-    ):
-        self._shape, self._order, self._located = shape, order, located
-        self._edges = edge_nodes(len(shape), order, closed)
-        self._elasticity = np.broadcast_to(elasticity, (len(self._edges), 3, 3))
-
-    def __call__(
-        self, i: int, field: np.ndarray, beside: np.ndarray, slope: np.ndarray, level: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """(2, c) and (3, c) at point i, from fields (n, c) at its level and at that of the stress, and xi
-        times the derivative there; nan for the stress at level 0.
-        """
-        nodes, eta = self._edges[self._located.edge[i]], self._located.eta[i : i + 1]
-        unknowns = (2 * nodes[:, None] + np.arange(2)).ravel()
-        values, derivatives = shape_functions(self._order, eta)
-        displacement = np.einsum("a,aic->ic", values[0], field[unknowns].reshape(-1, 2, field.shape[1]))
-        if level == 0.0:
-            return displacement, np.full((3, field.shape[1]), np.nan)
-        first, second, _ = strain_operators(self._shape[nodes][None], values, derivatives)
-        strain = first[0, 0].reshape(3, -1) @ slope[unknowns] + second[0, 0].reshape(3, -1) @ beside[unknowns]
-        return displacement, self._elasticity[self._located.edge[i]] @ strain / level
 
 
 def point_operators(
@@ -203,26 +143,16 @@ def point_operators(
     if (located.edge < 0).any():
         missing = int(np.argmin(located.edge))
         raise ValueError(f"point {missing} lies outside the S-element; take only points that `locate` finds")
-    n = len(radial)
-    at_point = PointRows(*sectors, located=located, closed=closed)
+    n, count = len(radial), len(located.edge)
     m = 0 if tractions is None else len(tractions.growth)
-    boundary, force = np.eye(n, n + m), np.eye(m, n + m, k=n)
-    count = len(located.edge)
+    faces = None if tractions is None else (tractions, np.eye(m, n + m, k=n))
     displacement, stress = np.empty((count, 2, n + m)), np.empty((count, 3, n + m))
     for start in range(0, count, _CHUNK):
-        chosen = np.arange(start, min(start + _CHUNK, count))
+        chosen = slice(start, start + _CHUNK)
+        some = Located(*(part[chosen] for part in located))
         # the stress of a closed S-element at its scaling centre is that next to it
-        levels = np.maximum(located.level[chosen], _CENTRE if closed else 0.0)
-        faces = None if tractions is None else (tractions, force)
-        whole = radial_displacement(radial, boundary, located.level[chosen], faces)
-        near = (
-            whole
-            if np.array_equal(levels, located.level[chosen])
-            else radial_displacement(radial, boundary, levels, faces)
-        )
-        slopes = radial @ near
-        if tractions is not None:
-            slopes += tractions.inflow(force, levels)
-        for i, field, beside, slope, level in zip(chosen, whole, near, slopes, levels):
-            displacement[i], stress[i] = at_point(i, field, beside, slope, level)
+        near = np.maximum(some.level, _CENTRE if closed else 0.0)
+        fields = static_fields(radial, np.eye(n, n + m), some.level, near, faces)
+        found = fields_at(sectors, closed, some, fields, np.arange(len(near)))
+        displacement[chosen], stress[chosen] = found
     return PointOperators(displacement, stress, n)

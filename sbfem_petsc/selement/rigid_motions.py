@@ -1,8 +1,8 @@
-"""Rigid-body motions of an S-element, and products that leave them out exactly.
+"""Rigid-body motions of an S-element.
 
 A stiffness times a rigid motion is round-off, not zero. In slender structures, whose elements move almost
 rigidly, that round-off outweighs the strain energy of the lowest modes; taken out of the displacements before
-the product, and out of the forces after it, the motions cost no digits.
+the product, and out of the forces after it, the motions cost no digits (`ElementStiffness`).
 """
 
 from __future__ import annotations
@@ -24,17 +24,3 @@ def rigid_body_basis(coordinates: np.ndarray) -> np.ndarray:
     """(..., n, 3): orthonormal translations and rotation about the mean of the nodes (..., nodes, 2)."""
     motions = rigid_motions(coordinates - coordinates.mean(axis=-2, keepdims=True))
     return motions / np.linalg.norm(motions, axis=-2, keepdims=True)
-
-
-def without_rigid_motions(basis: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """(I - Q Q^T) vectors for vectors (n,) or (n, c), applied twice: once leaves the round-off of large
-    motions.
-    """
-    for _ in range(2):
-        vectors = vectors - basis @ (basis.T @ vectors)
-    return vectors
-
-
-def deformation_forces(stiffness: np.ndarray, basis: np.ndarray, displacement: np.ndarray) -> np.ndarray:
-    """P K P u with P = I - Q Q^T: the nodal forces (n,) or (n, c) of what deforms the S-element."""
-    return without_rigid_motions(basis, stiffness @ without_rigid_motions(basis, displacement))

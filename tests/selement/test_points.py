@@ -67,7 +67,6 @@ def test_faces_of_a_closed_crack():
     shape = polygon(TIP, 3, closed=False)
     on = np.array([[0.3, 0.0]])
     assert locate(shape, 3, False, on).edge[0] == 0
-    assert locate(shape, 3, False, on, last_face=True).edge[0] == 5
     assert locate(shape, 3, False, np.array([[0.3, -1e-6]])).edge[0] == 5
 
 

@@ -123,7 +123,7 @@ def test_pressure_and_its_resultant(case):
     pressure = case.tractions.traction(case.force, levels)[:, 0]
     assert pressure == pytest.approx(-case.exact.amplitude * (2.0 * np.log(levels) + 3.0), rel=1e-10)
     # int_0^1 -(2 ln xi + 3) dxi = -1
-    assert case.tractions.resultant(case.force)[0] == pytest.approx(-case.exact.amplitude, rel=1e-10)
+    assert case.force.sum() == pytest.approx(-case.exact.amplitude, rel=1e-10)
 
 
 def test_stress_inside(case):

@@ -12,6 +12,7 @@ from scipy import sparse
 from meshing.gll import gll_nodes
 
 from ...petsc import PETSc, free, make_ksp
+from ...selement.coefficients import edge_nodes
 from ..elements.elements import Elements
 from ..solve.assembly import from_rows
 from ..solve.stiffness import Stiffness
@@ -96,6 +97,4 @@ def _edges(elements: Elements) -> Iterator[np.ndarray]:
     for group in elements.groups:
         alike.setdefault((group.nodes.shape[1], group.closed), []).append(group.nodes)
     for (count, closed), nodes in alike.items():
-        first = np.arange(0, count - (not closed), order)
-        chains = (first[:, None] + np.arange(order + 1)) % count
-        yield np.concatenate(nodes)[:, chains].reshape(-1, order + 1)
+        yield np.concatenate(nodes)[:, edge_nodes(count, order, closed)].reshape(-1, order + 1)

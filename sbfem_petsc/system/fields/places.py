@@ -19,8 +19,9 @@ from ...errors import caller_level
 from ...petsc import MPI
 from ...ranks.parallel import collective
 from ...selement.coefficients import edge_nodes
+from ...selement.interior import Located
 from ...selement.interior_motion import inertial_operators
-from ...selement.points import TOLERANCE, Located, locate, point_operators
+from ...selement.points import TOLERANCE, locate, point_operators
 from ...selement.sectors import Sectors
 from ..elements.elements import Elements
 from ..elements.shapes import Group
@@ -31,7 +32,6 @@ from .tips import Tips
 # How near to a frequency of an S-element whose boundary is held, relatively, a mode counts as its own.
 _ALONE = 1e-9
 _NONE = (np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0))
-_COORDINATES = ("edge", "eta", "level")
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,9 +312,7 @@ def _inertial(elements: Elements, held: list, count: int) -> list[Inertial]:
         for number, row in zip(own, group.turned(solution.coupling)[0].T):
             coupling[number] = (unknowns, row)
         stretch[own], squared[own] = scale, scale * solution.inertia
-        located = Located(
-            *(np.concatenate([getattr(home[3], name) for _, home in places]) for name in _COORDINATES)
-        )
+        located = Located(*map(np.concatenate, zip(*(home[3] for _, home in places))))
         forms = inertial_operators(solution, elements.terms, located).turned(group.rotations[0])
         unit = elements.materials[group.material].modulus / float(group.sizes[0])
         for kind, (form, factor) in enumerate(zip((forms.displacement, forms.stress), (1.0, unit))):

@@ -12,6 +12,7 @@ from meshing.gll import gll_nodes, lagrange_values
 from meshing.warnings import MeshWarning
 
 from ...errors import caller_level, listed
+from ...selement.coefficients import edge_nodes
 from ...selement.sectors import Sectors
 from ...selement.solution import SElement, solve_selement
 from ..elements.elements import Elements
@@ -318,15 +319,10 @@ def _dynamic(element: SElement, u: np.ndarray, waves: np.ndarray) -> np.ndarray:
     return result
 
 
-def _chain(nodes: int, order: int, closed: bool) -> list[np.ndarray]:
-    """Places of the nodes of each edge on the boundary of an S-element."""
-    return [(first + np.arange(order + 1)) % nodes for first in range(0, nodes - (not closed), order)]
-
-
 def _prolongation(nodes: int, order: int, closed: bool) -> np.ndarray:
     """From nodal values to those of an order higher by `MORE_ORDERS` on the same edges."""
     higher = order + MORE_ORDERS
-    edges = _chain(nodes, order, closed)
+    edges = edge_nodes(nodes, order, closed)
     table = lagrange_values(gll_nodes(order), gll_nodes(higher))
     result = np.zeros((len(edges) * higher + (not closed), nodes))
     for k, edge in enumerate(edges):
@@ -343,7 +339,7 @@ def _bubbles(nodes: int, order: int, closed: bool) -> np.ndarray:
     degrees = range(order + 1, higher + 1)
     at = gll_nodes(higher)
     values = np.stack([legendre.legval(at, np.eye(n + 1)[n] - np.eye(n + 1)[n - 2]) for n in degrees], axis=1)
-    edges = len(_chain(nodes, order, closed))
+    edges = len(edge_nodes(nodes, order, closed))
     result = np.zeros((edges * higher + (not closed), edges * MORE_ORDERS))
     for k in range(edges):
         rows = (k * higher + np.arange(1, higher)) % len(result)
@@ -373,7 +369,7 @@ class _Edges:
         in the frame of the group's shape.
         """
         part, order, size = self._layout.part, self._layout.order, 2 * MORE_ORDERS
-        chains = np.array(_chain(len(group.shape), order, group.closed))
+        chains = edge_nodes(len(group.shape), order, group.closed)
         edges = group.nodes[:, chains].reshape(-1, order + 1)
         own = np.stack([block[i : i + size, i : i + size] for i in range(0, len(block), size)])
         turns = np.einsum("ab,kij->kaibj", np.eye(MORE_ORDERS), group.rotations).reshape(-1, 1, size, size)

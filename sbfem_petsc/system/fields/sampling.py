@@ -11,9 +11,11 @@ from numpy.typing import DTypeLike
 
 from ...checks import real_array
 from ...material import AnyMaterial, Material, SectorMaterials
+from ...selement.basis import shape_functions
 from ...selement.coefficients import edge_nodes
 from ...selement.face_tractions import FaceTractions
-from ...selement.interior import InteriorSampler
+from ...selement.interior import Located, fields_at, in_own_frames, static_fields
+from ...selement.sectors import Sectors
 from ..elements.shapes import Group
 from ..layout.layout import Layout
 from .tips import Tips
@@ -22,6 +24,8 @@ from .tips import Tips
 # crack tip, where it has no bound, the innermost ring's; elsewhere all directions agree there within a
 # percent of its variation.
 INNERMOST_CLOSED, INNERMOST_OPEN, CENTRE = 0.25, 0.01, 0.01
+# S-elements of one shape that are sampled at a time.
+_TOGETHER = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,37 +155,47 @@ def sample(
                 f"{layout.part.coordinates.shape}"
             )
     at = np.linspace(-1.0, 1.0, (layout.order if subdivisions is None else subdivisions) + 1)
+    chosen = (
+        group if keep is None else group.select(np.flatnonzero(keep[group.elements]))
+        for group in elements.groups
+    )
     patches = []
-    for group in elements.groups:
-        if keep is not None:
-            group = group.select(np.flatnonzero(keep[group.elements]))
-        if len(group.elements) == 0:
-            continue
-        material = elements.materials[group.material]
-        sampler = InteriorSampler(
-            group.solution.radial, group.shape, group.order, group.closed, material.elasticity, at
-        )
-        ends = group.shape[edge_nodes(len(group.shape), group.order, group.closed)][:, [0, -1]]
+    for group in (
+        g.select(slice(k, k + _TOGETHER)) for g in chosen for k in range(0, len(g.sizes), _TOGETHER)
+    ):
+        material, radial = elements.materials[group.material], group.solution.radial
+        edges = edge_nodes(len(group.shape), group.order, group.closed)
+        ends = group.shape[edges][:, [0, -1]]
         levels = graded_levels(
             group.closed, float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min()), refine
         )
-        with_centre, near_centre = np.append(levels, 0.0), np.append(levels, CENTRE)
-        sizes, rotations = group.sizes, group.rotations
-        positions = sampler.positions(with_centre, layout.part.centres[group.elements], sizes, rotations)
+        shown, near = np.append(levels, 0.0), np.append(levels, CENTRE)
+        grid = np.meshgrid(np.arange(len(shown)), np.arange(len(edges)), at, indexing="ij")
+        which, edge, eta = (axis.ravel() for axis in grid)
+        located = Located(edge, eta, shown[which])
+        size, sectors = (
+            (len(group.sizes), *grid[0].shape, -1),
+            Sectors(group.shape, group.order, material.elasticity),
+        )
+        outline = shape_functions(group.order, at)[0] @ group.shape[edges]
+        positions = np.einsum("k,l,eqi,kij->kleqj", group.sizes, shown, outline, group.rotations)
+        positions += layout.part.centres[group.elements][:, None, None, None]
         displacements, stresses = {}, {}
         for name, state in states.items():
             faces = None if group.closed else _loaded_faces(tips, group, state)
-            radial = sampler.radial_fields(
-                state.nodal[group.nodes], rotations, np.append(near_centre, 0.0), faces
+            columns = np.einsum("kij,knj->nik", group.rotations, state.nodal[group.nodes])
+            inside = static_fields(radial, columns.reshape(len(radial), -1), shown, near, faces)
+            moved, plane = in_own_frames(
+                *fields_at(sectors, group.closed, located, inside, which), group.rotations
             )
-            displacements[name] = sampler.displacement(np.delete(radial, -2, axis=1), rotations)
+            displacements[name] = moved.reshape(size)
             if stress:
-                plane = sampler.stress(radial[:, :-1], near_centre, rotations, sizes, material.modulus, faces)
+                plane = (plane * (material.modulus / group.sizes)[:, None, None]).reshape(size)
                 stresses[name] = np.concatenate([plane, von_mises(plane, material)[..., None]], axis=-1)
         patches.append(
             Patches(
                 group.elements,
-                np.linalg.det(rotations) < 0.0,
+                np.linalg.det(group.rotations) < 0.0,
                 group.material,
                 positions,
                 displacements,
@@ -264,6 +278,4 @@ def outline_edges(layout: Layout, chain: int) -> np.ndarray:
     nodes.
     """
     nodes = layout.part.chains[chain]
-    closed = layout.part.closed[chain]
-    count = (len(nodes) if closed else len(nodes) - 1) // layout.order
-    return nodes[(np.arange(count)[:, None] * layout.order + np.arange(layout.order + 1)) % len(nodes)]
+    return nodes[edge_nodes(len(nodes), layout.order, bool(layout.part.closed[chain]))]
