@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from sbfem_petsc.continuation.problems import tones
 from sbfem_petsc.continuation.problems.curve import spectral_tail
 from tests.parallel import alone, answer, on_ranks
 from tests.reference import paper_beam
@@ -41,7 +42,7 @@ def found(beam):
 
 
 @pytest.mark.slow
-def test_lines_of_a_history(beam, found):
+def test_lines_of_a_history(beam, found, monkeypatch):
     """Lines of u_A within 1e-3 of those of a history that has settled (`settled_lines` for 8 s): 2e-5 for the
     tones, 2e-4 for the first and 9e-4 for the second sidebands with 41 samples; with 21 up to 1.6e-3. By a
     separate program, after 0.8 s: main tones 3e-4, first sidebands 3e-3, second ones 2 %.
@@ -54,6 +55,7 @@ def test_lines_of_a_history(beam, found):
         (1, 2): 5.713333e-9,
         (1, -2): 3.903328e-9,
     }
+    monkeypatch.setattr(tones, "INSTANTS", 100)  # that are summed at a time
     finer = sb.quasi_periodic(found.reduced, two_tones(), (PROBE, PUMP), steps=STEPS, samples=41, guess=found)
     for (m, n), value in history.items():
         assert abs(finer.line(m, n, "A")) == pytest.approx(value, rel=1e-3)

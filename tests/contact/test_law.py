@@ -11,6 +11,7 @@ from meshing import Beam, CrackLine, Plate, VNotch
 from sbfem_petsc.contact.complementarity import solve_complementarity
 from sbfem_petsc.contact.law import ContactLaw, RowLaws
 from sbfem_petsc.motion.energy import guard
+from sbfem_petsc.system.fields.fracture import unresolved_contact
 
 ALUMINIUM = sb.Material(70e9, 0.33, 2700)
 
@@ -198,6 +199,29 @@ def test_what_a_closing_wedge_leaves_is_one_of_rigid_faces_that_come_apart(law, 
     found = sb.static(two_notches(contact_laws=law, tip_modes=1), sb.PointForce("A", fy=fy))
     assert min(first for first, _ in found.stress_intensity.values()) < 0.0
     assert any(found.unresolved_contact.values()) == (law == sb.Unilateral())
+
+
+def test_each_tip_is_told_of_its_own_contact():
+    """K_I^2 / (E alpha) of the thickness, counted as negative where K_I > 0 and some of the tip's own modes
+    press; nothing where all do, or none. K_I < 0 counts whatever they do.
+    """
+    tips = two_notches(tip_modes=1, thickness=0.3).tips
+    openings = 2.0 * np.tan(np.radians([0.0382, 0.0382]) / 2.0)
+    expected = 0.3 * 50.0**2 / (70e9 * openings)
+    for number in (0, 1):
+        own = slice(*tips.first_rows[number : number + 2])
+        for first, pressing, factor in (
+            (50.0, [1.0, 0.0], -1.0),
+            (50.0, [1.0, 1.0], 0.0),
+            (50.0, [0.0, 0.0], 0.0),
+            (-50.0, [0.0, 0.0], 1.0),
+        ):
+            force = np.zeros(tips.count)
+            force[own] = pressing
+            factors = {f"crack{k + 1}": (first if k == number else 80.0, 7.0) for k in (0, 1)}
+            told = [*unresolved_contact(tips, factors, force).values()]
+            assert told[1 - number] == 0.0
+            assert told[number] == pytest.approx(factor * expected[number], rel=2e-3, abs=0.0)
 
 
 def test_a_layer_on_the_modes_of_a_tip():
