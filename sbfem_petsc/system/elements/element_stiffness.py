@@ -13,16 +13,14 @@ import warnings
 from collections.abc import Callable
 
 import numpy as np
-from scipy import sparse
 
 from meshing.warnings import RoundOffWarning
 
 from ...errors import SolveError, caller_level, on_all_ranks
 from ...petsc import MPI, PETSc
 from ...selement.rigid_motions import rigid_body_basis
-from ..layout.layout import Layout
-from ..solve.assembly import ElementBlocks
 from .elements import Elements
+from .shapes import Group
 
 # Round-off of the assembled stiffness, relative to the load, beyond which solves are refined; corrections
 # that end it at once, and once they fall no more; and how many are made at most (62 at L/h = 1e5).
@@ -32,88 +30,57 @@ NEEDED, _ENOUGH, _SETTLED, _MOST = 1e-9, 1e-13, 1e-9, 100
 ROUND_OFF, REFUSED, _SOFTEST = 1e-5, 1e-2, 4.0
 
 
+# Forces that springs take up, (m, 2), of displacements (m, 2) of this rank's nodes.
+Springs = Callable[[np.ndarray], np.ndarray]
+
+
 class ElementStiffness:
     """Nodal forces of displacements, sum of P K_e P u_e with P = I - Q Q^T over the S-elements.
 
     Parameters
     ----------
     elements : Elements
-    springs : list of ElementBlocks
+    springs : callable
         Of elastic supports.
 
     Notes
     -----
-    Holds the element stiffnesses once more, 12 bytes an entry.
+    Holds the element stiffnesses once more, 8 bytes an entry.
     """
 
-    def __init__(self, elements: Elements, springs: list[ElementBlocks]):
-        self._layout, groups = elements.layout, elements.groups
-        places = [(2 * group.nodes[:, :, None] + [0, 1]).reshape(-1) for group in groups]
-        self._places = np.concatenate([np.empty(0, dtype=int), *places])
-        self._motions = _block_diagonal(
-            [rigid_body_basis(self._layout.part.coordinates[group.nodes]) for group in groups]
-        )
-        self._blocks = _block_diagonal(
-            [elements.scales(group)[0] * group.turned_both(group.solution.stiffness) for group in groups]
-        )
-        self._shares, self._vector = self._motions.createVecs()
-        self._product = self._vector.duplicate()
-        self._springs = _springs(self._layout, springs)
+    def __init__(self, elements: Elements, springs: Springs):
+        self._layout, self._springs = elements.layout, springs
+        alike: dict[int, list[Group]] = {}
+        for group in elements.groups:
+            alike.setdefault(group.nodes.shape[1], []).append(group)
+        # of as many nodes together: nodes (k, m), motions (k, 2 m, 3), stiffnesses (k, 2 m, 2 m)
+        self._parts = []
+        for groups in alike.values():
+            nodes = np.concatenate([group.nodes for group in groups])
+            blocks = [elements.scales(g)[0] * g.turned_both(g.solution.stiffness) for g in groups]
+            motions = rigid_body_basis(self._layout.part.coordinates[nodes])
+            self._parts.append((nodes, motions, np.concatenate(blocks)))
 
     def __call__(self, owned: np.ndarray) -> np.ndarray:
         """Forces (owned,) or (owned, c) of displacements of the same shape. Collective."""
         if owned.ndim == 2:
             return np.stack([self(column) for column in owned.T], axis=1)
-        field = self._layout.nodal(owned).ravel()
-        self._vector.array = field[self._places]
-        self._remove_motions(self._vector)
-        self._blocks.mult(self._vector, self._product)
-        self._remove_motions(self._product)
-        forces = np.bincount(self._places, self._product.array_r, minlength=len(field))
-        if self._springs.nnz:
-            forces += self._springs @ field
-        return self._layout.summed(forces.reshape(-1, 2))
-
-    def _remove_motions(self, vector: PETSc.Vec) -> None:
-        """Twice: once leaves the round-off of large motions."""
-        for _ in range(2):
-            self._motions.multTranspose(vector, self._shares)
-            self._shares.scale(-1.0)
-            self._motions.multAdd(self._shares, vector, vector)
+        field = self._layout.nodal(owned)
+        forces = self._springs(field)
+        for nodes, motions, blocks in self._parts:
+            deformed = without_motions(motions, field[nodes].reshape(len(nodes), -1, 1))
+            pulled = without_motions(motions, blocks @ deformed)
+            np.add.at(forces, nodes, pulled.reshape(*nodes.shape, 2))
+        return self._layout.summed(forces)
 
 
-def _block_diagonal(blocks: list[np.ndarray]) -> PETSc.Mat:
-    """This rank's block-diagonal matrix of dense blocks, (k, n, m) of those of one shape."""
-    kind = PETSc.IntType
-    columns, lengths, first, height = [np.empty(0, dtype=kind)], [np.zeros(1, dtype=kind)], 0, 0
-    for k, n, m in (some.shape for some in blocks):
-        numbers = np.arange(first, first + k * m, dtype=kind).reshape(k, 1, m)
-        columns.append(np.broadcast_to(numbers, (k, n, m)).ravel())
-        lengths.append(np.full(k * n, m, dtype=kind))
-        first, height = first + k * m, height + k * n
-    csr = (
-        np.cumsum(np.concatenate(lengths), dtype=kind),
-        np.concatenate(columns),
-        np.concatenate([np.empty(0), *(some.ravel() for some in blocks)]),
-    )
-    return PETSc.Mat().createAIJWithArrays((height, first), csr, comm=PETSc.COMM_SELF)
-
-
-def _springs(layout: Layout, blocks: list[ElementBlocks]) -> sparse.csr_matrix:
-    """Elastic supports over the displacements of this rank's nodes."""
-    size = layout.part.unknowns.size
-    total = sparse.csr_matrix((size, size))
-    if not blocks:
-        return total
-    place = {int(number): k for k, number in enumerate(layout.part.unknowns.ravel()) if number >= 0}
-    for block in blocks:
-        for numbers, values in zip(block.rows, block.values(slice(0, len(block.rows)))):
-            places = np.array([place.get(int(number), -1) for number in numbers])
-            held = np.flatnonzero(places >= 0)
-            rows, columns = np.meshgrid(places[held], places[held], indexing="ij")
-            entries = (values[np.ix_(held, held)].ravel(), (rows.ravel(), columns.ravel()))
-            total = total + sparse.csr_matrix(entries, shape=(size, size))
-    return total
+def without_motions(motions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """(I - Q Q^T) vectors for (k, n, 3) orthonormal motions and (k, n, 1) vectors, applied twice: once leaves
+    the round-off of large motions.
+    """
+    for _ in range(2):
+        vectors = vectors - motions @ (motions.transpose(0, 2, 1) @ vectors)
+    return vectors
 
 
 class Refinement:
@@ -122,7 +89,7 @@ class Refinement:
     Parameters
     ----------
     elements : Elements
-    springs : list of ElementBlocks
+    springs : callable
         Of elastic supports.
     matrix : PETSc.Mat
         The assembled stiffness.
@@ -133,7 +100,7 @@ class Refinement:
         Relative size of the last correction; 0 without refinement.
     """
 
-    def __init__(self, elements: Elements, springs: list[ElementBlocks], matrix: PETSc.Mat):
+    def __init__(self, elements: Elements, springs: Springs, matrix: PETSc.Mat):
         self._elements, self._springs, self._comm = elements, springs, elements.layout.comm
         self.scale = np.finfo(float).eps * matrix.norm(PETSc.NormType.NORM_INFINITY)
         self.correction = 0.0

@@ -86,7 +86,7 @@ class Stiffness:
     @functools.cached_property
     def refinement(self) -> Refinement:
         """Refines solves with the stiffness where they need it."""
-        return Refinement(self.elements, self.spring_blocks(), self.matrix)
+        return Refinement(self.elements, self._spring_forces, self.matrix)
 
     @property
     def solver(self) -> StaticSolver:
@@ -100,10 +100,13 @@ class Stiffness:
         """(m, 2): this rank's part of the nodal forces that displacements (m, 2) of its nodes take, those of
         elastic supports included, N.
         """
-        springs = sum(
-            spring_forces(self.layout, self.elements.thickness, support, field) for support in self.supports
-        )
-        return self.elements.inner_forces(field) + springs
+        return self.elements.inner_forces(field) + self._spring_forces(field)
+
+    def _spring_forces(self, field: np.ndarray) -> np.ndarray:
+        forces = np.zeros_like(field)
+        for support in self.supports:
+            forces += spring_forces(self.layout, self.elements.thickness, support, field)
+        return forces
 
     # ------------------------------------------------------------------ whether it is definite
     @functools.cached_property
