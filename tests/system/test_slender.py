@@ -120,6 +120,11 @@ for ratio in (100, 1000, 10000):
     model = sb.Model(mesh, sb.Material(7e10, 0.0, 2700))
     push = sb.static(model, sb.PointForce("A", fy=1.0))
     result[ratio] = [*sb.modal(model, 4).frequencies, *push.displacement("A")]
+    if ratio == 1000:  # on a spring at a point that the last rank holds alone
+        spring = sb.Support("A", x=False, y=2.0 / push.displacement("A")[1])
+        held = sb.Model(mesh, sb.Material(7e10, 0.0, 2700), supports=[spring])
+        pushed = sb.static(held, sb.PointForce("A", fy=3.0))
+        result["held"] = pushed.displacement("A")[1] / push.displacement("A")[1]
 if MPI.COMM_WORLD.rank == 0:
     print(json.dumps(result))
 """
@@ -130,6 +135,8 @@ def test_ranks_agree():
     """1e-9 in all frequencies: rounded displacements leave 2.5e-10 at 10,000 heights."""
     one = alone(RANKS)
     found = answer(on_ranks(2, RANKS))
+    # the spring is twice as stiff as the cantilever
+    assert one.pop("held") == pytest.approx(1.0, rel=1e-8) == found["held"]
     for ratio, values in one.items():
         # the axial displacement is round-off
         np.testing.assert_allclose(found[ratio][:4], values[:4], rtol=1e-9)
