@@ -92,49 +92,37 @@ def animate_crack(
         instants = _instants(motion, between, frames)
         writer = _writer(path, len(instants) / seconds)
     fields = [motion.field(float(motion.time[instant])) for instant in instants]
+    window, regions, outline, rows, title = _content(motion, model, fields, crack, colour)
+
+    def work() -> str:
+        # gap of the last row, the mouth's, and resultant
+        curves = {"gap": motion.gap[:, rows[-1]] if len(rows) else np.zeros(len(motion.time))}
+        curves["resultant"] = motion.contact_resultant
+        closed = (motion.contact_force[:, rows] > 0.0).sum(axis=1)
+        with rc_context(STYLE):
+            film = _Film(window, regions, outline, motion.time, curves, magnification)
+            told = [f"{count} of {len(rows)} pairs closed" for count in closed]
+            film.write(path, writer, instants, title, told)
+        return os.fspath(path)
+
+    return on_root(model.comm, work) if isinstance(model, Model) else work()
+
+
+def _content(
+    motion: Motion, model: Any, fields: list[Any], crack: int, colour: str
+) -> tuple[Window | Solid, list[Any], Any, np.ndarray, str]:
+    """What is drawn, its states and outline, contact rows, the mouth's last, and a title. Collective."""
     if not isinstance(model, Model):
-        rows = np.argsort(np.ptp(motion.gap, axis=0))
-        states = [field.nodal for field in fields]
-        return _written(
-            motion,
-            path,
-            (Solid(model, motion.reduced.contact if motion.reduced else None), states, []),
-            rows,
-            instants,
-            (writer, magnification, "contact"),
-        )
+        contact = motion.reduced.contact if motion.reduced else None
+        widest = np.argsort(np.ptp(motion.gap, axis=0))
+        return Solid(model, contact), [field.nodal for field in fields], [], widest, "contact"
     facts = model.cracks[crack]
     half = 1.1 * facts.length
     regions = [gather_region(model, field, np.array(facts.tip), half) for field in fields]
     outline = gather_outline(model, fields, max(2 * model.order, 8))
     rows = np.flatnonzero(model.pairs.crack == crack)
     rows = rows[np.argsort(model.pairs.position[rows], kind="stable")]
-    drawn = Window(facts, half, colour), regions, outline
-    return on_root(
-        model.comm,
-        lambda: _written(motion, path, drawn, rows, instants, (writer, magnification, crack_title(facts))),
-    )
-
-
-def _written(
-    motion: Motion,
-    path: str,
-    drawn: tuple[Any, list[Any], Any],
-    rows: np.ndarray,
-    instants: np.ndarray,
-    how: tuple[AbstractMovieWriter, float | None, str],
-) -> str:
-    """The file: what is drawn beside gap and resultant of rows, the last of which is the mouth."""
-    curves = {"gap": motion.gap[:, rows[-1]] if len(rows) else np.zeros(len(motion.time))}
-    curves["resultant"] = motion.contact_resultant
-    closed = (motion.contact_force[:, rows] > 0.0).sum(axis=1)
-    writer, magnification, title = how
-    with rc_context(STYLE):
-        film = _Film(*drawn, motion.time, curves, magnification)
-        film.write(
-            path, writer, instants, title, [f"{count} of {len(rows)} pairs closed" for count in closed]
-        )
-    return os.fspath(path)
+    return Window(facts, half, colour), regions, outline, rows, crack_title(facts)
 
 
 def _instants(motion: Motion, between: Sequence[float] | None, frames: int) -> np.ndarray:
