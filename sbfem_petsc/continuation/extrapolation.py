@@ -1,24 +1,26 @@
-"""What the steps leave of the error of a branch's multipliers and bifurcations, by its motions in twice and
-four times the steps.
+"""What the steps and left-out modes leave of the error of a branch's multipliers and bifurcations, by its
+motions in twice and four times the steps and in more modes.
 
-The error is of second order in the step, but for where in their steps pairs switch, which scatters: a third
-of what twice the steps change goes on top of it, and what is left is told by what that extrapolation itself
-changes with the steps.
+The error by steps is of second order, but for where in them pairs switch, which scatters: a third of what
+twice the steps change goes on top of it, and what is left is told by what that extrapolation itself changes
+with the steps. That by modes is told by how far bifurcations move in half as many modes again, in twice the
+steps, as that of harmonics is.
 """
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable
 
 import numpy as np
 
 from ..errors import SolveError
-from .events import in_finer_steps, place_of
+from .events import Way, in_finer_steps, place_of
 from .follow import Line
 from .multipliers import multipliers_of, outside
 from .orbit import uncertainty_of
-from .problem import Point
+from .problem import Lost, Point, Wider
 
 # So many times the steps.
 TIMES = 2, 4
@@ -31,6 +33,8 @@ FINEST = 1e-6
 WIDER = 4.0
 
 Found = tuple[Point, Point, Point]
+# The point at a fraction of a way, from unknowns with the linearised equations at a point nearby.
+Solve = Callable[[float, np.ndarray, Point], Point]
 
 
 def uncertainty_at(line: Line, k: int, largest: np.ndarray) -> float:
@@ -60,14 +64,18 @@ def fold(line: Line, k: int, point: Point) -> tuple[float, float]:
     """Value and uncertainty of a fold at a point between point k and the next one: to first order the
     parameter's extremum does not move along the branch.
     """
-    place, near = (k, place_of(line, k, point)), point
+    place, near = place_of(line, k, point), point
 
     def located(times: int) -> float:
         nonlocal near
-        near = in_finer_steps(line, times, place, near.u, point)
+        near = _in_steps(line, k, times)(place, near.u, point)
         return near.value
 
-    return extrapolated(point.value, located)
+    def in_modes(more: _MoreModes) -> float:
+        begun = more.begun(near)
+        return more.solve(place, begun.u, begun).value
+
+    return extrapolated(point.value, located, lambda value: _moved(line, k, in_modes, value))
 
 
 def passage(
@@ -81,30 +89,89 @@ def passage(
         sought = _Passage(line, k, found, spectra, value)
     except SolveError:
         return found[0].value, math.nan
-    return extrapolated(sought.own, sought.located)
+    return extrapolated(
+        sought.own,
+        lambda times: sought.located(_in_steps(line, k, times)),
+        lambda value: _moved(line, k, sought.in_modes, value),
+    )
 
 
 def jump(line: Line, k: int, found: Found) -> tuple[float, float]:
     """The same where multipliers jump over the unit circle."""
     sought = _Jump(line, k, found)
-    value, error = extrapolated(found[0].value, sought.located)
+    value, error = extrapolated(
+        found[0].value,
+        lambda times: sought.located(_in_steps(line, k, times)),
+        lambda value: _moved(line, k, sought.in_modes, value),
+    )
     return value, error + sought.resolved
 
 
-def extrapolated(own: float, located: Callable[[int], float]) -> tuple[float, float]:
-    """A value and its uncertainty from that in the branch's steps and those in finer ones; nan where these
-    are not found.
+def extrapolated(
+    own: float, located: Callable[[int], float], by_modes: Callable[[float], float] = lambda value: 0.0
+) -> tuple[float, float]:
+    """A value and its uncertainty from that in the branch's steps and those in finer ones, and by what more
+    modes move the latter first; nan where these are not found.
     """
     values, least = [own], FINEST * abs(own)
+    moved = 0.0
     try:
         for times in TIMES:
             values.append(located(times))
+            if times == TIMES[0]:
+                moved = by_modes(values[1])
             if abs(values[1] - own) <= least:
-                return values[1] + (values[1] - own) / 3.0, least
+                return values[1] + (values[1] - own) / 3.0, least + moved
     except SolveError:
         return own, math.nan
     earlier, last = (fine + (fine - coarse) / 3.0 for coarse, fine in zip(values, values[1:]))
-    return last, max(abs(last - values[-1]), abs(last - earlier))
+    return last, max(abs(last - values[-1]), abs(last - earlier)) + moved
+
+
+def _in_steps(line: Line, k: int, times: int) -> Solve:
+    """Points of the way from point k in so many times the steps."""
+    return lambda place, start, near: in_finer_steps(line, times, (k, place), start, near)
+
+
+def _moved(line: Line, k: int, located: Callable[[_MoreModes], float], value: float) -> float:
+    """Error by left-out modes of a value in twice the steps: by how far it moves in more modes; 0 where
+    nothing is known of them, or there are none.
+
+    Raises
+    ------
+    SolveError
+        If it is not found in these, or they have no part in the motion.
+    """
+    more = line.points[k + 1].problem.wider(TIMES[0])
+    if more is None:
+        return 0.0
+    if not math.isfinite(more.factor):
+        raise Lost("the next modes have no part in the motion")
+    return float(more.factor * abs(located(_MoreModes(line, k, more)) - value))
+
+
+class _MoreModes:
+    """The way from point k of a line to the next one in more modes."""
+
+    def __init__(self, line: Line, k: int, more: Wider):
+        self.more = more
+        first = max(0, k - 1)
+        around = [self.moved(point) for point in line.points[first : k + 3]]
+        self.way = Way(Line(around), k - first)
+
+    def moved(self, point: Point) -> Point:
+        """A point's unknowns in these modes; they are no solution."""
+        return Point(self.more.problem, self.more.moved(point.u), None, point.value, leapt=point.leapt)
+
+    def begun(self, point: Point) -> Point:
+        """The same with about the linearised equations there."""
+        found = self.moved(point)
+        found.state = self.more.state(point, found.u)
+        return found
+
+    def solve(self, place: float, start: np.ndarray, near: Point) -> Point:
+        """See `Solve`."""
+        return self.way.point(self.more.problem, place, start, near.linear)
 
 
 class _Passage:
@@ -115,9 +182,10 @@ class _Passage:
     """
 
     def __init__(self, line: Line, k: int, found: Found, spectra: list[np.ndarray], value: complex):
-        self.line, self.k, (point, one, other) = line, k, found
+        point, one, other = found
         places = [place_of(line, k, item) for item in found]
         width = places[2] - places[1]
+        self.ends, self.width = (one, other), width
         # rates along the way, and how the test changes
         self.rate = (other.u - one.u) / width
         self.value = (other.value - one.value) / width
@@ -132,8 +200,19 @@ class _Passage:
     def _to_zero(self, excess: float) -> float:
         return -excess / self.slope if self.slope else math.inf
 
-    def located(self, times: int) -> float:
-        """Value of the parameter at which it passes, in so many times the steps.
+    def in_modes(self, more: _MoreModes) -> float:
+        """Value of the parameter at which it passes in more modes, from where it does in as many steps: the
+        multipliers of further ones are about those of free motions.
+        """
+        other = copy.copy(self)
+        one, behind = (more.moved(point).u for point in self.ends)
+        other.rate, other.near = (behind - one) / self.width, more.begun(self.near)
+        if not self.multiplier.imag:
+            other.slope *= more.more.free(self.near.value, math.copysign(1.0, self.multiplier.real))
+        return other.located(more.solve)
+
+    def located(self, solve: Solve) -> float:
+        """Value of the parameter at which it passes, in other steps or modes.
 
         Raises
         ------
@@ -146,7 +225,7 @@ class _Passage:
             if not abs(place - self.first) < FURTHEST:
                 break
             start = self.near.u + self.shift * self.rate
-            point = in_finer_steps(self.line, times, (self.k, place), start, self.near)
+            point = solve(place, start, self.near)
             excess = self._excess(multipliers_of(point.state).values)
             if last is not None and place != last[0]:
                 self.slope = (excess - last[1]) / (place - last[0])
@@ -155,7 +234,7 @@ class _Passage:
             if abs(self.shift) <= CLOSE * moved or abs(self.shift * self.value) <= FINEST * abs(point.value):
                 self.moved = moved
                 return point.value + self.shift * self.value
-        raise SolveError(f"no passage of the unit circle was found in {times} times the steps")
+        raise SolveError("no passage of the unit circle was found in other steps or modes")
 
     def _excess(self, values: np.ndarray) -> float:
         if not self.multiplier.imag:
@@ -171,9 +250,7 @@ class _Jump:
     """A jump of multipliers over the unit circle, between two places with different numbers outside."""
 
     def __init__(self, line: Line, k: int, found: Found):
-        self.line, self.k = line, k
-        point, one, other = found
-        self.first = place_of(line, k, point)
+        _, one, other = found
         self.ends = {place_of(line, k, item): item for item in (one, other)}
         self.width = max(self.ends) - min(self.ends)
         self.counts = [self._count(self.ends[place]) for place in sorted(self.ends)]
@@ -182,8 +259,14 @@ class _Jump:
     def _count(self, point: Point) -> int:
         return int(outside(multipliers_of(point.state)).sum())
 
-    def located(self, times: int) -> float:
-        """Value of the parameter in the middle of a bracket in so many times the steps.
+    def in_modes(self, more: _MoreModes) -> float:
+        """Value of the parameter in the middle of a bracket in more modes."""
+        other = copy.copy(self)
+        other.ends = {place: more.begun(point) for place, point in self.ends.items()}
+        return other.located(more.solve)
+
+    def located(self, solve: Solve) -> float:
+        """Value of the parameter in the middle of a bracket in other steps or modes.
 
         Raises
         ------
@@ -192,20 +275,20 @@ class _Jump:
         """
         known = dict(self.ends)
         lower, upper = sorted(known)
-        finer = {place: self._point(times, place, known) for place in (lower, upper)}
+        finer = {place: self._point(solve, place, known) for place in (lower, upper)}
         counts, reach = [self._count(finer[place]) for place in (lower, upper)], self.width
         while counts != self.counts:
             reach *= WIDER
             if counts[0] != counts[1] or reach > FURTHEST:
-                raise SolveError(f"no jump over the unit circle was found in {times} times the steps")
+                raise SolveError("no jump over the unit circle was found in other steps or modes")
             ahead = counts[0] == self.counts[0]
             lower, upper = (upper, upper + reach) if ahead else (lower - reach, lower)
             new = upper if ahead else lower
-            finer[new] = self._point(times, new, finer)
+            finer[new] = self._point(solve, new, finer)
             counts = [self._count(finer[place]) for place in (lower, upper)]
         while upper - lower > 2.0 * self.width:
             middle = 0.5 * (lower + upper)
-            finer[middle] = self._point(times, middle, finer)
+            finer[middle] = self._point(solve, middle, finer)
             lower, upper = (
                 (middle, upper) if self._count(finer[middle]) == self.counts[0] else (lower, middle)
             )
@@ -213,6 +296,7 @@ class _Jump:
         self.resolved = 0.5 * abs(finer[lower].value - finer[upper].value)
         return 0.5 * (finer[lower].value + finer[upper].value)
 
-    def _point(self, times: int, place: float, known: dict[float, Point]) -> Point:
+    @staticmethod
+    def _point(solve: Solve, place: float, known: dict[float, Point]) -> Point:
         near = known[min(known, key=lambda other: abs(other - place))]
-        return in_finer_steps(self.line, times, (self.k, place), near.u, near)
+        return solve(place, near.u, near)

@@ -52,25 +52,25 @@ def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
     errors, best, where = np.full((2, LOWEST), np.inf), fixed, (driven.frequency, driven.factor)
     if not fixed.touching.any():  # known in closed form
         errors[1] = 0.0
-    elif period := _if_room(lambda: finer(OWNER, p, 2)):
+    elif period := if_room(lambda: finer(OWNER, p, 2)):
         if found := _nearby(period.at(*where), fixed.state, lambda: fixed.monodromy):
             errors[1], best = SECOND * change(lowest(fixed), lowest(found)), found
     factor, steps = beyond(p.reduced, more), best.driven.period.steps
-    if np.isfinite(factor) and (wide := _if_room(lambda: _wide(p, more, steps))):
+    if np.isfinite(factor) and (wide := if_room(lambda: in_more_modes(p, more, steps))):
         beside = wide.at(*where)
         state = beside.linear_state + added(best, wide)
-        if found := _nearby(beside, state, lambda: _derivative(fixed, beside, state)):
+        if found := _nearby(beside, state, lambda: carried_derivative(fixed, beside, state)):
             errors[0] = factor * change(lowest(best), lowest(found))
     return errors
 
 
-def _wide(period: Period, more: ReducedModel, steps: int) -> Period:
+def in_more_modes(period: Period, more: ReducedModel, steps: int) -> Period:
     """The map in more modes and so many steps, if there is room for it."""
     require_period(OWNER, more, steps, len(period.excitation.orders), period.pairs > 0)
     return Period(more, period.excitation, steps, period.pairs > 0)
 
 
-def _if_room(make: Callable[[], Period]) -> Period | None:
+def if_room(make: Callable[[], Period]) -> Period | None:
     """A map, None where there is no memory for it."""
     try:
         return make()
@@ -117,7 +117,7 @@ def _nearby(
         return None
 
 
-def _derivative(fixed: FixedPoint, beside: DrivenPeriod, state: np.ndarray) -> np.ndarray:
+def carried_derivative(fixed: FixedPoint, beside: DrivenPeriod, state: np.ndarray) -> np.ndarray:
     """dx(T) / dx(0) in more modes, about: further ones move freely; where faces rub, that near a state in
     fewer steps.
     """

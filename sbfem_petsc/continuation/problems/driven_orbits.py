@@ -14,6 +14,10 @@ import numpy as np
 from ...motion.contact_work import contact_work
 from ...motion.period_map import DrivenPeriod, FixedPoint, Period
 from ...motion.period_motion import PeriodMotion
+from ...motion.steps import free_motion
+from ...reduction.build import wider
+from ...reduction.reduced_model import ReducedModel
+from ..harmonic_errors import beyond, carried_derivative, if_room, in_modes, in_more_modes
 from ..linear import Dense
 from ..orbit import modal_motion
 from ..problem import FINER_GAIN, Lost, Point, Problem, Range
@@ -138,6 +142,7 @@ class Orbits(Problem):
         # ended where it meets one of fewer
         self.periods: int | None = None
         self._finer: dict[int, Orbits] = {}
+        self._wider: dict[int, WiderOrbits | None] = {}
 
     def driven(self, value: float) -> DrivenPeriod:
         """The driven period of a value of the parameter."""
@@ -182,6 +187,49 @@ class Orbits(Problem):
             self._finer[times] = Orbits(self.period.in_steps(times * self.period.steps), self.parameter)
             self._finer[times].gain = FINER_GAIN
         return self._finer[times]
+
+
+    def wider(self, times: int) -> WiderOrbits | None:
+        """See `Problem`. Raises `Lost` where there is no room for them."""
+        if times not in self._wider:
+            more = wider(self.period.reduced)
+            none = more is None or more is self.period.reduced
+            self._wider[times] = None if none else WiderOrbits(self, more, times)
+        return self._wider[times]
+
+
+class WiderOrbits:
+    """See `problem.Wider`."""
+
+    def __init__(self, orbits: Orbits, more: ReducedModel, times: int):
+        own = orbits.period.reduced
+        wide = if_room(lambda: in_more_modes(orbits.period, more, times * orbits.period.steps))
+        if wide is None:
+            raise Lost("there is no memory for more modes")
+        self.own, self.problem = orbits, Orbits(wide, orbits.parameter)
+        self.problem.gain = FINER_GAIN
+        self.factor = beyond(own, more)
+
+    def moved(self, u: np.ndarray) -> np.ndarray:
+        """See `problem.Wider`."""
+        value = float(u[-1])
+        old, new = self.own.driven(value), self.problem.driven(value)
+        added = in_modes(u[:-1] - old.linear_state, old.period.reduced, new.period.reduced)
+        return np.append(new.linear_state + added, value)
+
+    def state(self, point: Point, u: np.ndarray) -> OrbitState:
+        """See `problem.Wider`."""
+        state = self.problem.at(u)
+        derivative = carried_derivative(point.state, state.driven, state.state)
+        state.begin(derivative)
+        return state
+
+    def free(self, value: float, place: float) -> float:
+        """See `problem.Wider`."""
+        first, r = len(self.own.period.reduced.omega), self.problem.period.reduced
+        modes, duration = (r.omega[first:], r.damping[first:]), self.problem.driven(value).duration
+        motion = free_motion(modes, duration, modes[0], 2 * len(modes[0]))
+        return float(np.linalg.det(motion - place * np.eye(len(motion))))
 
 
 class OrbitState(FixedPoint):
@@ -247,6 +295,10 @@ class OrbitState(FixedPoint):
         return self._less_start(
             np.column_stack([self.driven.carried(self.motion, unit, rough=True), self.rate])
         )
+
+    def begin(self, derivative: np.ndarray) -> None:
+        """Take dx(T) / dx(0) to be about this, for smooth linearised equations to begin with."""
+        self._smooth = self._less_start(np.column_stack([derivative, self.rate]))
 
     @functools.cached_property
     def _smooth(self) -> Dense:
