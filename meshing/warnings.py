@@ -61,7 +61,7 @@ class OptionWarning(UserWarning):
 
 
 class BranchWarning(UserWarning):
-    """A curve has not come to the end of its range."""
+    """A curve has not come to the end of its range, or is not gone on with as it was."""
 
 
 class IncompleteBranch(UserWarning):

@@ -55,7 +55,7 @@ def accurate_history(
             settings = PeriodSettings(
                 steps=None if asked[2] is None else steps, modes=modes, accuracy=accuracy, least=steps
             )
-            wanted = Accuracy("transient", model, settings, False, WORDS)
+            wanted = Accuracy("transient", model, settings, WORDS)
         errors = np.zeros((2, LOWEST))
         errors[:, 1] = _errors(r, found, run)
         if (more := wanted.further(r, steps, errors)) is None:

@@ -13,7 +13,7 @@ from ..continuation.basins import Basins, StartAxis, count_of, initial_states, s
 from ..continuation.orbit import Orbit
 from ..errors import SolveError, on_all_ranks
 from ..motion.loading import communicator
-from ..motion.preparation import PeriodSettings, check_guess, prepare, refuse_falling
+from ..motion.preparation import PeriodSettings, beginning, check_guess, prepare, refuse_falling
 from ..petsc import MPI
 from ..progress import Progress, progress_bar
 from ..ranks.capacity import require_memory
@@ -96,7 +96,7 @@ def basins(
     given = [*orbits, *([] if around is None else [around])]
     if given and steps is None:
         steps = max(len(orbit.time) // orbit.periods for orbit in given)
-    settings = PeriodSettings(None, steps, modes)
+    settings = beginning(PeriodSettings(None, steps, modes), given[0] if given else None)
     period = prepare(what, model, load, frequency, settings=settings, guess=given[0] if given else None)
     # the grid and the product it is summed from, flat copies of the parts, their ends
     require_memory(

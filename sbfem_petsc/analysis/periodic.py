@@ -11,7 +11,7 @@ import numpy as np
 
 from ..checks import instance
 from ..continuation.accuracy import Accuracy, TooInaccurate
-from ..continuation.harmonic_errors import harmonic_error_estimates
+from ..continuation.harmonic_errors import begun, harmonic_error_estimates
 from ..continuation.orbit import Orbit, make_orbit, orbit_stability
 from ..continuation.problems.driven_orbits import ParameterRange
 from ..continuation.problems.segments import at_segments, segmented_stability, shoot_segments
@@ -24,6 +24,7 @@ from ..motion.period_map import FixedPoint, Period
 from ..motion.preparation import (
     LONGEST,
     PeriodSettings,
+    beginning,
     check_reduction,
     finer,
     prepare,
@@ -89,15 +90,16 @@ def periodic(
         work between smooth faces, does more of it than 1e-3 of what the loads exchange with the modes (see
         `motion.contact_work`), to 32 times as many at most.
     modes : int, optional
-        Default: as many as an `accuracy` of 1e-3 needs where at most 40 do, as under slow loads, and `steps`,
-        `guess` and `tolerance` are not given, of a Model; elsewhere all modes up to 8 times the loads'
-        highest frequency, at least 80, whatever is told of their error.
+        Default: as many as an `accuracy` of 1e-3 needs where at most 40 do, as under slow loads, and `steps`
+        and `tolerance` are not given, of a Model; elsewhere those of `guess`, or all modes up to 8 times the
+        loads' highest frequency, at least 80, whatever is told of their error.
     contact : bool
         False: the faces may overlap.
     reduction : "modes" or None
         None: the unreduced model, distributed and without a matrix (see `motion.unreduced.period`).
     guess : Orbit, optional
-        A motion to begin from, of the same model. Default: the response without contact.
+        A motion to begin from, of the same model, in any number of modes. Default: the response without
+        contact.
     jacobian : {"auto", "dense", "matrix-free", "differences"}
         See `shooting.shoot`.
     stability : bool, optional
@@ -189,17 +191,21 @@ class _Task:
 
 def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
     """The orbit at given steps."""
+    settings = beginning(settings, guess)
     period = prepare("periodic", task.model, task.load, task.frequency, settings=settings, guess=guess)
     stability = tells_stability("periodic", period, task.stability)
     most = MOST if settings.steps is None else 1
     if settings.segments > 1:
         return _in_segments(task, settings.segments, period, guess, most * period.steps)
-    state = period.begun(period.at(task.frequency).linear_state if guess is None else guess.state)
+    driven = period.at(task.frequency)
+    state = period.begun(driven.linear_state)
+    if guess is not None and guess.reduced is not None:  # checked
+        state = begun(guess.state, guess.reduced, driven)
     try:
         fixed, path = _found(task, settings, period, state)
         errors = harmonic_error_estimates(fixed)
         if settings.accuracy is not None:
-            fixed, errors = _accurate(task, settings, guess, fixed, errors)
+            fixed, errors = _accurate(task, settings, fixed, errors)
     except PetscFailure:
         raise
     except SolveError:
@@ -229,15 +235,15 @@ def _found(
 
 
 def _accurate(
-    task: _Task, settings: PeriodSettings, guess: Orbit | None, fixed: FixedPoint, errors: np.ndarray
+    task: _Task, settings: PeriodSettings, fixed: FixedPoint, errors: np.ndarray
 ) -> tuple[FixedPoint, np.ndarray]:
     """The motion and its told errors in modes and steps in which it is as accurate as was asked for, if these
     may be had.
     """
-    accuracy = Accuracy("periodic", task.model, settings, guess is not None)
+    accuracy = Accuracy("periodic", task.model, settings)
 
     def prepared(settings: PeriodSettings) -> Period:
-        return prepare("periodic", task.model, task.load, task.frequency, settings=settings, guess=guess)
+        return prepare("periodic", task.model, task.load, task.frequency, settings=settings)
 
     def found(period: Period, added: np.ndarray) -> FixedPoint:
         return _found(task, settings, period, period.at(task.frequency).linear_state + added)[0]

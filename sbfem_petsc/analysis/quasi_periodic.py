@@ -140,13 +140,13 @@ def quasi_periodic(
         swapped = frequencies[1] > frequencies[0]
         ordered = frequencies[::-1] if swapped else frequencies
         driven = drives(loads.signals, ordered)
-    if modes is None and guess is not None and isinstance(model, Model):
+    if modes is None and accuracy is None and guess is not None and isinstance(model, Model):
         modes = len(guess.reduced.omega)
     tones = _TwoTones(model, loads, driven, ordered, samples)
     settings = PeriodSettings(None, steps, modes, accuracy=accuracy)
     former = None if guess is None else (guess.states, guess.reduced)
     try:
-        torus, point, told = tones.solved(settings, guess is not None, former)
+        torus, point, told = tones.solved(settings, former)
     except SolveError as error:
         raise on_all_ranks(error) from None
     reduced = torus.reduced
@@ -186,14 +186,13 @@ class _TwoTones(NamedTuple):
     def solved(
         self,
         settings: PeriodSettings,
-        begun: bool,
         former: tuple[np.ndarray, ReducedModel] | None,
     ) -> tuple[Torus, Point, np.ndarray]:
         """The map, its invariant curve near differences to the linear response of a model, and the error that
         is told of its lines, nan where no accuracy is asked for. Collective.
         """
         what, comm = "quasi_periodic", self.model.comm
-        accuracy = None if settings.accuracy is None else Accuracy(what, self.model, settings, begun)
+        accuracy = None if settings.accuracy is None else Accuracy(what, self.model, settings)
         fastest, most = highest(self.driven, self.frequencies), MOST if settings.steps is None else 1
         while True:
             wanted = Wanted(settings.modes, settings.accuracy, accuracy is not None)

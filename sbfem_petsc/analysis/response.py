@@ -17,22 +17,26 @@ from ..checks import instance
 from ..continuation.accuracy import Accuracy, TooInaccurate
 from ..continuation.branch import Branch
 from ..continuation.branch_following import HARMONICS, BranchSettings, follow_response, linear_branch
+from ..continuation.harmonic_errors import begun
 from ..continuation.line_file import LineFile, conditions_of
 from ..continuation.orbit import Orbit
 from ..continuation.problems.driven_orbits import Orbits, ParameterRange
 from ..continuation.problems.unreduced import UnreducedOrbits, UnreducedSteady
 from ..continuation.search import find_steady_state
+from ..errors import PetscFailure, SolveError
 from ..motion.contact_work import MOST, StepsTooLong
 from ..motion.loading import amplitudes_only, communicator
 from ..motion.period_map import Period
 from ..motion.preparation import (
     PeriodSettings,
+    beginning,
     check_reduction,
     finer,
     prepare,
     require_unreduced,
     saving,
     tells_stability,
+    usual,
 )
 from ..motion.unreduced.period import UnreducedPeriod, prepare_unreduced
 from ..petsc import MPI
@@ -135,7 +139,7 @@ def frequency_response(
     settings = PeriodSettings(periods, steps, modes, contact, band=highest, accuracy=accuracy, told=True)
     if not contact:
         settings = replace(settings, steps=INSTANTS, periods=periods or 1)
-        aim = None if accuracy is None else Accuracy(over.owner, model, settings, False)
+        aim = None if accuracy is None else Accuracy(over.owner, model, settings)
         while True:
             try:
                 period = prepare(over.owner, model, load, highest, settings=settings)
@@ -242,13 +246,14 @@ class _Run:
             check_reduction(what, reduction)
             check_begin(what, guess, begins, self.settings.periods)
         settings, asked = replace(self.settings, periods=self.settings.periods or 1), self.asked
-        if guess is not None:  # its own steps and periods; from one beside a period doubling away from it
-            steps = self.settings.steps or len(guess.time) // guess.periods
-            settings = replace(settings, steps=steps, periods=guess.periods)
-            asked = replace(asked, leave=guess.path == DOUBLED)
         settings = saving(settings, self.model, guess)
+        if guess is not None:  # its own steps and periods; from one beside a period doubling away from it
+            own = len(guess.time) // guess.periods
+            settings = beginning(replace(settings, periods=guess.periods, least=own), guess)
+            settings = settings if settings.few else replace(settings, steps=settings.steps or own)
+            asked = replace(asked, leave=guess.path == DOUBLED)
         if settings.accuracy is not None:
-            asked = replace(asked, accuracy=Accuracy(what, self.model, settings, guess is not None))
+            asked = replace(asked, accuracy=Accuracy(what, self.model, settings))
 
         def prepared(settings: PeriodSettings) -> Period:
             return prepare(what, self.model, self.load, begins, settings=settings, guess=guess)
@@ -265,12 +270,19 @@ class _Run:
                 try:
                     return follow_response(Orbits(period, over), first, settings=asked, run=run)
                 except StepsTooLong as error:
-                    period = finer(what, period, error.times)
+                    period = run.anew(what, finer(what, period, error.times))
+                    continue
                 except TooInaccurate as error:
                     assert asked.accuracy is not None  # that raised it
                     period = asked.accuracy.more(over, error, prepared)
-                    asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
-                period = run.anew(period)
+                except PetscFailure:
+                    raise
+                except SolveError:
+                    if not settings.few or asked.accuracy is None or asked.accuracy.settled(period.reduced):
+                        raise
+                    period = prepared(usual(settings))
+                asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
+                period = run.anew(what, period)
 
     def _begun(
         self,
@@ -328,7 +340,9 @@ class _Run:
 def _first(period: Period, over: ParameterRange, guess: Orbit | None) -> np.ndarray:
     """State of the first motion of a curve."""
     driven = over.at(period, over.start)
-    state = period.begun(driven.linear_state if guess is None else guess.state)
+    state = period.begun(driven.linear_state)
+    if guess is not None and guess.reduced is not None:  # checked
+        state = begun(guess.state, guess.reduced, driven)
     return find_steady_state(driven, state, multiples=False)[0].state
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -113,7 +114,7 @@ def swept_response(
     if initial is None:
         initial = periodic(reduced, load, start, stability=False, progress=progress)
     else:
-        _require_steady(initial, reduced, load)
+        initial = _steady(initial, reduced, load)
     state = initial.states
     assert isinstance(state, ModalStates)
     plan = Steps(count, duration / count, True, "exact", 1)
@@ -135,24 +136,26 @@ def swept_response(
     )
 
 
-def _require_steady(initial: Orbit, reduced: ReducedModel, load) -> None:
-    """Refuse a motion that is none under this load."""
-    what, steps = "swept_response", len(initial.time) // initial.periods
+def _steady(initial: Orbit, reduced: ReducedModel, load) -> Orbit:
+    """A motion in the modes of a reduced model, refused where it is none under this load."""
+    what, own = "swept_response", initial.reduced
     with collective(communicator(reduced)):
-        check_guess(what, initial, reduced)
-    found = periodic(
-        reduced,
-        load,
-        initial.frequency,
+        check_guess(what, initial, reduced, carried=True)
+    assert own is not None  # checked
+    find = functools.partial(
+        periodic,
+        load=load,
+        frequency=initial.frequency,
         periods=initial.periods,
-        steps=steps,
         guess=initial,
         stability=False,
         progress=None,
     )
+    found = find(own, steps=len(initial.time) // initial.periods)
     if np.linalg.norm(found.state - initial.state) > SAME * np.linalg.norm(found.state):
         raise on_all_ranks(
             ValueError(
                 f"{what}: initial = {initial!r} is no steady state under this load; leave it out, or give one"
             )
         )
+    return initial if len(own.omega) == len(reduced.omega) else find(reduced)

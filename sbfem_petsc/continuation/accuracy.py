@@ -75,8 +75,6 @@ class Accuracy:
     system : Model or ReducedModel
     settings : PeriodSettings
         As a user gave them, with an accuracy.
-    begun : bool
-        Whether there is a motion to begin from: it has its modes.
     words : Words
     """
 
@@ -85,14 +83,12 @@ class Accuracy:
         owner: str,
         system: Model | ReducedModel,
         settings: PeriodSettings,
-        begun: bool,
         words: Words = HARMONICS,
     ):
         assert settings.accuracy is not None  # the caller has asked
         self.owner, self.value, self.settings = owner, settings.accuracy, settings
         self.words, self.by_default = words, settings.few
-        self._begun = begun and isinstance(system, Model)
-        self._model = system if isinstance(system, Model) and settings.modes is None and not begun else None
+        self._model = system if isinstance(system, Model) and settings.modes is None else None
         self._most_steps = MOST * settings.least if settings.steps is None else 0
 
     def met(self, errors: np.ndarray) -> bool:
@@ -244,8 +240,6 @@ class Accuracy:
             cause, remedy = f"left out beyond {modes} modes", f"give more than modes = {modes}"
             if self._model is not None:
                 remedy = "refine the mesh, which has no further ones, or ask for less"
-            elif self._begun:
-                remedy = "leave guess out, whose modes these are, or give one in more modes"
             elif self.settings.modes is None:
                 remedy = "reduce the model to more modes"
         else:

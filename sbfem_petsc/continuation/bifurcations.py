@@ -40,7 +40,8 @@ class Bifurcation(Record):
     )
     error: float = quantity(
         "Hz or 1",
-        "uncertainty of the value, by twice and four times the steps; nan where these tell nothing",
+        "uncertainty of the value, by twice and four times the steps and by half as many modes again, where "
+        "these are known; nan where these tell nothing",
         finite=False,
     )
     row: int | None = quantity(

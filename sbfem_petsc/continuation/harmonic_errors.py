@@ -171,11 +171,23 @@ def in_modes(states: np.ndarray, old: ReducedModel, new: ReducedModel) -> np.nda
     return result
 
 
+def begun(state: np.ndarray, old: ReducedModel, driven: DrivenPeriod) -> np.ndarray:
+    """A motion's state in the modes of a period to begin with: further ones move as without contact."""
+    new = driven.period.reduced
+    if len(old.omega) == len(new.omega):
+        return driven.period.begun(state)
+    result, (_, places) = driven.linear_state.copy(), _shared(old, new)
+    result[places] = in_modes(state, old, new)[places]
+    return result
+
+
 def _shared(old: ReducedModel, new: ReducedModel) -> tuple[np.ndarray, np.ndarray]:
     """Signs of the coordinates and velocities of the modes that two models share, and their places in a state
     of the new one.
     """
     n, count = len(new.omega), min(len(old.omega), len(new.omega))
-    seen = [np.concatenate([r.gap.modes[:, :count], r.load_modes[:count].T]) for r in (old, new)]
+    rows = [(r.gap.modes, r.points.modes.reshape(-1, len(r.omega)), r.load_modes.T) for r in (old, new)]
+    alike = [pair for pair in zip(*rows) if len(pair[0]) == len(pair[1])]
+    seen = [np.concatenate([part[:, :count] for part in parts]) for parts in zip(*alike)]
     signs = np.where((seen[0] * seen[1]).sum(axis=0) < 0.0, -1.0, 1.0)
     return np.tile(signs, 2), np.r_[:count, n : n + count]

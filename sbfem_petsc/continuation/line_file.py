@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
 
+from meshing.warnings import BranchWarning
+
+from ..errors import caller_level
 from ..motion.excitation import Excitation
 from ..motion.files import run_file
 from ..motion.files.run_file import RunFile
@@ -129,10 +133,20 @@ class LineFile(RunFile):
         reduced, start = self.begin(period.reduced, {**recorded, "contact": period.pairs > 0}, start)
         return Period(reduced, period.excitation, steps, period.pairs > 0), start
 
-    def anew(self, period: Period) -> Period:
-        """Begin again, in other steps or modes. The map to go on with, as it would come from the file."""
+    def anew(self, owner: str, period: Period) -> Period:
+        """Begin again, in other steps or modes, of which an owner's caller is warned where points of a former
+        run are lost. The map to go on with, as it would come from the file.
+        """
         if self.path is None:
             return period
+        if (modes := self.modes()) is not None:
+            warnings.warn(
+                f"{owner}: the points in {self.path!r}, in {modes} modes, are not accurate enough or lead to "
+                f"no further one; the curve is followed anew in {len(period.reduced.omega)} modes and "
+                f"{period.steps} steps a period",
+                BranchWarning,
+                stacklevel=caller_level(),
+            )
         period = Period(in_rows(period.reduced), period.excitation, period.steps, period.pairs > 0)
         if self.comm.rank == 0:
             self._head |= {"steps": period.steps, "model": image(period.reduced)}

@@ -205,7 +205,7 @@ class Wider(Protocol):
         Of a change in these modes, what it tells of the error; inf where they have no part in the motion.
     """
 
-    problem: Problem
+    problem: Any
     factor: float
 
     def free(self, value: float, place: float) -> float:

@@ -38,6 +38,10 @@ class Begun(Protocol):
     def reduced(self) -> ReducedModel | None:
         """Its model, None where it was not reduced."""
 
+    @property
+    def largest_mode_error(self) -> float:
+        """What is told of its error by left-out modes and the steps, nan where nothing is."""
+
 
 @dataclass(frozen=True)
 class PeriodSettings:
@@ -52,6 +56,8 @@ class PeriodSettings:
         period and 1 / 32 of that of the loads' highest frequency.
     modes : int or None
         None: all modes up to 8 times the loads' highest frequency, at least 80.
+    first : int or None
+        Modes to begin with where they are not given, those of a motion to begin from; 0: the default.
     contact : bool
     jacobian : {"auto", "dense", "matrix-free", "differences"}
     longest : int
@@ -82,6 +88,7 @@ class PeriodSettings:
     few: bool = False
     least: int = 0
     told: bool = False
+    first: int | None = None
 
     def __post_init__(self) -> None:
         if not self.least:
@@ -89,19 +96,28 @@ class PeriodSettings:
             object.__setattr__(self, "least", least)
 
 
-def saving(settings: PeriodSettings, system: Model | ReducedModel, guess: object) -> PeriodSettings:
+def saving(settings: PeriodSettings, system: Model | ReducedModel, guess: Begun | None) -> PeriodSettings:
     """Settings that ask for an accuracy of 1e-3 where a few modes are enough for it: of a model whose modes
-    and steps are left to us, and that begins from no motion in modes of its own.
+    and steps are left to us, and that begins from no motion, or from one in few modes that are.
     """
-    given = guess is not None or not isinstance(system, Model)
-    if given or any(v is not None for v in (settings.accuracy, settings.modes, settings.steps)):
+    if not isinstance(system, Model):
         return settings
-    return replace(settings, accuracy=ACCURATE, few=True)
+    few = settings.accuracy is None and settings.modes is None and settings.steps is None
+    if guess is not None and guess.reduced is not None:
+        few = few and len(guess.reduced.omega) <= FEW and guess.largest_mode_error <= ACCURATE
+    return replace(settings, accuracy=ACCURATE, few=True) if few else settings
+
+
+def beginning(settings: PeriodSettings, guess: Begun | None) -> PeriodSettings:
+    """Settings with the modes of a motion to begin from, where none are given."""
+    if settings.first is not None or guess is None or guess.reduced is None:
+        return settings
+    return replace(settings, first=len(guess.reduced.omega))
 
 
 def usual(settings: PeriodSettings) -> PeriodSettings:
     """Those with the usual modes and steps, where a few do not do."""
-    return replace(settings, modes=None, accuracy=None, few=False, least=0)
+    return replace(settings, modes=None, accuracy=None, few=False, least=0, first=0)
 
 
 def expected(
@@ -149,7 +165,7 @@ def prepare(
     owner : str
         The analysis, for messages.
     guess : Orbit, optional
-        A motion to begin from, of the same reduced model.
+        A motion to begin from, of the same model.
     """
     with collective(communicator(system)):
         loads = loading(owner, system, load, lambda value: Harmonic(value, frequency))
@@ -159,14 +175,13 @@ def prepare(
     unknown = any(signal.highest_frequency is None for signal in loads.signals)
     highest = max(frequency if unknown else 0.0, loads.highest_frequency)
     highest *= (settings.band or frequency) / frequency
-    modes = settings.modes
-    if modes is None and guess is not None and guess.reduced is not None and isinstance(system, Model):
-        modes = len(guess.reduced.omega)
+    first = settings.first or None if isinstance(system, Model) else None
+    modes = first if settings.modes is None else settings.modes
     wanted = Wanted(modes, settings.accuracy, settings.told, settings.few)
     reduced = serving(owner, system, loads, wanted, highest)
     with collective(communicator(system)):
         if guess is not None:
-            check_guess(owner, guess, reduced)
+            check_guess(owner, guess, reduced, carried=True)
     excitation = excitation.moving(reduced, frequency)
     steps = steps_of(owner, reduced, settings, (frequency, loads.highest_frequency), "forcing period")
     if settings.steps is None:
@@ -299,14 +314,16 @@ def refuse_falling(owner: str, friction: Friction | None) -> None:
         )
 
 
-def check_guess(owner: str, guess: Begun, reduced: ReducedModel) -> None:
-    """A motion's state has a meaning in the modes of its own model alone."""
+def check_guess(owner: str, guess: Begun, reduced: ReducedModel, carried: bool = False) -> None:
+    """A motion's state has a meaning in the modes of its own model alone, of which it may be carried to
+    others.
+    """
     if guess.reduced is None:
         raise ValueError(f"{owner}: the motion to begin from is that of an unreduced model")
     same = guess.reduced is reduced or (
         guess.reduced.model is not None
         and guess.reduced.model is reduced.model
-        and len(guess.reduced.omega) == len(reduced.omega)
+        and (carried or len(guess.reduced.omega) == len(reduced.omega))
     )
     if not same:
         raise ValueError(

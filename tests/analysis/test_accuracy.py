@@ -7,10 +7,12 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Plate
+from sbfem_petsc.analysis import response
 from sbfem_petsc.analysis.accurate_history import distance
-from sbfem_petsc.continuation import harmonic_errors
+from sbfem_petsc.continuation import branch_following, harmonic_errors
 from sbfem_petsc.continuation.harmonic_errors import FAINT
 from sbfem_petsc.errors import PetscFailure
+from sbfem_petsc.motion.period_map import FixedPoint
 from tests.analysis.test_mode_error import TURN, rod, true_error
 from tests.systems import coarse_beam, one_mass, two_masses
 
@@ -52,7 +54,7 @@ def test_usual_modes_where_no_error_is_told():
 
 
 def test_usual_modes_where_a_few_find_no_motion(monkeypatch):
-    """As far as it is known, none does; one that is made to fail."""
+    """As far as it is known, none does; one that is made to fail, and a curve's first one."""
     original = periodic_module.find_steady_state
 
     def lost(driven, *args, **options):
@@ -60,15 +62,22 @@ def test_usual_modes_where_a_few_find_no_motion(monkeypatch):
             raise sb.SolveError("lost")
         return original(driven, *args, **options)
 
-    monkeypatch.setattr(periodic_module, "find_steady_state", lost)
+    for module in (periodic_module, response):
+        monkeypatch.setattr(module, "find_steady_state", lost)
     found = sb.periodic(coarse_beam(0.002), PUSH, 433.0, stability=False)
     assert len(found.reduced.omega) == 80 and len(found.time) == 512
+    curve = sb.frequency_response(coarse_beam(0.002), PUSH, 431.0, 431.1, stability=False)
+    assert curve.complete and len(curve.reduced.omega) == 80
     with pytest.raises(sb.SolveError, match="lost"):
         sb.periodic(coarse_beam(0.002), PUSH, 433.0, modes=20, stability=False)
+    with pytest.raises(sb.SolveError, match="lost"):
+        sb.frequency_response(coarse_beam(0.002), PUSH, 431.0, 431.1, modes=20, stability=False)
 
 
-def test_curves_in_few_modes_by_default(tmp_path):
-    """A slow curve, and gone on with from its file in its modes; peak and error beside 50."""
+def test_curves_in_few_modes_by_default(tmp_path, monkeypatch):
+    """A slow curve, and gone on with from its file in its modes; peak and error beside 50. Where these are
+    told not to do it is followed anew in the usual ones, which is said.
+    """
     beam, file = coarse_beam(0.002), str(tmp_path / "curve.journal")
     found = sb.frequency_response(beam, PUSH, 431.0, 431.2, file=file, stability=False)
     fine = sb.frequency_response(beam, PUSH, 431.0, 431.2, modes=50, steps=512, stability=False)
@@ -76,6 +85,34 @@ def test_curves_in_few_modes_by_default(tmp_path):
     assert found.peak("A").amplitude == pytest.approx(fine.peak("A").amplitude, rel=1e-3)
     again = sb.frequency_response(beam, PUSH, 431.0, 431.2, file=file, resume=True, stability=False)
     np.testing.assert_array_equal(again.point_amplitudes, found.point_amplitudes)
+
+    def far_off(fixed: FixedPoint) -> np.ndarray:
+        return np.full((2, 5), 1.0 if fixed.driven.period.modes <= 40 else 0.0)
+
+    monkeypatch.setattr(branch_following, "harmonic_error_estimates", far_off)
+    with pytest.warns(sb.BranchWarning, match="in 2. modes, are not accurate .* anew in 80 modes and 512"):
+        again = sb.frequency_response(beam, PUSH, 431.0, 431.2, file=file, resume=True, stability=False)
+    assert len(again.reduced.omega) == len(sb.read(file).reduced.omega) == 80
+
+
+@pytest.mark.parametrize("modes", [80, 30])
+def test_motions_in_other_modes_to_begin_from(modes):
+    """From one in few modes the motion that is found without it, in more of them; from one in more likewise.
+    An accuracy takes as many as it needs, whatever the first one has; few that do are kept by default.
+    """
+    beam = coarse_beam(0.002)
+    few = sb.periodic(beam, PUSH, 433.0, stability=False)
+    least = len(few.reduced.omega)
+    found = sb.periodic(beam, PUSH, 433.0, guess=few, modes=modes, steps=512, stability=False)
+    exact = sb.periodic(beam, PUSH, 433.0, modes=modes, steps=512, stability=False)
+    np.testing.assert_allclose(found.state, exact.state, atol=1e-8 * np.linalg.norm(exact.state))
+    assert found.iterations <= exact.iterations and len(found.reduced.omega) == modes
+    back = sb.periodic(beam, PUSH, 433.0, guess=found, modes=least, steps=512, stability=False)
+    np.testing.assert_allclose(back.harmonics("A")[:5], few.harmonics("A")[:5], rtol=1e-8)
+    kept = sb.periodic(beam, PUSH, 433.0, guess=few, stability=False)
+    assert len(kept.reduced.omega) == least < 30 and kept.largest_mode_error <= 1e-3
+    more = sb.periodic(beam, PUSH, 433.0, guess=few, accuracy=1e-4, stability=False)
+    assert len(more.reduced.omega) > least and more.largest_mode_error <= 1e-4
 
 
 def test_history():
@@ -149,8 +186,6 @@ def test_what_is_given_rules():
     ):
         found = sb.periodic(coarse_beam(0.002), PUSH, 433.0, modes=12, accuracy=1e-4, stability=False)
     assert len(found.reduced.omega) == 12 and len(found.time) == 1664
-    with pytest.warns(sb.AccuracyWarning, match="beyond 12 modes; leave guess out, whose modes these are"):
-        sb.periodic(coarse_beam(0.002), PUSH, 433.0, guess=found, accuracy=1e-4, stability=False)
     with pytest.warns(
         sb.AccuracyWarning, match="lost in 64 steps a forcing period; give more than steps = 64"
     ):

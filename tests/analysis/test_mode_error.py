@@ -267,3 +267,18 @@ def test_where_faces_rub():
     assert more is not None and np.abs(more.slip_units / few.slip_units - 1.0).max() > 1e-2
     slips = in_modes(found.state, few, more)[-2:] * more.slip_units
     np.testing.assert_allclose(slips, found.state[-2:] * few.slip_units, rtol=1e-14)
+
+
+def test_bifurcations_beside_more_modes():
+    """With little damping the two of a beam lie at other places in few modes: told within three times what
+    they are off beside 40, which twice the steps alone tell to be a tenth of it.
+    """
+    push, beam = sb.PointForce("A", fy=300.0), coarse_beam(2e-4)
+    few, more = (
+        sb.frequency_response(beam, push, 435.4, 435.8, modes=modes, steps=512).bifurcations
+        for modes in (17, 40)
+    )
+    assert [item.kind for item in few] == [item.kind for item in more] == 2 * ["Neimark-Sacker"]
+    for one, other in zip(few, more):
+        true = abs(one.value - other.value)
+        assert max(5e-4, true) <= one.error <= 5.0 * true + other.error, (one, other)

@@ -12,7 +12,7 @@ from meshing import Beam
 from sbfem_petsc.motion.swept import linear_changes
 from sbfem_petsc.plot import plot_swept, save_picture
 from tests.analysis.test_basins import FORCE, RATIO, STEPS, TURN, mass
-from tests.systems import two_masses
+from tests.systems import coarse_beam, two_masses
 
 LOW, HIGH = 0.95 / TURN, 1.2 / TURN
 CYCLES = (500, 2000)
@@ -198,6 +198,19 @@ def test_picture_and_table(branch, sweeps, tmp_path):
     save_picture(axes, str(tmp_path / "swept.png"))
     sweeps[0][0].to_csv(str(tmp_path / "swept.csv"))
     assert np.loadtxt(tmp_path / "swept.csv", delimiter=",", skiprows=1).shape == (CYCLES[0], 3)
+
+
+def test_from_a_steady_state_in_other_modes():
+    """One in few modes leads to that in those of the sweep; under another load it is refused."""
+    beam, push = coarse_beam(0.002), sb.PointForce("A", fy=300.0)
+    few = sb.periodic(beam, push, 433.0, stability=False)
+    asked = dict(duration=0.02, modes=30)
+    found = sb.swept_response(beam, push, 433.0, 440.0, initial=few, **asked)
+    expected = sb.swept_response(beam, push, 433.0, 440.0, **asked)
+    assert len(few.reduced.omega) < 30 == len(found.reduced.omega)
+    np.testing.assert_allclose(found.amplitude("A"), expected.amplitude("A"), rtol=1e-7)
+    with pytest.raises(ValueError, match="is no steady state under this load"):
+        sb.swept_response(beam, sb.PointForce("A", fy=200.0), 433.0, 440.0, initial=few, **asked)
 
 
 @pytest.mark.slow

@@ -188,13 +188,13 @@ class Orbits(Problem):
             self._finer[times].gain = FINER_GAIN
         return self._finer[times]
 
-
     def wider(self, times: int) -> WiderOrbits | None:
         """See `Problem`. Raises `Lost` where there is no room for them."""
         if times not in self._wider:
             more = wider(self.period.reduced)
-            none = more is None or more is self.period.reduced
-            self._wider[times] = None if none else WiderOrbits(self, more, times)
+            if more is self.period.reduced:
+                more = None
+            self._wider[times] = None if more is None else WiderOrbits(self, more, times)
         return self._wider[times]
 
 
