@@ -37,10 +37,11 @@ from ..errors import SolveError, caller_level, on_all_ranks
 from ..motion.contact_work import MOST, times_more, warn_of_contact_work
 from ..motion.excitation import Excitation
 from ..motion.loading import Loading, Wanted, communicator, loading, serving
-from ..motion.preparation import PeriodSettings, prepare, refuse_falling, steps_of
+from ..motion.preparation import PeriodSettings, prepare, refuse_falling, saving, steps_of, usual
 from ..motion.two_tones import drives, highest, tone
 from ..ranks.capacity import require_compiler
 from ..ranks.parallel import collective
+from ..reduction.build import FEW
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 from .analysis import analysis
@@ -93,7 +94,7 @@ def quasi_periodic(
     modes : int, optional
         Default: as for `periodic`.
     guess : QuasiPeriodic, optional
-        A motion to begin from, of the same model and number of modes. Default: the linear response. Where the
+        A motion to begin from, of the same model. Default: the linear response. Where the
         second tone is the motion's own: one of that kind, with f1 near its.
     stability : bool
         Compute the largest Lyapunov exponents.
@@ -101,7 +102,7 @@ def quasi_periodic(
         Of the lines m f1 + n f2 with |m| + |n| = 1 to 4 of the named points, `largest_mode_error`: modes and
         steps that are not given are as many as that needs, see `periodic`. The motion is found twice more,
         in twice the steps and in half as many modes again. Of two given tones; of the samples it knows
-        nothing, `tail` does.
+        nothing, `tail` does. 1e-3 by default where a few modes do, see `periodic`.
 
     Raises
     ------
@@ -140,10 +141,10 @@ def quasi_periodic(
         swapped = frequencies[1] > frequencies[0]
         ordered = frequencies[::-1] if swapped else frequencies
         driven = drives(loads.signals, ordered)
-    if modes is None and accuracy is None and guess is not None and isinstance(model, Model):
-        modes = len(guess.reduced.omega)
     tones = _TwoTones(model, loads, driven, ordered, samples)
-    settings = PeriodSettings(None, steps, modes, accuracy=accuracy)
+    settings = saving(PeriodSettings(None, steps, modes, accuracy=accuracy), model, guess)
+    if settings.accuracy is None and modes is None and guess is not None and isinstance(model, Model):
+        settings = replace(settings, modes=len(guess.reduced.omega))
     former = None if guess is None else (guess.states, guess.reduced)
     try:
         torus, point, told = tones.solved(settings, former)
@@ -195,22 +196,31 @@ class _TwoTones(NamedTuple):
         accuracy = None if settings.accuracy is None else Accuracy(what, self.model, settings)
         fastest, most = highest(self.driven, self.frequencies), MOST if settings.steps is None else 1
         while True:
-            wanted = Wanted(settings.modes, settings.accuracy, accuracy is not None)
+            few = settings.few
+            wanted = Wanted(settings.modes, settings.accuracy, accuracy is not None and not few, few)
             reduced = serving(what, self.model, self.loads, wanted, fastest)
             refuse_falling(what, reduced.friction)
             with collective(comm):
                 states = None if former is None else self._begin(*former, reduced)
             steps = _steps(reduced, self.driven, self.frequencies, self.samples, settings)
             require_compiler(what, comm)
-            torus, point = _solved(functools.partial(self._torus, reduced), states, (steps, most * steps))
+            try:
+                torus, point = _solved(functools.partial(self._torus, reduced), states, (steps, most * steps))
+            except SolveError:
+                if accuracy is None or not few or accuracy.settled(reduced):
+                    raise
+                settings, accuracy = usual(settings), None
+                continue
             steps = torus.period.steps
-            if accuracy is None:
+            if accuracy is None or accuracy.settled(reduced):  # told by default where that is cheap
                 return torus, point, np.full(LOWEST, np.nan)
             errors = line_error_estimates(torus, point, self._torus)
             if (more := accuracy.further(reduced, steps, errors)) is None:
                 accuracy.tell(reduced, steps, errors)
                 return torus, point, errors.sum(axis=0)
             settings = replace(settings, modes=more[0], least=more[1])
+            if few and (more[0] or 0) > FEW:
+                settings, accuracy = usual(settings), None
             former = point.state.states - torus.linear, reduced
 
     def _torus(self, reduced: ReducedModel, steps: int) -> Torus:
