@@ -10,7 +10,7 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate, VNotch
 from sbfem_petsc.contact.complementarity import Complementarity, solve_complementarity
-from sbfem_petsc.contact.friction import Friction, Memory, solve_friction
+from sbfem_petsc.contact.friction import Friction, Memory, _Problem, solve_friction
 from sbfem_petsc.contact.law import RowLaws
 from tests.validation.contact_cases import ray
 
@@ -126,6 +126,10 @@ def test_rows_of_other_laws_beside_those_that_rub():
         flexibility, free = 1e-9 * root @ root.T, 1e-6 * rng.normal(size=7)
         memory = Memory.none(laws, friction)
         found = solve_friction(flexibility, free, laws, friction, memory)
+        # Lemke's states are the solution's: one exchange shows it
+        pivots = _Problem(flexibility, free, laws, friction, memory.slip)
+        (force, _, _), exchanges = pivots.exchanged(*pivots.pivoted())
+        assert exchanges == 1 and force == pytest.approx(found.force, rel=1e-6, abs=1e-9)
         others = [1, 2, 4]
         acting = free + flexibility[:, rows] @ found.force[rows] + flexibility[:, 5:] @ found.force[5:]
         alone = solve_complementarity(
