@@ -7,7 +7,7 @@ multipliers jump where one passes it. Here a row sticks until its friction, carr
 and slips until the slip turns about, up to half a step before or behind the instant at which it was last seen
 to slip. Sets act by their shares of the steps beside an instant, weighted by its hat function; the slip at a
 switch is interpolated between the instants beside it. What is left of the jumps is of second order in
-the step.
+the step. What lands does so later where its gap is more, and has slid on by then.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ class _Operators(NamedTuple):
     ----------
     by_position, by_memory : (r, r), (r, k) arrays
         K and L.
-    slips, kept : (k, r), (k, k) arrays
-        S and N.
+    slips, kept : (c + k, r), (c + k, k) arrays
+        S and N, of gaps and slips, m.
     inverse : (a, a) array
         Forces of the members under their gaps.
     place : (c + k,) int array
@@ -51,24 +51,28 @@ class _Operators(NamedTuple):
 
 
 class _Switch(NamedTuple):
-    """Its time in steps, the states that rows go on to, and which slip is kept from then on, -1: none."""
+    """Its time in steps, the states that rows go on to, which slip is kept from then on, -1: none, and by how
+    much it is more for each metre by which its gap is, for it lands later.
+    """
 
     time: float
     states: tuple[tuple[int, int], ...]
     begins: int
+    slope: float = 0.0
 
 
 class _Segment(NamedTuple):
-    """What holds from a time on, and of the switch there the slip that begins to be kept."""
+    """What holds from a time on, and of the switch there the slip that begins to be kept, and its slope."""
 
     time: float
     state: np.ndarray
     begins: int
+    slope: float
 
 
 def located_rubbing(
     step: StepConstants,
-    history: tuple[np.ndarray, np.ndarray],
+    history: tuple[np.ndarray, np.ndarray, np.ndarray],
     gaps: Callable[[np.ndarray, np.ndarray], np.ndarray],
     units: np.ndarray,
 ) -> Contacts:
@@ -77,8 +81,8 @@ def located_rubbing(
     Parameters
     ----------
     step : StepConstants
-    history : (n + 1, c + k) int8 and float arrays
-        States of the rows at the steps' ends, and their forces.
+    history : (n + 1, c + k) int8 and float arrays, (n, k, 3) array
+        States of the rows at the steps' ends, their forces, and where they land (`marching.StepHistory`).
     gaps : callable
         Gaps and slips of rows at instants, (k,) and (k,) int arrays.
     units : (k,) array
@@ -93,11 +97,11 @@ class _Located:
     def __init__(
         self,
         step: StepConstants,
-        history: tuple[np.ndarray, np.ndarray],
+        history: tuple[np.ndarray, np.ndarray, np.ndarray],
         gaps: Callable[[np.ndarray, np.ndarray], np.ndarray],
         units: np.ndarray,
     ):
-        (self.states, self.forces), self.step, self.units = history, step, units
+        (self.states, self.forces, self._landings), self.step, self.units = history, step, units
         self.count, self.steps = step.rubbing.beside.size, len(self.states) - 1
         self._gaps = gaps
         values, axes = np.linalg.eigh((step.right * step.coefficients[0, 4]) @ step.right.T)
@@ -124,12 +128,12 @@ class _Located:
         along = held @ scaled[:, members].T
         memory = np.zeros((len(state), len(units)))
         memory[:, sticks] = held[:, place[c:][sticks]] * units[sticks]
-        slack = self.step.residual[c:]
+        slack = self.step.residual
         found = _Operators(
             scaled @ along,
             -scaled @ memory,
-            (scaled[:, c:].T - slack @ along) / units[:, None],
-            slack @ memory / units[:, None],
+            scaled.T - slack @ along,
+            slack @ memory,
             inverse,
             place,
         )
@@ -145,8 +149,10 @@ class _Located:
             beside = int(self.step.rubbing.beside[i])
             rows = (int(i),) if beside < 0 else (int(i), beside)
             after = tuple((row, int(states[n + 1, row])) for row in rows)
-            sticks = len(rows) > 1 and after[1][1] == STICKS
-            found.append(_Switch(n + self._touches(n, i), after, beside - c if sticks else -1))
+            begins = beside - c if len(rows) > 1 and after[1][1] == STICKS else -1
+            share, _, slope = self._landings[n, begins] if begins >= 0 else (0.0, 0.0, 0.0)
+            slope = slope / share if share > 0.0 else 0.0
+            found.append(_Switch(n + self._touches(n, i), after, begins, slope))
         for k, row in enumerate(range(c, states.shape[1])):
             begun = 0.0
             held = touching[:, self.step.rubbing.rows[k]]
@@ -222,7 +228,7 @@ class _Located:
         for row, new in last.items():
             if row >= c and state[self.step.rubbing.rows[row - c]] != FREE:
                 state[row] = new
-        result = [_Segment(0.0, state, -1)]
+        result = [_Segment(0.0, state, -1, 0.0)]
         for item in switches:
             state = state.copy()
             for row, new in item.states:
@@ -231,7 +237,7 @@ class _Located:
             shown = state[c:]
             shown[apart] = FREE
             shown[~apart & (shown == FREE) & (self.step.rubbing.static > 0.0)] = STICKS
-            result.append(_Segment(item.time, state, item.begins))
+            result.append(_Segment(item.time, state, item.begins, item.slope))
         return result
 
     # ------------------------------------------------------------------ what they do at the instants
@@ -277,7 +283,10 @@ class _Located:
             t, place = item.begins, math.floor(item.time)
             if t >= 0 and former is not None and n - 1 <= place <= n:
                 share = item.time - place
-                along, memory = former.slips[t] + former.kept[t] @ slips, former.kept[t] @ kept
+                own, normal = self.count + t, self.step.rubbing.rows[t]
+                slid = former.kept[own] + item.slope * former.kept[normal]
+                along = (former.slips[own] + item.slope * former.slips[normal] + slid @ slips) / self.units[t]
+                memory = slid @ kept / self.units[t]
                 if place == n:
                     slips[t], kept[t], kinds[t] = along, memory, 1.0 - share
                 else:

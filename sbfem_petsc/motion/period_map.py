@@ -380,10 +380,11 @@ class DrivenPeriod:
             return self.free_gap[instants, rows] + elastic + residual
 
         if p.friction is not None and located:
-            contacts = located_rubbing(self.constants, (motion.rows, motion.forces), gaps, p.slip_units)
+            history = motion.rows, motion.forces, motion.landings
+            contacts = located_rubbing(self.constants, history, gaps, p.slip_units)
         elif p.friction is not None:
-            history, left_out = (motion.rows, motion.landings), ROUGH if rough else LEAST
-            contacts = rubbing_contacts(self.constants, history, p.slip_units, gap_rates, left_out)
+            steps, left_out = (motion.rows, motion.landings), ROUGH if rough else LEAST
+            contacts = rubbing_contacts(self.constants, steps, p.slip_units, gap_rates, left_out)
         elif located:
             closed = p.laws.acting(motion.forces)
             contacts = located_contacts(
