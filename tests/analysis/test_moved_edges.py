@@ -253,6 +253,7 @@ def test_slow_motion():
             (moving.contact_force, resting.contact_force),
             (moving.stress_intensity(), resting.stress_intensities[:, 0]),
             (moving.stress((0.04, 0.11)), resting.stress((0.04, 0.11))),
+            *zip(*(one.along((0.02, 0.11), (0.06, 0.1), 4)[1:] for one in (moving, resting))),
         ):
             assert np.abs(found[instants] - exact).max() < 2e-3 * np.abs(exact).max()
         field, exact = moving.field(moving.time[950]), resting.states[2].field

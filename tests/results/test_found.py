@@ -9,6 +9,7 @@ import pytest
 
 from sbfem_petsc.record.found import Found, labelled, of_points
 from sbfem_petsc.record.record import entries, record_class
+from sbfem_petsc.system.solve.modal_result import Modal
 
 # of u(t) = Re sum c_k exp(i k t)
 HARMONICS = np.array([0.5, 2.0 * np.exp(0.7j), 0.3 * np.exp(-2.1j)])
@@ -91,3 +92,14 @@ DETAILS = {
 def test_what_is_left_out_until_asked_for(name):
     found = entries(record_class(name))
     assert {field for field, entry in found.items() if entry.about.detail} == DETAILS[name]
+
+
+def test_details_are_kept_where_they_are_named():
+    places = {"tip": np.ones((2, 2)), "mouth": np.zeros((2, 2))}
+    both, none = np.array([1.0, 2.0]), np.zeros((0, 2))
+    modes = Modal(both, both, none, places, np.ones((2, 2)), "by hand", 1, 3, None)
+    plain, whole = (Found.of(modes, ["tip"], details=named) for named in ((), ["auxiliary_inertia"]))
+    assert "auxiliary_inertia" not in plain and {*whole.found} == {*plain.found, "auxiliary_inertia"}
+    # what is named is a detail of the case's files, whatever it is of the result
+    assert {name for name, q in whole.found.items() if q.about.detail} == {"auxiliary_inertia"}
+    assert whole["displacement"].value.tolist() == [[[1.0, 1.0]], [[1.0, 1.0]]]
