@@ -15,12 +15,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..errors import SolveError
+from ..errors import PetscFailure, SolveError
 from .events import Way, in_finer_steps, place_of
 from .follow import Line
 from .multipliers import multipliers_of, outside
 from .orbit import uncertainty_of
-from .problem import Lost, Point, Wider
+from .problem import Point, Wider
 
 # So many times the steps.
 TIMES = 2, 4
@@ -135,19 +135,20 @@ def _in_steps(line: Line, k: int, times: int) -> Solve:
 
 def _moved(line: Line, k: int, located: Callable[[_MoreModes], float], value: float) -> float:
     """Error by left-out modes of a value in twice the steps: by how far it moves in more modes; 0 where
-    nothing is known of them, or there are none.
-
-    Raises
-    ------
-    SolveError
-        If it is not found in these, or they have no part in the motion.
+    nothing is known of them, or there are none, nan if it is not found in these, or they have no part in the
+    motion.
     """
-    more = line.points[k + 1].problem.wider(TIMES[0])
-    if more is None:
-        return 0.0
-    if not math.isfinite(more.factor):
-        raise Lost("the next modes have no part in the motion")
-    return float(more.factor * abs(located(_MoreModes(line, k, more)) - value))
+    try:
+        more = line.points[k + 1].problem.wider(TIMES[0])
+        if more is None:
+            return 0.0
+        if not math.isfinite(more.factor):
+            return math.nan
+        return float(more.factor * abs(located(_MoreModes(line, k, more)) - value))
+    except PetscFailure:
+        raise
+    except SolveError:
+        return math.nan
 
 
 class _MoreModes:
