@@ -416,6 +416,22 @@ def _follow(before: End, after: End) -> None:
         before.force[i], before.rows[i], before.gap[i] = after.force[i], after.rows[i], after.gap[i]
 
 
+@inner_loops
+def _tell(history: StepHistory, done: int, end: End, sets: Sets) -> None:
+    """What a step leads to."""
+    for j in range(end.q.size):
+        history.states[done, j] = end.q[j]
+        history.velocities[done, j] = end.v[j]
+    for i in range(end.force.size):
+        history.forces[done, i] = end.force[i]
+    for i in range(history.rows.shape[1]):
+        history.rows[done, i] = end.rows[i]
+    count = end.force.size - history.landings.shape[1]
+    for k in range(history.landings.shape[1]):
+        for n in range(3):
+            history.landings[done, k, n] = sets.landed[count + k, n]
+
+
 @compiled_loops
 def _march(
     step: StepConstants,
@@ -425,9 +441,9 @@ def _march(
     room: Room,
     forces_of: Callable[..., int],
 ) -> tuple[int, int, int, int]:
-    states, velocities, forces, works, parts, losses, rows, kept, landings = history
+    works, parts, losses, kept = history.work, history.parts, history.lost, history.kept
     halving, levels, rubbing = step.halving, loads.levels, step.rubbing
-    steps, m = states.shape
+    steps, m = history.states.shape
     pairs, last = state.force.size, step.coefficients.shape[0] - 1
     exchanges = unresolved = taken = 0
     _begin(step, loads, state, room)
@@ -467,16 +483,7 @@ def _march(
             # a second half is done, and with it what it is a half of
             while level > first and place % (1 << (last - level + 1)) == 0:
                 level -= 1
-        for j in range(m):
-            states[done, j] = before.q[j]
-            velocities[done, j] = before.v[j]
-        for i in range(pairs):
-            forces[done, i] = before.force[i]
-        for i in range(rows.shape[1]):
-            rows[done, i] = before.rows[i]
-        for k in range(landings.shape[1]):
-            for n in range(3):
-                landings[done, k, n] = room.sets.landed[rubbing.beside.size + k, n]
+        _tell(history, done, before, room.sets)
     for j in range(m):
         state.q[j], state.v[j] = before.q[j], before.v[j]
     for i in range(pairs):
