@@ -316,7 +316,7 @@ def _unreduced(model: Model, load, frequency: float, settings: PeriodSettings, p
     ):
         driven = period.at(frequency)
         orbits = UnreducedOrbits(period, ParameterRange("frequency", frequency, frequency))
-        found = UnreducedSteady("periodic", orbits, frequency, report)
+        found = UnreducedSteady(orbits, frequency, report)
         return Orbit(
             np.arange(period.steps) * driven.march.step,
             driven.states(found.state),

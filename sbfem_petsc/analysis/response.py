@@ -333,7 +333,7 @@ class _Run:
             asked = replace(_with_room(what, period, self.asked), stability=False)
             orbits = UnreducedOrbits(period, over)
             return follow_response(
-                orbits, lambda: UnreducedSteady(what, orbits, over.start).state, settings=asked, run=run
+                orbits, lambda: UnreducedSteady(orbits, over.start).state, settings=asked, run=run
             )
 
 

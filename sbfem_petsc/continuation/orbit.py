@@ -21,7 +21,7 @@ from ..record.record import derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
 from ..system.elements.plausibility import furthest_of_lines
 from .multipliers import FLOOR, multipliers_of
-from .shooting import WHOLE, shoot, shoot_nearby
+from .shooting import WHOLE, shoot
 
 # Modulus' distance from one beyond which the steps' error is not asked for: of 300 random masses with stops
 # in 256 steps it was at most 0.021.
@@ -284,11 +284,8 @@ def multiplier_error(fixed: FixedPoint, value: complex) -> float:
     """
     period = fixed.driven.period
     try:
-        finer, other = fixed.driven.in_steps(2 * period.steps), None
-        if period.unknowns <= WHOLE:
-            other = shoot_nearby(finer, fixed.state, fixed.monodromy)
-        if other is None:
-            other = shoot(finer, fixed.state)
+        near = fixed.monodromy if period.unknowns <= WHOLE else None
+        other = shoot(fixed.driven.in_steps(2 * period.steps), fixed.state, near=near)
     except SolveError:
         return math.nan
     return uncertainty_of(abs(value) - abs(multipliers_of(other).values[0]))

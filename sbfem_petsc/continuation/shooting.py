@@ -1,6 +1,4 @@
-"""Fixed points of the period of a reduced model (`period_map`) by SNES (prefix ``shooting_``), and very near
-another one.
-"""
+"""Steady states by SNES (prefix ``shooting_``), and fixed points of a reduced model's `period_map`."""
 
 from __future__ import annotations
 
@@ -11,7 +9,7 @@ import numpy as np
 from ..errors import PetscFailure, SolveError, called, on_all_ranks
 from ..motion.period_map import DrivenPeriod, FixedPoint
 from ..motion.period_motion import PeriodMotion
-from ..petsc import MPI, PETSc, asked, configure, finite, require_thread, scripted
+from ..petsc import MPI, PETSc, asked, configure, finite, free, require_thread, scripted
 from .linear import PREFIX, Factors, Operator, by_operator, operator
 from .newton import ITERATIONS, Updated
 from .problem import GAIN, Lost
@@ -19,8 +17,6 @@ from .problem import GAIN, Lost
 # SNES by default: residual relative to the first one, with updated derivatives, which converge more slowly,
 # a smaller one, and relative to the state.
 RELATIVE, RELATIVE_UPDATED, ROUND_OFF = 1e-10, 1e-11, 1e-12
-# Residual relative to the linear oscillation at which a fixed point nearby is taken.
-NEARBY = 1e-8
 # Iterations that do not halve the residual, after which a search that hurries is given up.
 SLOW = 3
 # Unknowns up to which matrices of the period map are made whole.
@@ -32,7 +28,11 @@ MANY, COARSER, RESOLVED, ROUGHLY, ROUGH = 20, 8, 64, 1e-3, 1e-3
 
 
 def shoot(
-    driven: DrivenPeriod, state: np.ndarray, jacobian: str = "auto", iterations: int | None = None
+    driven: DrivenPeriod,
+    state: np.ndarray,
+    jacobian: str = "auto",
+    iterations: int | None = None,
+    near: np.ndarray | None = None,
 ) -> FixedPoint:
     """Fixed point of a period near a state, by SNES.
 
@@ -48,6 +48,8 @@ def shoot(
         Broyden's rank-one updates from an iteration to the next while they gain enough.
     iterations : int, optional
         Newton iterations at most. Default: `newton.ITERATIONS`.
+    near : (2 m, 2 m) array, optional
+        dx(T) / dx(0) of a motion nearby, to begin with.
 
     Raises
     ------
@@ -64,11 +66,12 @@ def shoot(
         return solve(jacobian)
     if driven.period.unknowns > WHOLE:
         return solve("matrix-free")
-    if iterations is None and driven.period.modes >= MANY:
+    if iterations is None and near is None and driven.period.modes >= MANY:
         found = _from_fewer_steps(driven, state)
         if found is not None:
             return found
     updated = Shooting(driven, "updated", iterations)
+    updated.near = None if near is None else near - np.eye(len(state))
     try:
         return updated.solve(state)
     except PetscFailure:
@@ -101,34 +104,97 @@ def _from_fewer_steps(driven: DrivenPeriod, state: np.ndarray) -> FixedPoint | N
         return None
 
 
-def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray) -> FixedPoint | None:
-    """Fixed point very near a state, by Newton's method with a derivative of the period that is known about:
-    that of a motion nearby, dx(T) / dx(0), and Broyden's updates of it. None unless each of these gains.
+class Steady:
+    """SNES on x(T) - x(0) = 0 (prefix ``shooting_``); subclasses say what that is and how it is linearised.
 
-    To 1e-8 of the linear oscillation, for which a few periods are integrated and no derivative is made.
+    Attributes
+    ----------
+    residuals : list of float
+        Norm of x(T) - x(0) at each Newton iterate.
+    comm : MPI.Comm
+    iterations : int
+        At most.
+    subject, remedy : str
+        What has not converged, and what may help, for messages.
     """
-    try:
-        inverse = Updated(Factors(derivative - np.eye(len(state))))
-    except Lost:
-        return None
-    aim = max(NEARBY * driven.oscillation, ROUND_OFF * float(np.linalg.norm(driven.linear_state)))
-    residuals: list[float] = []
-    step = np.zeros(len(state))
-    while len(residuals) < ITERATIONS:
-        motion = driven.run(state)
-        residuals.append(float(np.linalg.norm(motion.residual)))
-        if residuals[-1] <= aim:
-            return FixedPoint(state, driven, motion, tuple(residuals))
-        if len(residuals) > 1:
-            if residuals[-1] > GAIN * residuals[-2]:
-                break
-            inverse.add(motion.residual, step / float(step @ step))
-        step = -inverse.solve(motion.residual)
-        state = state + step
-    return None
+
+    comm: MPI.Comm = MPI.COMM_SELF
+    iterations = ITERATIONS
+    subject, remedy = "Newton's method", "start from a neighbour, take more steps"
+
+    def __init__(self) -> None:
+        self.residuals: list[float] = []
+
+    def by_snes(self, guess: np.ndarray, relative: float, absolute: float, size: float) -> np.ndarray:
+        """The solution near a guess, this rank's part of both, to a residual relative to the first one or an
+        absolute one; `size` is the motion's, for messages. Collective.
+        """
+        require_thread()
+        self.residuals.clear()
+        snes = PETSc.SNES().create(self.comm)
+        snes.setOptionsPrefix(PREFIX)
+        ksp = snes.getKSP()
+        pc = ksp.getPC()
+        matrix, in_python = self._operator(ksp, pc, len(guess))
+        x, f = matrix.createVecs()
+        x.array = guess
+        snes.setFunction(self._function, f)
+        snes.setJacobian(self._jacobian, matrix)
+        snes.setTolerances(rtol=relative, atol=finite(absolute), stol=0.0, max_it=self.iterations)
+        snes.setMonitor(self._monitor)
+        try:
+            with scripted(*in_python):
+                configure(snes)
+                snes.solve(None, x)
+            self._check(snes, size)
+            return x.array_r.copy()
+        finally:
+            # also what Python alone still holds: PETSc would only put it aside until all ranks collect
+            free(self.comm, snes, ksp, pc, x, f, matrix)
+
+    def _monitor(self, snes: PETSc.SNES, iteration: int, residual: float) -> None:
+        self.residuals.append(float(residual))
+
+    def _operator(
+        self, ksp: PETSc.KSP, pc: PETSc.PC, size: int
+    ) -> tuple[PETSc.Mat, tuple[PETSc.Mat | PETSc.PC, ...]]:
+        """The Jacobian and how it is solved with, and what of it is written in Python."""
+        raise NotImplementedError
+
+    def _function(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        raise NotImplementedError
+
+    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, matrix: PETSc.Mat, preconditioner: PETSc.Mat) -> None:
+        raise NotImplementedError
+
+    def _check(self, snes: PETSc.SNES, size: float) -> None:
+        reason = snes.getConvergedReason()
+        if reason > 0:
+            return
+        missed = (
+            f"x(T) - x(0) is at {snes.getFunctionNorm() / size:.2e} of the motion's size, from "
+            f"{(self.residuals or [math.nan])[0] / size:.2e}"
+        )
+        option = f"{PREFIX}snes_max_it"
+        allowed = asked(option, 0)
+        if reason == PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT and allowed is not None:
+            raise on_all_ranks(
+                PetscFailure(
+                    f"{called()}: Newton's method has taken the {snes.getIterationNumber()} iterations that "
+                    f"-{option} {allowed} allows: {missed}; allow more, or leave the "
+                    "option out"
+                )
+            )
+        raise on_all_ranks(
+            SolveError(
+                f"{called()}: {self.subject} did not converge ({snes_reason(reason)} after "
+                f"{snes.getIterationNumber()} iterations): {missed}; {self.remedy}, or see "
+                f"-{PREFIX}snes_..., -{PREFIX}ksp_..."
+            )
+        )
 
 
-class Shooting:
+class Shooting(Steady):
     """SNES on x(T) - x(0) of a driven period.
 
     Parameters
@@ -139,8 +205,9 @@ class Shooting:
     """
 
     def __init__(self, driven: DrivenPeriod, jacobian: str, iterations: int | None = None):
+        super().__init__()
         self.driven, self.jacobian = driven, jacobian
-        self.iterations = ITERATIONS if iterations is None else iterations
+        self.iterations = iterations or self.iterations
         self.relative = RELATIVE_UPDATED if jacobian == "updated" else RELATIVE
         # of what is missed an iteration with an updated derivative may leave so much
         self.gain = GAIN
@@ -149,7 +216,6 @@ class Shooting:
         # derivative of x(T) - x(0) to begin with, and the last iteration's
         self.near: np.ndarray | None = None
         self.derivative: np.ndarray | None = None
-        self.residuals: list[float] = []
         # derivatives made
         self.made = 0
         # the inverse of the updated one, and whether it is that of the matrix PETSc solves with
@@ -161,54 +227,27 @@ class Shooting:
 
     def solve(self, state: np.ndarray) -> FixedPoint:
         """The fixed point near a state."""
-        require_thread()
         if self.jacobian == "updated" and asked(f"{PREFIX}snes_test_jacobian") is not None:
             self.jacobian = "dense"  # PETSc's test is of the derivative, and not of updates of it
-        driven, size = self.driven, len(state)
+        driven = self.driven
         moving = max(driven.period.size(state), driven.oscillation, 1e-300)
-        snes = PETSc.SNES().create(PETSc.COMM_SELF)
-        snes.setOptionsPrefix(PREFIX)
-        x, f = PETSc.Vec().createSeq(size), PETSc.Vec().createSeq(size)
-        x.array = state
-        snes.setFunction(self._function, f)
-        ksp = snes.getKSP()
-        pc = ksp.getPC()
-        matrix, in_python = self._operator(ksp, pc, size)
-        snes.setJacobian(self._jacobian, matrix)
         largest = max(float(np.linalg.norm(driven.linear_state)), float(np.linalg.norm(state)), 1e-300)
-        snes.setTolerances(
-            rtol=self.relative, atol=finite(ROUND_OFF * largest), stol=0.0, max_it=self.iterations
-        )
-        snes.setMonitor(lambda _, iteration, norm: self.residuals.append(float(norm)))
         try:
-            try:
-                with scripted(*in_python):
-                    configure(snes)
-                    snes.solve(None, x)
-            except (PETSc.Error, Lost) as error:
-                why = f"PETSc's error {error.ierr}" if isinstance(error, PETSc.Error) else error
-                raise on_all_ranks(
-                    SolveError(
-                        f"{called()}: the linear system of Newton's method cannot be solved ({why}): an "
-                        "undamped resonance, or a motion as a rigid body, leaves the periodic motion "
-                        "undetermined"
-                    )
-                ) from None
-            self._check(snes, moving)
-            found = x.array_r.copy()
-            motion = self.motion_at(found)
-            if self._last is not None:
-                self.derivative = matrix.getDenseArray().copy()
-        finally:
-            # also what Python alone still holds: PETSc would only put it aside until all ranks collect
-            for item in (snes, ksp, pc, x, f, matrix):
-                item.destroy()
-        return FixedPoint(found, driven, motion, tuple(self.residuals))
+            found = self.by_snes(state, self.relative, ROUND_OFF * largest, moving)
+        except (PETSc.Error, Lost) as error:
+            why = f"PETSc's error {error.ierr}" if isinstance(error, PETSc.Error) else error
+            raise on_all_ranks(
+                SolveError(
+                    f"{called()}: the linear system of Newton's method cannot be solved ({why}): an undamped "
+                    "resonance, or a motion as a rigid body, leaves the periodic motion undetermined"
+                )
+            ) from None
+        return FixedPoint(found, driven, self.motion_at(found), tuple(self.residuals))
 
     def _operator(
         self, ksp: PETSc.KSP, pc: PETSc.PC, size: int
     ) -> tuple[PETSc.Mat, tuple[PETSc.Mat | PETSc.PC, ...]]:
-        """The Jacobian for its kind and how it is solved with, and what of it is written in Python."""
+        """See `Steady`: for its kind."""
         if self.jacobian == "matrix-free":
             matrix = operator(MPI.COMM_SELF, size, Operator(self._product))
             ksp.setType(PETSc.KSP.Type.GMRES)
@@ -289,33 +328,7 @@ class Shooting:
         else:
             array[:] = self._derivative(motion)
             self.inverse = Updated(Factors(array))
-        self._last, self.known = (state, residual), True
-
-    def _check(self, snes: PETSc.SNES, size: float) -> None:
-        reason = snes.getConvergedReason()
-        if reason > 0:
-            return
-        missed = (
-            f"x(T) - x(0) is at {snes.getFunctionNorm() / size:.2e} of the motion's size, from "
-            f"{(self.residuals or [math.nan])[0] / size:.2e}"
-        )
-        option = f"{PREFIX}snes_max_it"
-        allowed = asked(option, 0)
-        if reason == PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT and allowed is not None:
-            raise on_all_ranks(
-                PetscFailure(
-                    f"{called()}: Newton's method has taken the {snes.getIterationNumber()} iterations that "
-                    f"-{option} {allowed} allows: {missed}; allow more, or leave the "
-                    "option out"
-                )
-            )
-        raise on_all_ranks(
-            SolveError(
-                f"{called()}: Newton's method did not converge ({snes_reason(reason)} after "
-                f"{snes.getIterationNumber()} iterations): {missed}; start from a neighbour, take more "
-                f"steps, or see -{PREFIX}snes_..."
-            )
-        )
+        self._last, self.known, self.derivative = (state, residual), True, array.copy()
 
 
 def snes_reason(reason: int) -> str:

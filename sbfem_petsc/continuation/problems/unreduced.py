@@ -4,22 +4,23 @@ matrix (prefix ``shooting_``), and branches of them over the frequency or the lo
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ...errors import SolveError, on_all_ranks
+from ...errors import PetscFailure, SolveError, called
 from ...motion.unreduced.period import KRYLOV, UnreducedDriven, UnreducedMotion, UnreducedPeriod
-from ...petsc import PETSc, configure, finite, free, scripted, solving
+from ...petsc import PETSc, finite, solving
 from ...progress import silent
-from ..linear import PREFIX, Krylov, Operator, operator, preconditioned
+from ..linear import Krylov, Operator, operator, preconditioned
 from ..problem import Point, Problem
-from ..shooting import snes_reason
+from ..shooting import Steady
 from .driven_orbits import LEAST, REST, SPAN, ParameterRange
 
 # The linear solves need no more than Newton's next iterate is good for.
-RELATIVE, LINEAR, ITERATIONS = 1e-8, 1e-4, 20
+RELATIVE, LINEAR, MOST = 1e-8, 1e-4, 20
 # What rounding leaves of a period's steps, 2e-12 to 5e-11 of the state and more of slender bodies in long
 # steps, is measured where Newton's next iterate may be at it: from this residual relative to the state on.
 # A residual of so many times that is none: few slow modes carry it, and it scatters by five.
@@ -113,7 +114,6 @@ class UnreducedState:
 
     def __init__(self, problem: UnreducedOrbits, u: np.ndarray):
         self.problem, self.state, self.value = problem, u[:-1], float(u[-1])
-        self._motion: UnreducedMotion | None = None
         self.residual = self.motion.end - self.state
         self.touching = self.motion.sets.any(axis=0)
         self.scale = max(problem.norm(self.state), problem.least)
@@ -123,16 +123,14 @@ class UnreducedState:
         """The period at the motion's conditions."""
         return self.problem.driven(self.value)
 
-    @property
+    @functools.cached_property
     def motion(self) -> UnreducedMotion:
         """One period from the state."""
-        if self._motion is None:
-            self._motion = self.driven.run(self.state)
-        return self._motion
+        return self.driven.run(self.state)
 
     def forget(self) -> None:
         """See `problem.State`."""
-        self._motion = None
+        self.__dict__.pop("motion", None)
 
     def linear(self, smooth: bool = False) -> UnreducedLinear:
         """See `problem.State`."""
@@ -176,15 +174,13 @@ class UnreducedLinear(Krylov):
         return (ahead.end - state.state - state.residual) / step
 
 
-class UnreducedSteady:
-    """The periodic motion at a value of the parameter, from the linear response by SNES.
+class UnreducedSteady(Steady):
+    """The periodic motion at a value of the parameter, from the linear response by SNES. Collective.
 
     Attributes
     ----------
     state : (n,) array
         x(0), this rank's part.
-    residuals : list of float
-        Norm of x(T) - x(0) at each Newton iterate.
     path : str
         How it was reached: "Newton", or "history" behind some periods that were integrated.
 
@@ -194,64 +190,42 @@ class UnreducedSteady:
         If Newton's method or a linear solve does not converge.
     """
 
-    def __init__(
-        self,
-        owner: str,
-        orbits: UnreducedOrbits,
-        value: float,
-        report: Callable[[float], None] = silent,
-    ):
-        self.orbits, self.value, self.path, self.residuals = orbits, value, "Newton", list[float]()
-        self._report = report
+    iterations = MOST
+    subject = "Newton's method on the unreduced model"
+    remedy = "take more modes or more stiffness-proportional damping"
+
+    def __init__(self, orbits: UnreducedOrbits, value: float, report: Callable[[float], None] = silent):
+        super().__init__()
+        self.orbits, self.value, self.comm, self._report = orbits, value, orbits.comm, report
         self._kept: UnreducedState | None = None
-        driven, comm = orbits.driven(value), orbits.comm
-        x = PETSc.Vec().createMPI((orbits.period.unknowns, None), comm=comm)
-        f = x.duplicate()
-        x.array = guess = driven.linear_state
-        norm = orbits.norm(guess)
-        snes = PETSc.SNES().create(comm)
-        snes.setOptionsPrefix(PREFIX)
         self._product, self._nearby = Operator(), Operator()
-        matrix = operator(comm, len(guess), self._product)
-        snes.setFunction(self._function, f)
-        snes.setJacobian(self._jacobian, matrix)
-        ksp = snes.getKSP()
-        pc = preconditioned(ksp, KRYLOV, LINEAR, self._nearby)
-        snes.setTolerances(
-            rtol=RELATIVE, atol=finite(EPSILON * max(norm, 1e-300)), stol=0.0, max_it=ITERATIONS
-        )
-        snes.setMonitor(self._monitor)
-        try:
-            with solving(owner), scripted(matrix, pc):
-                configure(snes)
-                snes.solve(None, x)
-                for periods in SETTLING:
-                    if snes.getConvergedReason() > 0:
-                        break
-                    for _ in range(periods):
-                        guess = driven.run(guess).end
-                    x.array, self.path = guess, "history"
-                    self.residuals.clear()
-                    snes.solve(None, x)
-            reason = snes.getConvergedReason()
-            if reason <= 0:
-                raise on_all_ranks(
-                    SolveError(
-                        f"{owner}: Newton's method on the unreduced model did not converge "
-                        f"({snes_reason(reason)} after {snes.getIterationNumber()} iterations): x(T) - x(0) "
-                        "is at "
-                        f"{self.residuals[-1] / max(self.residuals[0], 1e-300):.2e} of the first one; more "
-                        f"modes, more stiffness-proportional damping, or see -{PREFIX}snes_..., "
-                        f"-{PREFIX}ksp_..."
-                    )
-                )
-            self.state = x.array_r.copy()
-        finally:
-            free(comm, snes, ksp, pc, x, f, matrix)
+        driven = orbits.driven(value)
+        guess = driven.linear_state
+        norm, failed = max(orbits.norm(guess), 1e-300), None
+        for periods, self.path in (0, "Newton"), *((count, "history") for count in SETTLING):
+            for _ in range(periods):
+                guess = driven.run(guess).end
+            try:
+                with solving(called()):
+                    self.state = self.by_snes(guess, RELATIVE, EPSILON * norm, norm)
+                return
+            except PetscFailure:
+                raise
+            except SolveError as error:
+                failed = error
+        assert failed is not None
+        raise failed
+
+    def _operator(
+        self, ksp: PETSc.KSP, pc: PETSc.PC, size: int
+    ) -> tuple[PETSc.Mat, tuple[PETSc.Mat | PETSc.PC, ...]]:
+        """See `Steady`."""
+        matrix = operator(self.comm, size, self._product)
+        return matrix, (matrix, preconditioned(ksp, KRYLOV, LINEAR, self._nearby))
 
     def _monitor(self, snes: PETSc.SNES, iteration: int, residual: float) -> None:
         """The share is that of the digits the residual is to lose."""
-        self.residuals.append(float(residual))
+        super()._monitor(snes, iteration, residual)
         lost = max(residual, 1e-300) / max(self.residuals[0], 1e-300)
         self._report(min(1.0, max(0.0, math.log(lost) / math.log(RELATIVE))))
 
