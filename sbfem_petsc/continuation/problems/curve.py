@@ -8,6 +8,7 @@ trigonometric interpolant; a shift by rho multiplies the k-th harmonic by exp(2 
 from __future__ import annotations
 
 import copy
+import functools
 import math
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -19,18 +20,8 @@ from ...motion.period_map import DrivenPeriod, Period
 from ...motion.period_motion import PeriodMotion
 from ...petsc import MPI
 from ..problem import Linear, Point, Problem
-from .curve_system import (
-    Border,
-    CurveMaps,
-    CurveSystem,
-    Harmonics,
-    filtered,
-    shift,
-    tangents,
-)
+from .curve_system import CurveBorder, CurveMaps, Harmonics, filtered, shift, tangents
 
-# The linear systems: relative residual.
-LINEAR = 1e-8
 # A curve is resolved by its samples if no more than this share of it is in the highest quarter of their
 # harmonics: docs/verification/quasi_periodic.md has what lines and own tones were off by below and above it.
 RESOLVED = 0.01
@@ -157,14 +148,12 @@ class CurveState:
     def __init__(self, problem: InvariantCurves, u: np.ndarray):
         self.problem, self.u, self.scale = problem, u, problem.unit
         self.states, self.rotation, self.value = problem.split(u)
-        self._missed: np.ndarray | None = None
         self.finer: Point | None = None
-        self.forget()
 
     def forget(self) -> None:
         """See `problem.State`."""
-        self._run: tuple[np.ndarray, list[PeriodMotion | None]] | None = None
-        self._smooth: tuple[Harmonics, np.ndarray] | None = None
+        for name in ("_run", "_smooth"):
+            self.__dict__.pop(name, None)
 
     def in_phase_of(self, problem: InvariantCurves) -> CurveState:
         """The same under another condition on its phase."""
@@ -172,34 +161,29 @@ class CurveState:
         result.problem, result.scale = problem, problem.unit
         return result
 
-    @property
-    def rows(self) -> int:
-        """Equations."""
-        return len(self.u) - 1
+    @functools.cached_property
+    def _run(self) -> tuple[np.ndarray, list[PeriodMotion | None]]:
+        return self.problem.images(self.states, self.value)
 
     @property
     def ends(self) -> np.ndarray:
         """(N, 2 m): where the map takes the samples."""
-        return self._images()[0]
+        return self._run[0]
 
     @property
     def motions(self) -> list[PeriodMotion | None]:
         """Over the period from each sample; None for those of other ranks."""
-        return self._images()[1]
-
-    def _images(self) -> tuple[np.ndarray, list[PeriodMotion | None]]:
-        if self._run is None:
-            self._run = self.problem.images(self.states, self.value)
-        return self._run
+        return self._run[1]
 
     @property
     def residual(self) -> np.ndarray:
         """See `problem.State`: how far the curve misses itself, and its phase."""
-        if self._missed is None:
-            shifted = filtered(self.states, shift(len(self.states), self.rotation))
-            self._missed = (self.ends - shifted).ravel()
         phase = self.problem.phase
         return self._missed if phase is None else np.append(self._missed, self.problem.off_phase(self.u))
+
+    @functools.cached_property
+    def _missed(self) -> np.ndarray:
+        return (self.ends - filtered(self.states, shift(len(self.states), self.rotation))).ravel()
 
     @property
     def peak(self) -> float:
@@ -253,15 +237,17 @@ class CurveState:
         """The preconditioner with the maps that it is made of, and the equations' derivatives along rotation
         and value, (2, N 2 m), where they are unknown; the smooth ones are kept.
         """
-        if smooth and self._smooth is not None:
-            return self._smooth
+        return self._smooth if smooth else self._made(smooth)
+
+    @functools.cached_property
+    def _smooth(self) -> tuple[Harmonics, np.ndarray]:
+        return self._made(True)
+
+    def _made(self, smooth: bool) -> tuple[Harmonics, np.ndarray]:
         bordered = self.problem.phase is not None
         harmonics = Harmonics(self.maps(smooth), shift(len(self.states), self.rotation), bordered)
         columns = [-tangents(self.states, self.rotation).ravel(), self._rate().ravel()] if bordered else []
-        made = harmonics, np.array(columns)
-        if smooth:
-            self._smooth = made
-        return made
+        return harmonics, np.array(columns)
 
     def _rate(self) -> np.ndarray:
         """(N, 2 m): derivative of the images along the value, by differences."""
@@ -275,7 +261,7 @@ class CurveLinear:
     """
 
     def __init__(self, state: CurveState, smooth: bool):
-        self.state, self.smooth, self.rows = state, smooth, state.rows
+        self.state, self.smooth, self.rows = state, smooth, len(state.u) - 1
 
     def mixed(self, others: Sequence[Linear], weights: Sequence[float]) -> None:
         """See `problem.Linear`."""
@@ -283,31 +269,9 @@ class CurveLinear:
 
     def bordered(self, row: np.ndarray) -> CurveBorder:
         """See `problem.Linear`."""
-        return CurveBorder(self.state, *self.state.linearised(self.smooth), row)
-
-
-class CurveBorder:
-    """By KSP, in units. Where the rotation is known the value is held: the border is its row alone."""
-
-    sign: float | None = None
-
-    def __init__(self, state: CurveState, harmonics: Harmonics, columns: np.ndarray, row: np.ndarray):
-        problem, border = state.problem, None
-        self.units, self.unit = problem.units(state.u)[0], problem.unit
-        scaled = row * self.units
-        self.size = float(np.linalg.norm(scaled))
-        if problem.phase is not None:
-            scales = self.units[-2:, None] / self.unit
-            border = Border(columns * scales, np.array([problem.phase, scaled / self.size]))
-        self.held = border is None
-        self.system = CurveSystem(harmonics, border)
-
-    def solve(self, right: np.ndarray) -> np.ndarray:
-        """See `problem.Border`."""
-        right = np.append(right[:-1] / self.unit, right[-1] / self.size)
-        if self.held:
-            return self.units * np.append(self.system.solve(right[:-1], LINEAR), right[-1])
-        return self.units * self.system.solve(right, LINEAR)
+        state, problem = self.state, self.state.problem
+        units = problem.units(state.u)[0], problem.unit
+        return CurveBorder(*state.linearised(self.smooth), problem.phase, row, units)
 
 
 def named(error: SolveError | None) -> str:

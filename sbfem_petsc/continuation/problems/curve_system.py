@@ -9,7 +9,6 @@ the preconditioner's factors are shared by the ranks; what every rank needs of a
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -22,8 +21,8 @@ from ...reduction.reduced_model import ReducedModel
 from ..linear import GmresSettings, by_gmres
 
 PREFIX = "torus_"
-# Vectors that GMRES keeps.
-KEPT = 150
+# Relative residual of the linear systems, and vectors that GMRES keeps.
+LINEAR, KEPT = 1e-8, 150
 # Reciprocal condition of a harmonic's system below which it is singular but for rounding.
 SINGULAR = 1e-14
 
@@ -103,13 +102,6 @@ class CurveMaps:
         return result / self.samples
 
 
-class Border(NamedTuple):
-    """Columns of rotation and parameter, (2, N 2 m), and two conditions on all unknowns, (2, N 2 m + 2)."""
-
-    columns: np.ndarray
-    rows: np.ndarray
-
-
 class Harmonics:
     """Preconditioner: the derivatives are replaced by their mean, which leaves a system for each harmonic of
     the curve. With a border that of the first one, almost singular where the curve is small, is bordered by
@@ -173,36 +165,58 @@ class Harmonics:
         return np.append(states, [found[1, -1].imag, found[1, -1].real] if self.bordered else [])
 
 
-class CurveSystem:
-    """The system of a curve, and of its rotation and parameter where there is a border. Collective.
+class CurveBorder:
+    """The linearised equations of a curve with one more row, see `problem.Border`, by KSP in units of the
+    unknowns. Collective.
 
     Parameters
     ----------
     harmonics : Harmonics
-        Of the same maps.
-    border : Border, optional
+    columns : (2, N 2 m) array
+        Derivatives of the equations along rotation and parameter; (0, N 2 m) where the rotation is known: the
+        parameter is held then, and the row is about it alone.
+    phase : (N 2 m + 2,) array or None
+        The condition on where the curve begins, where there are columns.
+    row : array
+    units : (array, float)
+        Of the unknowns, and of the equations.
     """
 
-    def __init__(self, harmonics: Harmonics, border: Border | None = None):
-        self._harmonics, self._maps, self._border = harmonics, harmonics.maps, border
-        self._extra = 0 if border is None else 2
-        self._coordinates = self._maps.samples * self._maps.size
+    sign: float | None = None
 
-    def solve(self, right: np.ndarray, tolerance: float) -> np.ndarray:
-        """The unknowns, on all ranks, to a residual relative to that of zero. Collective.
+    def __init__(
+        self,
+        harmonics: Harmonics,
+        columns: np.ndarray,
+        phase: np.ndarray | None,
+        row: np.ndarray,
+        units: tuple[np.ndarray, float],
+    ):
+        self._harmonics, self._maps, (self.units, self.unit) = harmonics, harmonics.maps, units
+        scaled = row * self.units
+        self.size, self._extra = float(np.linalg.norm(scaled)), len(columns)
+        self._coordinates = self._maps.samples * self._maps.size
+        if phase is not None:
+            self._rows = np.array([phase, scaled / self.size])
+            self._columns = columns * (self.units[-2:, None] / self.unit)
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """See `problem.Border`.
 
         Raises
         ------
         SolveError
             If the iteration does not converge; a `PetscFailure` if PETSc cannot do it.
         """
-        size = float(np.linalg.norm(right))
+        right = np.append(right[:-1] / self.unit, right[-1] / self.size)
+        known, held = (right, ()) if self._extra else (right[:-1], right[-1:])
+        size = float(np.linalg.norm(known))
         if not size:
-            return np.zeros(len(right))
+            return self.units * np.append(np.zeros(len(known)), held)
         remedy = f"take more samples, or another solver or more iterations under -{PREFIX}ksp_..."
-        settings = GmresSettings("quasi_periodic", PREFIX, tolerance, KEPT, remedy)
-        own = by_gmres(self._maps.comm, self.own(right / size), self.product, self.nearby, settings)
-        return size * self.everywhere(own)
+        settings = GmresSettings("quasi_periodic", PREFIX, LINEAR, KEPT, remedy)
+        own = by_gmres(self._maps.comm, self.own(known / size), self.product, self.nearby, settings)
+        return self.units * np.append(size * self.everywhere(own), held)
 
     def own(self, vector: np.ndarray) -> np.ndarray:
         """This rank's part of a vector of all unknowns; the first rank has the numbers behind its samples."""
@@ -226,12 +240,11 @@ class CurveSystem:
         states = vector[: self._coordinates].reshape(-1, maps.size)
         image = np.matmul(maps.states, states[maps.mine, :, None])[:, :, 0]
         image -= filtered(states, self._harmonics.shift)[maps.mine]
-        if self._border is None:
+        if not self._extra:
             return image.ravel()
-        for column, value in zip(self._border.columns, vector[self._coordinates :]):
+        for column, value in zip(self._columns, vector[self._coordinates :]):
             image += value * column.reshape(-1, maps.size)[maps.mine]
-        conditions = self._border.rows @ vector if maps.comm.rank == 0 else ()
-        return np.append(image, conditions)
+        return np.append(image, self._rows @ vector if maps.comm.rank == 0 else ())
 
     def nearby(self, own: np.ndarray) -> np.ndarray:
         """This rank's part of the preconditioner's product with a vector."""

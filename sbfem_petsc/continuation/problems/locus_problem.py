@@ -17,6 +17,7 @@ made.
 from __future__ import annotations
 
 import copy
+import functools
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -209,7 +210,6 @@ class LocusState:
 
     def __init__(self, problem: LocusProblem, u: np.ndarray):
         self.problem, self.u, self.scale = problem, u, problem.size
-        self.forget()
         self._begin()
         off = np.where(np.abs(self.condition) > BAND, self.condition, 0.0)
         self.residual = np.append(self.motion.residual, FINE * self.scale * off)
@@ -218,23 +218,22 @@ class LocusState:
 
     def forget(self) -> None:
         """See `problem.State`."""
-        self._run: tuple[DrivenPeriod, PeriodMotion] | None = None
-        self._surface: np.ndarray | None = None
+        for name in ("_run", "surface"):
+            self.__dict__.pop(name, None)
+
+    @functools.cached_property
+    def _run(self) -> tuple[DrivenPeriod, PeriodMotion]:
+        return self.problem.run(self.u)
 
     @property
     def driven(self) -> DrivenPeriod:
         """The driven period."""
-        return self._motion_of_period()[0]
+        return self._run[0]
 
     @property
     def motion(self) -> PeriodMotion:
         """The motion over it."""
-        return self._motion_of_period()[1]
-
-    def _motion_of_period(self) -> tuple[DrivenPeriod, PeriodMotion]:
-        if self._run is None:
-            self._run = self.problem.run(self.u)
-        return self._run
+        return self._run[1]
 
     def _begin(self) -> None:
         """Set the condition."""
@@ -268,17 +267,16 @@ class LocusState:
             total = total + length * rate
         return total
 
+    @functools.cached_property
     def surface(self) -> np.ndarray:
         """Derivative of the motion's residual along the unknowns in units, (2 m, n)."""
-        if self._surface is None:
-            problem = self.problem
-            x, _, value = problem.split(self.u)
-            self._surface = np.zeros((len(x), len(self.u)))
-            part = self._surface[:, : len(x) + 2]
-            part[:] = problem.family.derivative(self.driven, self.motion, x, value)
-            part[:, : len(x)] -= np.eye(len(x))
-            self._surface *= problem.units(self.u)[0]
-        return self._surface
+        problem = self.problem
+        x, _, value = problem.split(self.u)
+        part = problem.family.derivative(self.driven, self.motion, x, value)
+        part[:, : len(x)] -= np.eye(len(x))
+        result = np.zeros((len(x), len(self.u)))
+        result[:, : len(x) + 2] = part
+        return result * problem.units(self.u)[0]
 
     def linear(self, smooth: bool = False) -> _Augmented:
         """The same for Newton's method and for tangents."""
@@ -362,7 +360,7 @@ class _AugmentedBorder:
 
     def __init__(self, state: LocusState, row: np.ndarray):
         self.state, self.units = state, state.problem.units(state.u)[0]
-        surface, scaled = state.surface(), row * self.units
+        surface, scaled = state.surface, row * self.units
         self.size = float(np.linalg.norm(surface, axis=1).max()) / max(float(np.linalg.norm(scaled)), 1e-300)
         q, r = linalg.qr(np.vstack([surface, self.size * scaled]).T, check_finite=False)
         self.known = len(surface) + 1
