@@ -24,6 +24,8 @@ APART = 0.2
 LEAN = 0.01
 # Points to either side of a turn that teeth alone do not outlast.
 TEETH = 3
+# Straight lines to a zero that has been enclosed, at most.
+SECANTS = 2
 # Values that rounding alone tells apart.
 SAME = 1e-10
 # A chord of a curve, over value and height both scaled to 1, is divided, so many times at most, if it is off
@@ -255,20 +257,27 @@ def _arrived(
 def located(
     line: Line, k: int, test: Callable[[Point], float], ends: tuple[float, float]
 ) -> tuple[int, Point]:
-    """Where a test function vanishes between points k and k + 1, and by the straight line through its
-    neighbours of either sign, if that is nearer: a value's extremum is then off by the fourth power of how
-    far they are apart. With k.
+    """Where a test function vanishes between points k and k + 1, and by straight lines through the points
+    where it is least, as long as these are nearer: a value's extremum is then off by the fourth power of how
+    far they are apart, or less. With k.
     """
     point, *sides = find_zero(line, k, test, ends)
-    places, values = [place_of(line, k, side) for side in sides], [test(side) for side in sides]
-    if values[0] == values[1]:
-        return k, point
-    place = places[0] - values[0] * (places[1] - places[0]) / (values[1] - values[0])
-    try:
-        nearer = between(line, k, place, dict(zip(places, sides)))
-    except SolveError:
-        return k, point
-    return k, (nearer if abs(test(nearer)) < abs(test(point)) else point)
+    known, left = {place_of(line, k, side): side for side in sides}, abs(test(point))
+    values = {place: test(side) for place, side in known.items()}
+    for _ in range(SECANTS):
+        one, other = sorted(known, key=lambda place: abs(values[place]))[:2]
+        if values[one] == values[other]:
+            break
+        place = one - values[one] * (other - one) / (values[other] - values[one])
+        try:
+            known[place] = between(line, k, place, known)
+        except SolveError:
+            break
+        values[place] = test(known[place])
+        if abs(values[place]) >= left:
+            break
+        point, left = known[place], abs(values[place])
+    return k, point
 
 
 def folds(line: Line) -> list[tuple[int, Point]]:
