@@ -20,13 +20,16 @@ from ..errors import caller_level
 from ..motion.files.history_file import HistoryFile
 from ..motion.history import History
 from ..motion.initial import modal_start
-from ..motion.integration import FormerRun, Integrator, Rows, Steps, chunks, row_size
+from ..motion.integration import FormerRun, Integrator, Steps, chunks
 from ..motion.loading import Loading, Wanted, communicator, loading, moved_up_to, serving, warn_of_unreduced
 from ..motion.preparation import check_reduction
-from ..motion.reduced_history import ReducedIntegrator, reduced_columns
+from ..motion.reduced_history import ReducedIntegrator
+from ..motion.reduced_history import row_size as reduced_row
+from ..motion.states import Rows
 from ..motion.step_plan import COARSE, CONTACT_STEP, default_step, plan_steps, require_room
 from ..motion.steps import DEEPEST, HALVING
-from ..motion.unreduced.history import UnreducedIntegrator, unreduced_columns
+from ..motion.unreduced.history import UnreducedIntegrator
+from ..motion.unreduced.history import row_size as unreduced_row
 from ..progress import Progress, progress_bar
 from ..ranks.capacity import KEPT, require_compiler
 from ..ranks.parallel import collective
@@ -183,9 +186,9 @@ def transient(
         require_room(comm, steps, problem.row, file, in_memory=in_memory, former=record.former)
         report = stack.enter_context(progress_bar(comm, "transient", progress))
         integrator = problem.integrator(steps, stack)
-        if file is not None:
-            record.begin(loads.signals, integrator.told())
-        history = _integrated(integrator, steps, record, report)
+        first = integrator.first()
+        record.begin(loads.signals, integrator, first)
+        history = _integrated(integrator, steps, first, record, report)
     if isinstance(integrator, ReducedIntegrator):
         _warn_of_work(integrator, history)
         _warn_if_long(step, problem.highest, history)
@@ -243,7 +246,7 @@ def _reduced(reduced: ReducedModel, loads: Loading, initial: Any, contact: bool,
     def integrator(steps: Steps, _: contextlib.ExitStack) -> ReducedIntegrator:
         return ReducedIntegrator(reduced, loads.signals, steps, initial)
 
-    return _Problem(loads, highest, row_size(reduced_columns(reduced)), integrator)
+    return _Problem(loads, highest, reduced_row(reduced), integrator)
 
 
 def _unreduced(
@@ -262,27 +265,32 @@ def _unreduced(
         warn_of_unreduced("transient", model, loads, damped)
         return made
 
-    return _Problem(loads, highest, row_size(unreduced_columns(model)), integrator)
+    return _Problem(loads, highest, unreduced_row(model), integrator)
 
 
 def _integrated(
-    integrator: Integrator, steps: Steps, recorder: HistoryFile, report: Callable[[float], None]
+    integrator: Integrator,
+    steps: Steps,
+    first: History,
+    recorder: HistoryFile,
+    report: Callable[[float], None],
 ) -> History:
     """Advance a system over all steps."""
-    done, rows, former = 0, integrator.first(), recorder.resume()
+    done, rows, former = 0, first.instants(), recorder.resume()
+    kept: Rows | None = None
+    if recorder.in_memory:  # made at once, so that nothing is held twice
+        kept = {name: np.empty((steps.kept, *values.shape[1:])) for name, values in rows.items()}
     if former is not None:
         done, rows, checkpoint = former
         integrator.restore(checkpoint)
     else:
-        recorder.append(0, rows, integrator.checkpoint)
-    kept: Rows | None = None
-    if recorder.in_memory:  # made at once, so that nothing is held twice
-        kept = {name: np.empty((steps.kept, *shape)) for name, shape in integrator.columns.items()}
+        recorder.append(0, rows, integrator)
     filled = _fill(kept, rows, 0)
     for after, rows in chunks(integrator, steps, report, done):
         filled = _fill(kept, rows, filled)
-        recorder.append(after, rows, integrator.checkpoint)
-    return integrator.history(recorder.recorded() if kept is None else kept)
+        recorder.append(after, rows, integrator)
+    found = recorder.recorded() if kept is None else kept
+    return first.of_instants(found, exchanges=integrator.exchanges)
 
 
 def _fill(kept: Rows | None, rows: Rows, first: int) -> int:

@@ -37,6 +37,10 @@ class Energy(Record):
         "J", "energy lost to friction, where faces rub", "time", kinds="f", default=None
     )
 
+    def instants(self) -> np.ndarray:
+        """(n, 5) or (n, 6): all of them."""
+        return np.stack([part for part in vars(self).values() if part is not None], axis=1)
+
     @property
     def total(self) -> np.ndarray:
         """(n,): kinetic and strain energy."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import ClassVar
+from dataclasses import replace
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from ..system.fields.places import checked_line
 from ..system.fields.sampling import Field
 from ..system.model import Model
 from .energy import Energy
-from .states import ModalStates, Point, SampledStates
+from .states import ModalStates, Point, Rows, SampledStates
 
 # Supports whose forces are printed.
 SHOWN = 4
@@ -255,6 +256,15 @@ class History(Motion):
         """0 where no load works."""
         supplied = float(np.abs(self.energy.external).max(initial=0.0))
         return float(np.abs(self.energy.balance).max()) / supplied if supplied > 0.0 else 0.0
+
+    def instants(self) -> Rows:
+        """What is kept of the instants, by the names of columns."""
+        return {"time": self.time, **self.states.instants(), "energies": self.energy.instants()}
+
+    def of_instants(self, rows: Rows, **facts: Any) -> History:
+        """The same with other instants, and other facts."""
+        states, energy = self.states.of_instants(rows), Energy(*rows["energies"].T)
+        return replace(self, time=rows["time"], states=states, energy=energy, **facts)
 
     def _warn_incomplete(self, path: str) -> None:
         """Warn of a run that has not ended."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
@@ -12,10 +11,7 @@ import numpy as np
 from ..errors import SolveError, on_all_ranks
 from ..petsc import MPI
 from .history import History
-
-Rows = dict[str, np.ndarray]
-# Shapes of what a row holds, by name.
-Columns = dict[str, tuple[int, ...]]
+from .states import Rows
 
 
 @dataclass(frozen=True)
@@ -82,17 +78,17 @@ class OfOtherRanks(NamedTuple):
 
 
 class Integrator(Protocol):
-    """A system that can be advanced: reduced or not."""
+    """A system that can be advanced: reduced or not; `exchanges` are those of active sets so far."""
 
     comm: MPI.Comm
     chunk: int
-    columns: Columns
+    exchanges: int
 
     def told(self) -> Told:
         """What a file tells of the run. Collective."""
 
-    def first(self) -> Rows:
-        """The row of t = 0, each array of length 1."""
+    def first(self) -> History:
+        """The motion as far as t = 0."""
 
     def advance(self, done: int, steps: int, decimation: int) -> Rows:
         """Take some steps after `done` ones; the rows of those that are kept. They may be views of memory
@@ -104,9 +100,6 @@ class Integrator(Protocol):
 
     def restore(self, checkpoint: Any) -> None:
         """Go on from what `checkpoint` has given, an unreduced model from `OfOtherRanks` too. Collective."""
-
-    def history(self, rows: Rows) -> History:
-        """The motion of all rows."""
 
 
 def chunks(
@@ -134,8 +127,3 @@ def _require_finite(rows: Rows) -> None:
                     f"{rows['time'][first]:.6g} s; are the loads of usual size, in N and Pa?"
                 )
             )
-
-
-def row_size(columns: Columns) -> int:
-    """Bytes of a row."""
-    return 8 * sum(math.prod(shape) for shape in columns.values())

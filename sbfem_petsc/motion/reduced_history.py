@@ -26,9 +26,9 @@ from ..signals.signal import Signal
 from .drive import Drive, Piece
 from .energy import Energy, Ledger, MovedLedger, guard
 from .history import History
-from .integration import Columns, Rows, Steps, Told
+from .integration import Steps, Told
 from .rest import at_rest
-from .states import ModalStates
+from .states import ModalStates, Rows
 from .steps import HALVING, halved_coefficients, lengths
 
 CHUNK = 4096
@@ -90,14 +90,13 @@ class ReducedIntegrator:
         modes, most = len(self.q), min(CHUNK, steps.count) + 1
         self._room = [np.empty((most, size)) for size in (modes, modes, self.rows, modes, self.rows)]
         self._work, self._lost = np.empty(most), np.empty(most if len(self.slip) else 0)
-        self.columns = reduced_columns(r)
         self.begun = initial if isinstance(initial, str) else "modal"
 
     def told(self) -> Told:
         """See `integration.Integrator`."""
         norms = (np.linalg.norm(self.reduced.omega * self.q), np.linalg.norm(self.v))
         told = {"initial": self.begun, "initial_norms": np.array(norms if self.begun == "modal" else ())}
-        return Told({**self.steps.settings, **told, "chunk": self.chunk, "model": self.reduced})
+        return Told({**self.steps.settings, **told, "chunk": self.chunk})
 
     def _driven(self, amplitudes: np.ndarray) -> StepLoads:
         """Of load amplitudes (n + 1, loads); by `dot`, for `@` of one column is slow."""
@@ -115,24 +114,18 @@ class ReducedIntegrator:
         """(n, c): zero forces where contact is switched off."""
         return forces if self.rows == self.size else np.zeros((len(forces), self.size))
 
-    def first(self) -> Rows:
-        """The row of t = 0."""
-        force = self._padded(self.force[None].copy())
+    def first(self) -> History:
+        """See `integration.Integrator`."""
+        r, amplitude, force = self.reduced, self.amplitude[None], self._padded(self.force[None].copy())
         energies = self.ledger.start(self.q, self.v, self.amplitude, force[0])
-        values = (
-            np.zeros(1),
-            self.q[None].copy(),
-            self.v[None].copy(),
-            *self._parted(self.amplitude[None]),
-            force,
-            energies.T,
-        )
-        return dict(zip(self.columns, values))
+        loads, rates = self._parted(amplitude)
+        states = ModalStates(self.q[None].copy(), self.v[None].copy(), loads, force, r, rates)
+        return History(np.zeros(1), states, Energy(*energies), self.steps.step, 0, len(r.omega))
 
-    def _parted(self, amplitude: np.ndarray) -> list[np.ndarray]:
+    def _parted(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
         """(n, loads) amplitudes, and rates and accelerations of prescribed displacements if there are any."""
-        parts = np.split(amplitude, [self.loads], axis=1)
-        return parts if len(self.reduced.edges) else parts[:1]
+        loads, rates = np.split(amplitude, [self.loads], axis=1)
+        return loads, rates if len(self.reduced.edges) else None
 
     def advance(self, done: int, steps: int, decimation: int) -> Rows:
         """Take some steps; the rows of those that are kept, until the next ones are taken.
@@ -172,8 +165,10 @@ class ReducedIntegrator:
         forces = self._padded(forces)
         guard(energies, self.ledger, time)
         kept = slice(-(done + 1) % decimation, None, decimation)
-        values = (time[1:], states, velocities, *self._parted(amplitude[1:]), forces, energies.T)
-        return {name: value[kept] for name, value in zip(self.columns, values)}
+        loads, rates = self._parted(amplitude[1:])
+        found = ModalStates(states, velocities, loads, forces, self.reduced, rates)
+        every = {"time": time[1:], **found.instants(), "energies": energies.T}
+        return {name: values[kept] for name, values in every.items()}
 
     def _march(self, piece: Piece, history: StepHistory) -> Marched:
         """Take the steps of a piece; a part of a step, of its own length, is tried whole first."""
@@ -228,45 +223,12 @@ class ReducedIntegrator:
         for part, values in zip(parts, found):
             part[...] = values.reshape(part.shape)
 
-    def history(self, rows: Rows) -> History:
-        """The motion of all rows."""
-        return reduced_history(rows, self.reduced, self.steps.step, self.exchanges)
 
-
-def reduced_columns(reduced: ReducedModel) -> Columns:
-    """What is kept of each instant."""
+def row_size(reduced: ReducedModel) -> int:
+    """Bytes of an instant."""
     modes, loads = reduced.load_modes.shape
-    edges = 2 * len(reduced.edges)
-    return {
-        "time": (),
-        "modal_displacement": (modes,),
-        "modal_velocity": (modes,),
-        "amplitudes": (loads,),
-        **({"edge_rates": (edges,)} if edges else {}),
-        "contact_force": (len(reduced.initial_gap),),
-        "energies": (5 if reduced.friction is None else 6,),
-    }
-
-
-def recorded_exchanges(checkpoint: np.ndarray) -> int:
-    """Exchanges of active sets up to a checkpoint."""
-    return int(checkpoint[0])
-
-
-def reduced_history(
-    rows: Rows, reduced: ReducedModel, step: float, exchanges: int, complete: bool = True
-) -> History:
-    """A history from its rows by the names of `ReducedIntegrator.columns`."""
-    states = ModalStates(
-        rows["modal_displacement"],
-        rows["modal_velocity"],
-        rows["amplitudes"],
-        rows["contact_force"],
-        reduced,
-        rows.get("edge_rates"),
-    )
-    energy = Energy(*rows["energies"].T)
-    return History(rows["time"], states, energy, step, exchanges, len(reduced.omega), complete)
+    energies = 5 if reduced.friction is None else 6
+    return 8 * (1 + 2 * modes + loads + 2 * len(reduced.edges) + len(reduced.initial_gap) + energies)
 
 
 def _constants(r: ReducedModel, steps: Steps, length: float, count: int) -> StepConstants:

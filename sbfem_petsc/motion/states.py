@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -17,6 +19,9 @@ from .unreduced.kept_fields import KeptFields
 
 # The name of a point, or coordinates in m.
 Point = str | tuple[float, float]
+# Values at instants by the names of columns, as they are while a motion is integrated.
+Rows = dict[str, np.ndarray]
+Kind = TypeVar("Kind", bound="States")
 
 # Instants whose modal accelerations are held at a time.
 BLOCK = 8192
@@ -27,9 +32,38 @@ NOT_KEPT = (
 )
 
 
+class States(Record):
+    """Instants of a motion.
+
+    Attributes
+    ----------
+    columns : dict of str to str
+        Names of what is kept of each, and the attributes that hold it.
+    """
+
+    columns: ClassVar[Mapping[str, str]] = {}
+
+    def instants(self) -> Rows:
+        """What is kept, by the names of the columns."""
+        found = {name: getattr(self, at) for name, at in self.columns.items()}
+        return {name: values for name, values in found.items() if values is not None}
+
+    def of_instants(self: Kind, rows: Rows) -> Kind:
+        """Other instants of the same motion."""
+        return replace(self, **{at: rows[name] for name, at in self.columns.items() if name in rows})
+
+
 @described
-class ModalStates(Record):
+class ModalStates(States):
     """Instants of a reduced model's motion."""
+
+    columns: ClassVar = {
+        "modal_displacement": "q",
+        "modal_velocity": "v",
+        "amplitudes": "amplitudes",
+        "edge_rates": "edge_rates",
+        "contact_force": "contact",
+    }
 
     q: np.ndarray = quantity("m sqrt(kg)", "modal coordinates", "time mode")
     v: np.ndarray = quantity("m sqrt(kg)/s", "rates of the modal coordinates", "time mode")
@@ -184,32 +218,46 @@ class ModalStates(Record):
 
 
 @described
-class SampledStates(Record):
+class SampledStates(States):
     """Instants of an unreduced model's motion: what was sampled while it ran, and `fields` for any other
-    place, which no file keeps.
+    place, which no file keeps. `points` and `supports` are the names of places and of what is supported.
     """
 
-    displacements: dict[str, np.ndarray] = quantity("m", "displacement", "time place xy", by="place")
-    velocities: dict[str, np.ndarray] = quantity("m/s", "velocity", "time place xy", by="place")
-    accelerations: dict[str, np.ndarray] = quantity("m/s^2", "acceleration", "time place xy", by="place")
+    labels: ClassVar = {"place": "points", "support": "supports", "tip": "tips"}
+    columns: ClassVar = {
+        "displacement": "displacements",
+        "velocity": "velocities",
+        "acceleration": "accelerations",
+        "contact_force": "contact",
+        "gap": "gap",
+        "stress_intensity": "intensities",
+        "reactions": "borne",
+    }
+
+    points: tuple[str, ...]
+    supports: tuple[str, ...]
+    displacements: np.ndarray = quantity("m", "displacement", "time place xy")
+    velocities: np.ndarray = quantity("m/s", "velocity", "time place xy")
+    accelerations: np.ndarray = quantity("m/s^2", "acceleration", "time place xy")
     contact: np.ndarray = quantity(
         "N", "forces of the contact rows, means over the step that ends at the instant", "time row"
     )
     gap: np.ndarray = quantity("m", "gaps of the contact rows", "time row")
     pairs: int = quantity("1", "contact rows that are node pairs", least=0)
-    intensities: dict[str, np.ndarray] = quantity(
+    intensities: np.ndarray = quantity(
         "Pa m^(1 - exponent)",
         "K_I and K_II of the crack tips",
         "time tip component",
-        by="tip",
         unit_of=lambda states: states.tip_facts.by_tip,
+    )
+    borne: np.ndarray = quantity(
+        "N",
+        "force of each support on the structure, extrapolated from the means over the last two steps",
+        "time support xy",
     )
     tip_facts: TipFacts = quantity(text="kinds of the tips", part="TipFacts")
     gaps: int | None = quantity(
         "1", "contact rows that are gaps, behind which slips stand, where faces rub", default=None, least=0
-    )
-    borne: dict[str, np.ndarray] = quantity(
-        "N", "force of each support on the structure", "time support xy", by="support", default_factory=dict
     )
     fields: KeptFields | None = None
 
@@ -217,8 +265,13 @@ class SampledStates(Record):
         """Raise ValueError unless pairs and tips are those of its rows."""
         if self.pairs > self.contact.shape[1] or self.tip_facts.contact_rows[-1] > self.contact.shape[1]:
             raise ValueError(f"pairs or tips are not those of {self.contact.shape[1]} contact rows")
-        if self.tip_facts.names != tuple(self.intensities):
-            raise ValueError(f"the tips are said to be {self.tip_facts.names} and {tuple(self.intensities)}")
+        if len(self.tips) != self.intensities.shape[1]:
+            raise ValueError(f"the tips are said to be {self.tips} and {self.intensities.shape[1]}")
+
+    def of_instants(self, rows: Rows) -> SampledStates:
+        """Other instants of the same motion, with their fields if all are kept."""
+        fields = self.fields and self.fields.complete(len(rows["gap"]))
+        return replace(super().of_instants(rows), fields=fields)
 
     def _fingerprint(self) -> object:
         """What tells it from others, the same on all ranks."""
@@ -229,51 +282,38 @@ class SampledStates(Record):
         return {**self.__dict__, "fields": None}
 
     @property
-    def points(self) -> tuple[str, ...]:
-        """Named points."""
-        return tuple(self.displacements)
-
-    @property
     def tips(self) -> tuple[str, ...]:
         """Names of the crack tips."""
-        return tuple(self.intensities)
-
-    @property
-    def supports(self) -> tuple[str, ...]:
-        """What is supported; of older files nothing."""
-        return tuple(self.borne)
+        return self.tip_facts.names
 
     def reactions(self) -> np.ndarray | None:
-        """(n, supports, 2): forces of the supports, N, extrapolated from the means over the last two steps;
-        None of older files.
-        """
-        return np.stack(list(self.borne.values()), axis=1) if self.borne else None
+        """(n, supports, 2): forces of the supports, N; None without supports."""
+        return self.borne if self.supports else None
 
     def displacement(self, point: Point) -> np.ndarray:
         """(n, 2), m. Collective for a place (x, y)."""
         if isinstance(point, str):
-            return _of(self.displacements, point, "point")
+            return self._at(self.displacements, point)
         place = checked_place("displacement", point)
         return self._kept("displacement").along("displacement", [place], self.contact)[:, 0]
 
     def bound(self) -> float:
         """No named point moves further, m."""
-        moves = self.displacements.values()
-        return max((float(np.linalg.norm(u, axis=-1).max()) for u in moves), default=0.0)
+        return float(np.linalg.norm(self.displacements, axis=-1).max(initial=0.0))
 
     def velocity(self, point: Point) -> np.ndarray:
         """(n, 2), m/s."""
-        return _of(self.velocities, point, "point")
+        return self._at(self.velocities, point)
 
     def acceleration(self, point: Point) -> np.ndarray:
         """(n, 2), m/s^2, extrapolated from the mean ones of the last two steps; at first the mean of the
         first step.
         """
-        return _of(self.accelerations, point, "point")
+        return self._at(self.accelerations, point)
 
     def stress_intensity(self, tip: str) -> np.ndarray:
         """(n, 2): K_I and K_II, Pa m^(1/2)."""
-        return _of(self.intensities, tip, "crack tip")
+        return self._at(self.intensities, tip, "crack tip")
 
     def stress(self, place: Point) -> np.ndarray:
         """(n, 3): xx, yy, xy, Pa. Collective.
@@ -285,7 +325,7 @@ class SampledStates(Record):
         """
         fields = self._kept("stress")
         if isinstance(place, str):
-            _of(self.displacements, place, "point")
+            self._at(self.displacements, place)
             place = fields.model.points[place][0]
         return fields.along("stress", [checked_place("stress", place)], self.contact)[:, 0]
 
@@ -316,10 +356,11 @@ class SampledStates(Record):
             raise on_all_ranks(SolveError(f"{what}: {NOT_KEPT}"))
         return self.fields
 
-
-def _of(table: dict[str, np.ndarray], name: Point, kind: str) -> np.ndarray:
-    if not isinstance(name, str):
-        raise on_all_ranks(SolveError(f"{kind} {name!r}: {NOT_KEPT}"))
-    if name not in table:
-        raise UnknownName(f"{kind} {name!r} does not exist; the model has {listed(table)}")
-    return table[name]
+    def _at(self, table: np.ndarray, name: Point, kind: str = "point") -> np.ndarray:
+        """(n, 2): what a table holds of a point or tip."""
+        names = self.points if kind == "point" else self.tips
+        if not isinstance(name, str):
+            raise on_all_ranks(SolveError(f"{kind} {name!r}: {NOT_KEPT}"))
+        if name not in names:
+            raise UnknownName(f"{kind} {name!r} does not exist; the model has {listed(names)}")
+        return table[:, names.index(name)]

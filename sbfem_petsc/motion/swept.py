@@ -232,7 +232,7 @@ def swept_motion(
     displacements = np.empty((count + 1, len(reduced.points.names), directions(reduced)))
     contact = np.empty((count + 1, 1))
     rest = chunks(integrator, integrator.steps, report)
-    for done, rows in itertools.chain([(0, integrator.first())], rest):
+    for done, rows in itertools.chain([(0, integrator.first().instants())], rest):
         part = reduced.points(rows["modal_displacement"], rows["amplitudes"], rows["contact_force"])
         kept = slice(done + 1 - len(part), done + 1)
         displacements[kept] = part[:, :, -displacements.shape[2] :]

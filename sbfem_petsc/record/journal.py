@@ -29,7 +29,7 @@ from meshing.whole_file import destination, reason, replaced
 from ..errors import SolveError
 from ..output_folder import hold
 
-MAGIC = b"sbfem journal 5\n"
+MAGIC = b"sbfem journal 6\n"
 # Of a frame: length of what follows, its CRC-32, CRC-32 of what follows.
 HEAD = struct.Struct("<QII")
 Frame = dict[str, Any]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,15 +15,13 @@ from ...errors import SolveError
 from ...petsc import MPI
 from ...ranks.capacity import SHARE, available_memory, in_bytes
 from ...ranks.parallel import collective
-from ...record.files import from_image, image
+from ...record.files import MODEL, from_image, image
 from ...record.journal import Kept, read
-from ...record.record import Record
 from ...reduction.comparison import close
 from ...signals.signal import Signal
 from ..history import History
-from ..integration import FormerRun, OfOtherRanks, Rows, Told
-from ..reduced_history import recorded_exchanges, reduced_columns, reduced_history
-from ..unreduced.history import SampledRun, sampled_columns, unreduced_history
+from ..integration import FormerRun, Integrator, OfOtherRanks
+from ..states import Rows
 from ..unreduced.ranks import Labels, alike, kept_layouts, layouts_in
 from .run_file import OF_MODEL, OF_START, RunFile
 
@@ -91,29 +89,32 @@ class HistoryFile(RunFile):
         return FormerRun(kept.state["count"], kept.head["step"], kept.head["decimation"])
 
     # ------------------------------------------------------------------ before the first step
-    def begin(self, signals: Sequence[Signal], told: Told) -> None:
+    def begin(self, signals: Sequence[Signal], integrator: Integrator, first: History) -> None:
         """What is recorded, and under which conditions; of a run that is resumed they must be the file's.
         Collective.
 
         Parameters
         ----------
         signals : sequence of Signal
-        told : Told
-            With "count", "step", "decimation" and "chunk" among the numbers.
+        integrator : Integrator
+            Which tells "count", "step", "decimation" and "chunk" among others.
+        first : History
+            As far as t = 0.
 
         Raises
         ------
         ValueError
             If the file was written otherwise, or is that of a longer run.
         """
+        if self.path is None:
+            return
+        told = integrator.told()
         self._count = int(told.head["count"])
         layouts = kept_layouts(self.comm, told.layout)
         with collective(self.comm):
             if self._journal is None:
                 return
-            records = {name: value for name, value in told.head.items() if isinstance(value, Record)}
-            head = {name: value for name, value in told.head.items() if name not in records}
-            head = {"kept": "history", "record": "History", "kind": self.kind, **head}
+            head = {"kept": "history", "record": "History", "kind": self.kind, **told.head}
             self._layouts, self._own = layouts, layouts_in(layouts)
             former = self._journal.former
             if former is not None:
@@ -123,8 +124,9 @@ class HistoryFile(RunFile):
                 self._journal.begin({}, former.vouched)
                 return
             head["signals"] = signal_checks(signals, head["count"] * head["step"])
-            head |= {name: image(record) for name, record in records.items()}
-            self._journal.begin(head | self._layouts)
+            if first.reduced is not None:
+                head["model"] = image(first.reduced)
+            self._journal.begin({**head, "first": image(first, first.reduced), **self._layouts})
             self._layouts = {}
 
     def _require_same(self, former: Kept, mine: Mapping[str, Any], signals: Sequence[Signal]) -> None:
@@ -169,18 +171,18 @@ class HistoryFile(RunFile):
             return done, rows, parts[0]
         return done, rows, OfOtherRanks(parts, layouts) if layouts else parts[comm.rank]
 
-    def append(self, done: int, rows: Rows, checkpoint: Callable[[], np.ndarray]) -> None:
+    def append(self, done: int, rows: Rows, integrator: Integrator) -> None:
         """Record the rows of a chunk, then the state after it, which vouches for them. Collective."""
         if self.path is None:
             return
-        state = checkpoint()
+        state = integrator.checkpoint()
         parts = self.comm.gather(state) if self.kind == "unreduced" else [state]
         with collective(self.comm):
             if self._journal is not None and parts is not None:
                 self._journal.append(rows)
                 sizes, state = np.array(list(map(len, parts))), np.concatenate(parts)
                 found = {"done": done, "count": self._count, "sizes": sizes, "state": state}
-                self._journal.checkpoint(found | self._layouts)
+                self._journal.checkpoint({**found, "exchanges": integrator.exchanges, **self._layouts})
 
     def recorded(self) -> Rows:
         """All rows, on the disk, read when they are used. Collective."""
@@ -246,26 +248,14 @@ def result_of(kept: Kept, in_memory: bool = True) -> History:
             f"{WHAT} {kept.path!r} holds no recorded instant: its run has not come to one, or "
             f"the file beside it, {f'{kept.path}.state'!r}, is missing; both belong together"
         )
-    rows, complete = rows_of(kept, in_memory), state["done"] == state["count"]
-    found = {name: values.shape[1:] for name, values in rows.items()}
-    if head["kind"] == "reduced":
-        reduced = from_image(head["model"])
-        columns = reduced_columns(reduced)
-    else:
-        tips = from_image(head["tips"])
-        size = found["contact_force"][0]
-        gaps = size - head["friction"].shape[1] if "friction" in head else size
-        supports = tuple(head.get("supports", ()))
-        if not supports:  # of a file of before motions of the unreduced model told reactions
-            rows["reactions"], found["reactions"] = np.zeros((len(rows["time"]), 0, 2)), (0, 2)
-        columns = sampled_columns(len(head["points"]), len(tips.names), size, gaps, supports=len(supports))
-    if found != columns:
+    beside = {MODEL: from_image(head["model"])} if "model" in head else {}
+    first: History = from_image(head["first"], beside)
+    rows = rows_of(kept, in_memory)
+    mine, found = ({name: v.shape[1:] for name, v in part.items()} for part in (first.instants(), rows))
+    if found != mine:
         raise ValueError(f"its rows are {found}, which is not what the model has")
-    if head["kind"] == "reduced":
-        return reduced_history(rows, reduced, head["step"], recorded_exchanges(state["state"]), complete)
-    facts = head["pairs"], gaps, head["step"], head["damped_modes"]
-    run = SampledRun(tuple(head["points"]), tips, *facts, supports)
-    return unreduced_history(rows, run, complete)
+    complete = state["done"] == state["count"]
+    return first.of_instants(rows, exchanges=state["exchanges"], complete=complete)
 
 
 def signal_checks(signals: Sequence[Signal], duration: float) -> np.ndarray:

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,7 +26,6 @@ from ...petsc import stage
 from ...signals.rate import rate_of
 from ...signals.signal import Signal
 from ...system.fields.resolution import warn_of_tips
-from ...system.fields.tip_facts import TipFacts
 from ...system.model import Model
 from ...system.solve.demand import require_steps
 from ...system.solve.modes import lowest_modes
@@ -36,8 +34,8 @@ from ..drive import Drive
 from ..energy import Energy
 from ..history import History
 from ..initial import unreduced_state
-from ..integration import Columns, OfOtherRanks, Rows, Steps, Told
-from ..states import SampledStates
+from ..integration import OfOtherRanks, Steps, Told
+from ..states import Rows, SampledStates
 from .kept_fields import KeptFields
 from .ranks import layout_of, moved
 from .steps import KEPT_RESPONSES, UnreducedSteps
@@ -61,6 +59,8 @@ class UnreducedIntegrator:
     modes : int
         Number of modes that are computed where the model has damping ratios.
     """
+
+    exchanges = 0
 
     def __init__(
         self,
@@ -89,7 +89,6 @@ class UnreducedIntegrator:
             freed.callback(self.pencil.destroy)
             self.march = UnreducedSteps(model, self.pencil, units, steps, found)
             freed.callback(self.march.release)
-            self.run, self.columns = SampledRun.of(self.march), unreduced_columns(model)
             self.fields = KeptFields(model, self.pencil, units, steps.kept)
             self.force = self._set_initial(units, initial)
             self._freed = freed.pop_all()
@@ -104,7 +103,7 @@ class UnreducedIntegrator:
 
     def told(self) -> Told:
         """See `integration.Integrator`."""
-        model, march, run = self.model, self.march, self.run
+        model, march = self.model, self.march
         head = self.steps.settings | {
             "initial": self.begun,
             "initial_norms": np.sqrt(march.summed(np.array([march.u @ march.u, march.v @ march.v]))),
@@ -112,15 +111,13 @@ class UnreducedIntegrator:
             "damping": np.array(
                 model.damping.points if isinstance(model.damping, DampingTable) else model.damping
             ),
-            "damped_modes": run.damped_modes,
+            "damped_modes": len(march.omega),
             "rayleigh": np.array(model.rayleigh),
-            "pairs": run.pairs,
             "continued_fraction": model.continued_fraction,
             "unknowns": model.unknowns,
-            "points": list(run.points),
-            "tips": run.tips,
-            "tip_names": list(run.tips.names),
-            "supports": list(run.supports),
+            "points": list(model.points),
+            "tip_names": list(model.tips.intensities.names),
+            "supports": list(march.ground.names),
             "fingerprint": march.fingerprint(),
         }
         friction = model.contact.friction
@@ -128,15 +125,18 @@ class UnreducedIntegrator:
             head["friction"] = np.array([friction.kinetic, friction.static])
         return Told(head, layout_of(self.pencil))
 
-    def first(self) -> Rows:
-        """The row of t = 0."""
+    def first(self) -> History:
+        """See `integration.Integrator`."""
         march = self.march
         amplitudes, sums = self.drive.sums(0, 1)
         gap = march.displacements()[: march.pairs] + march.free_gaps(march.amplitudes)
         gap = gap + march.own_flexibility @ self.force
         march.contact.slip = gap[len(march.laws) :]
         march.slope = march.first_slope(sums[0, : self.loads], *np.split(amplitudes[1], [self.loads]))
-        return self._stacked([self._row(0.0, march.slope, self.force, gap, march.energies())])
+        rows = _stacked([self._row(0.0, march.slope, self.force, gap)])
+        self._none = {name: values[:0] for name, values in rows.items()}
+        states, energy = sampled(march, rows, self.fields), Energy(*rows["energies"].T)
+        return History(rows["time"], states, energy, march.step, 0, len(march.omega))
 
     @stage("Steps")
     def advance(self, done: int, steps: int, decimation: int) -> Rows:
@@ -151,37 +151,25 @@ class UnreducedIntegrator:
             force, gap = march.advance(sums[k, : self.loads], amplitudes[k + 1], rates[k + 1])
             if (done + k + 1) % decimation == 0:
                 ahead = 1.5 * march.slope - 0.5 * slope
-                kept.append(self._row(time[k + 1], ahead, force, gap, march.energies()))
+                kept.append(self._row(time[k + 1], ahead, force, gap))
         march.settle()
-        return self._stacked(kept)
+        return _stacked(kept) if kept else self._none
 
-    def _row(
-        self, time: float, slope: np.ndarray, force: np.ndarray, gap: np.ndarray, energies: np.ndarray
-    ) -> tuple:
+    def _row(self, time: float, slope: np.ndarray, force: np.ndarray, gap: np.ndarray) -> Rows:
         """Values at the present instant, with accelerations and what supports bear as in `slope`."""
-        places, speeds = self.march.at_points()
-        acceleration, borne = (part.reshape(-1, 2) for part in np.split(slope, [places.size]))
-        energies = np.concatenate([energies, self.march.work])
-        forces_and_gaps = self.march.padded(force, gap)
-        intensities = self.march.intensities()
+        march = self.march
+        row = row_of(march, force, gap)
+        accelerations, borne = np.split(slope.reshape(-1, 2), [len(row["displacement"])])
         if self.fields.wanted:
-            self.fields.add(self.march.whole(), self.march.amplitudes)
-        values = (np.float64(time), places, speeds, acceleration, *forces_and_gaps, energies, intensities)
-        return (*values, borne)
-
-    def _stacked(self, rows: list[tuple]) -> Rows:
-        if not rows:
-            return {name: np.zeros((0, *shape)) for name, shape in self.columns.items()}
-        return {name: np.array(part) for name, part in zip(self.columns, zip(*rows))}
+            self.fields.add(march.whole(), march.amplitudes)
+        energies = np.concatenate([march.energies(), march.work])
+        slopes = {"acceleration": accelerations, "reactions": borne}
+        return {"time": np.float64(time), **row, **slopes, "energies": energies}
 
     def checkpoint(self) -> np.ndarray:
         """This rank's state, and what every rank knows of the account of work."""
         march = self.march
-        numbers = [
-            march.stored,
-            *march.work,
-            *march.slope,
-        ]
+        numbers = [march.stored, *march.work, *march.slope]
         contact = march.contact
         return np.concatenate([numbers, contact.state, contact.slip, march.u, march.v]).astype(float)
 
@@ -205,10 +193,6 @@ class UnreducedIntegrator:
         march.contact.slip = slip.copy()
         march.settle(fold=False)
 
-    def history(self, rows: Rows) -> History:
-        """The motion of all rows."""
-        return unreduced_history(rows, self.run, fields=self.fields.complete(len(rows["time"])))
-
     def _set_initial(self, units: Sequence[Load], initial: str | Sequence[Callable | None]) -> np.ndarray:
         """Set the state at t = 0; the contact forces there."""
         model, march = self.model, self.march
@@ -231,76 +215,38 @@ class UnreducedIntegrator:
         return force
 
 
-def unreduced_columns(model: Model) -> Columns:
-    """What is kept of each instant."""
-    rows, laws = model.contact, model.contact.laws
-    supports = len(model.support_forces.names)
-    return sampled_columns(
-        len(model.points), len(model.tips.intensities.names), len(rows), len(laws), supports=supports
+def row_size(model: Model) -> int:
+    """Bytes of an instant."""
+    names = 3 * len(model.points) + len(model.tips.intensities.names) + len(model.support_forces.names)
+    energies = 5 if model.contact.friction is None else 6
+    return 8 * (1 + 2 * names + 2 * len(model.contact) + energies)
+
+
+def row_of(march: UnreducedSteps, force: np.ndarray, gap: np.ndarray) -> Rows:
+    """What is sampled at the present instant under contact forces and gaps."""
+    names = "displacement", "velocity", "contact_force", "gap", "stress_intensity"
+    return dict(zip(names, (*march.at_points(), *march.padded(force, gap), march.intensities())))
+
+
+def _stacked(rows: Sequence[Rows]) -> Rows:
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+def sampled(march: UnreducedSteps, rows: Rows, fields: KeptFields | None) -> SampledStates:
+    """Instants by what was sampled at them, and their fields."""
+    model, gaps = march.model, len(march.model.contact.laws)
+    return SampledStates(
+        tuple(model.points),
+        march.ground.names,
+        rows["displacement"],
+        rows["velocity"],
+        rows["acceleration"],
+        rows["contact_force"],
+        rows["gap"],
+        model.contact.pairs,
+        rows["stress_intensity"],
+        rows["reactions"],
+        model.tips.intensities.facts,
+        gaps if gaps < len(model.contact) else None,
+        fields,
     )
-
-
-def sampled_columns(points: int, tips: int, size: int, gaps: int, *, supports: int) -> Columns:
-    """The same of so many points, crack tips and contact rows, of which so many are gaps, and supports."""
-    return {
-        "time": (),
-        "displacement": (points, 2),
-        "velocity": (points, 2),
-        "acceleration": (points, 2),
-        "contact_force": (size,),
-        "gap": (size,),
-        "energies": (5 if gaps == size else 6,),
-        "stress_intensity": (tips, 2),
-        "reactions": (supports, 2),
-    }
-
-
-class SampledRun(NamedTuple):
-    """What a history's rows do not tell: names of points, the tips, pairs, contact rows that are gaps,
-    the step (s), damped modes, what is supported.
-    """
-
-    points: tuple[str, ...]
-    tips: TipFacts
-    pairs: int
-    gaps: int
-    step: float
-    damped_modes: int
-    supports: tuple[str, ...]
-
-    @classmethod
-    def of(cls, march: UnreducedSteps) -> SampledRun:
-        """Of steps."""
-        model = march.model
-        counts = model.contact.pairs, len(model.contact.laws), march.step, len(march.omega)
-        return cls(tuple(model.points), model.tips.intensities.facts, *counts, march.ground.names)
-
-    def states(self, rows: Rows, fields: KeptFields | None) -> SampledStates:
-        """Instants from their rows by the names of `sampled_columns`, but for time and energies, and their
-        fields.
-        """
-
-        def of_each(field: str, names: Sequence[str]) -> dict[str, np.ndarray]:
-            return {name: rows[field][:, k] for k, name in enumerate(names)}
-
-        return SampledStates(
-            of_each("displacement", self.points),
-            of_each("velocity", self.points),
-            of_each("acceleration", self.points),
-            rows["contact_force"],
-            rows["gap"],
-            self.pairs,
-            of_each("stress_intensity", self.tips.names),
-            self.tips,
-            self.gaps if self.gaps < rows["gap"].shape[1] else None,
-            of_each("reactions", self.supports),
-            fields,
-        )
-
-
-def unreduced_history(
-    rows: Rows, run: SampledRun, complete: bool = True, fields: KeptFields | None = None
-) -> History:
-    """A history from its rows by the names of `sampled_columns`, and its fields."""
-    states, energy = run.states(rows, fields), Energy(*rows["energies"].T)
-    return History(rows["time"], states, energy, run.step, 0, run.damped_modes, complete)

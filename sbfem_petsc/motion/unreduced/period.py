@@ -26,11 +26,11 @@ from ...system.solve.demand import require_steps
 from ...system.solve.modes import lowest_modes
 from ...system.solve.pencil import Pencil
 from ..excitation import Excitation
-from ..integration import Steps, row_size
+from ..integration import Steps
 from ..loading import Loading, loading, warn_of_unreduced
 from ..preparation import STEPS, PeriodSettings
-from ..states import SampledStates
-from .history import SampledRun, unreduced_columns
+from ..states import Rows, SampledStates
+from .history import row_of, row_size, sampled
 from .kept_fields import KeptFields
 from .steps import KEPT_RESPONSES, UnreducedSteps
 
@@ -244,24 +244,23 @@ class UnreducedDriven:
         """The instants of the period from a state, from t = 0 on. Collective."""
         march, count = self.march, self.period.steps
         fields = KeptFields(march.model, march.pencil, self.period.loads.units, count)
-        rows: list[tuple] = []
+        rows: list[Rows] = []
 
         def watch(march: UnreducedSteps, force: np.ndarray, gap: np.ndarray) -> None:
             borne = march.slope[len(march.ground.points) :].reshape(-1, 2)
-            rows.append((*march.at_points(), *march.padded(force, gap), march.intensities(), borne))
+            rows.append({**row_of(march, force, gap), "reactions": borne})
             if fields.wanted:
                 fields.add(march.whole(), march.amplitudes)
 
         self.run(state, watch)
         # the last instant is the first one: the rows begin after it
-        names = "displacement", "velocity", "contact_force", "gap", "stress_intensity", "reactions"
-        found = {name: np.roll(np.array(part), 1, axis=0) for name, part in zip(names, zip(*rows))}
+        found = {name: np.roll(np.array([row[name] for row in rows]), 1, axis=0) for name in rows[0]}
         borne, speeds, apart = found["reactions"], found["velocity"], 2.0 * march.step
         found["reactions"] = 0.5 * (borne + np.roll(borne, -1, axis=0))
         # the mean of the accelerations of the two steps beside an instant
         found["acceleration"] = (np.roll(speeds, -1, axis=0) - np.roll(speeds, 1, axis=0)) / apart
         kept = fields.rolled(1).complete(count) if fields.wanted else None
-        return SampledRun.of(march).states(found, kept)
+        return sampled(march, found, kept)
 
 
 def odd_steps(steps: int | None, periods: int) -> int:
@@ -303,7 +302,7 @@ def _require_room(owner: str, model: Model, count: int, modes: int) -> None:
     """
     require_compiler(owner, model.comm)
     # lists of small arrays, then arrays of all, rolled
-    row = 3 * row_size(unreduced_columns(model)) + 1000
+    row = 3 * row_size(model) + 1000
     require_memory(
         owner,
         model.comm,
