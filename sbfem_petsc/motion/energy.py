@@ -15,9 +15,8 @@ from ..reduction.reduced_model import ReducedModel
 WORK_LIMIT = 0.01
 # Share of the energy that a displacement would have without the supports', that rounding is at most.
 ROUND_OFF = 1e-12
-# Loads and rows of contact, all of them or some.
-Acting = tuple[np.ndarray | slice, np.ndarray | slice]
-ALL: Acting = (slice(None), slice(None))
+# Which loads and which rows of contact.
+Acting = tuple[np.ndarray, np.ndarray]
 
 
 @described
@@ -57,12 +56,17 @@ class Energy(Record):
 
 
 class Ledger:
-    """Energies and work, carried from chunk to chunk; that of contact is what the steps themselves tell."""
+    """Energies and work, carried from chunk to chunk; that of contact is what the steps themselves tell.
+
+    Where supports are moved, what they bear works on their displacements: amplitudes are those of the unit
+    loads, then rates and accelerations of the prescribed displacements.
+    """
 
     def __init__(self, reduction: ReducedModel, smooth: bool):
         # average acceleration moves by the mean of the ends' forces, so the plain trapezoidal rule is its own
         # work
         self.r, self.smooth = reduction, smooth
+        self.loads, self.edges, supports = reduction.load_modes.shape[1], reduction.edges, reduction.supports
         # external, damping, contact, and friction
         self.work = np.zeros(3 if reduction.friction is None else 4)
         self.stiffness, self.friction = reduction.omega**2, 2.0 * reduction.damping * reduction.omega
@@ -74,12 +78,19 @@ class Ledger:
                 [reduction.gap.loads, reduction.gap.contact],
             ]
         )
+        if supports is not None and len(self.edges):
+            self.inertia = supports.of_edges("inertia")
+            self.mass, self.damping = (supports.of_edges(name)[:, self.edges] for name in ("mass", "damping"))
+            self.static = np.concatenate([supports.of_edges("loads"), supports.of_edges("contact")], axis=1)
+            self.stiff = self.static[:, self.edges]
 
     def start(self, q: np.ndarray, v: np.ndarray, amplitude: np.ndarray, force: np.ndarray) -> np.ndarray:
         """(5, 1) energies and work at t = 0; (6, 1) where faces rub, and so of the others."""
         self.work[:] = 0.0
         self.last = self._instants(q[None], v[None], amplitude[None], force[None])
         self.supplied = float(self.last[2].sum())
+        if len(self.edges):  # what rides along without strain has rounding of its displacement
+            self.supplied += ROUND_OFF * float(q**2 @ self.stiffness)
         return np.concatenate([self.last[2].T, self.work[:, None]])
 
     def account(self, history: StepHistory, amplitudes: np.ndarray, step: float) -> np.ndarray:
@@ -87,10 +98,11 @@ class Ledger:
         (n + 1, loads) begins with the step before.
         """
         states, velocities, forces, contact, _, lost, *_ = history
-        acting = self._acting(amplitudes, forces)
+        acting, last = None, self.last
+        loaded: np.ndarray | slice = slice(None)
+        if not len(self.edges):  # mostly few act meanwhile
+            acting = loaded, _ = (amplitudes != 0.0).any(axis=0), (forces != 0.0).any(axis=0)
         drive, moved, stored, loss, rate = self._instants(states, velocities, amplitudes[1:], forces, acting)
-        loaded = acting[0]
-        last = self.last
         before = (last[0][:, loaded], last[1][:, loaded], last[3], last[4][:, loaded])
         pairs = zip(before, (drive, moved, loss, rate))
         drives, moves, losses, rates = (np.concatenate(pair) for pair in pairs)
@@ -108,14 +120,6 @@ class Ledger:
         self.last = self._instants(states[-1:], velocities[-1:], amplitudes[-1:], forces[-1:])
         return np.concatenate([stored.T, work])
 
-    def _acting(self, amplitudes: np.ndarray, forces: np.ndarray) -> Acting:
-        """Those that act meanwhile: mostly few of them."""
-        return (amplitudes != 0.0).any(axis=0), (forces != 0.0).any(axis=0)
-
-    def _jump_work(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        """Forces among the loads before and behind a jump, and the work of what is no force, J."""
-        return self.last[0][0], amplitude, 0.0
-
     def jump(
         self,
         q: np.ndarray,
@@ -129,71 +133,17 @@ class Ledger:
         """(5,): the same where loads have jumped to `amplitude`, and contact from `before` to `force`: what
         moves with them has no inertia; so much is lost to friction.
         """
-        *pushed, further = self._jump_work(amplitude)
+        pushed, further = [self.last[0][0], amplitude], 0.0
+        if len(self.edges):
+            former, after = self.last[4][0, self.edges], np.split(amplitude[self.loads :], 2)[0]
+            further = 0.5 * float((after + former) @ self.mass @ (after - former))
+            pushed = [self._pushing(part) for part in pushed]
         drives = np.concatenate([pushed, [before, force]], axis=1)
         work = drives.mean(axis=0) * (self.flexibility @ (drives[1] - drives[0]))
-        loads = self.r.load_modes.shape[1]
-        done = np.array([work[:loads].sum() + further, 0.0, work[loads:].sum() + lost, lost])
+        done = np.array([work[: self.loads].sum() + further, 0.0, work[self.loads :].sum() + lost, lost])
         self.work = self.work + done[: len(self.work)]
         self.last = self._instants(q[None], v[None], amplitude[None], force[None])
         return np.concatenate([self.last[2][0], self.work])
-
-    def _instants(
-        self,
-        q: np.ndarray,
-        v: np.ndarray,
-        amplitudes: np.ndarray,
-        forces: np.ndarray,
-        acting: Acting = ALL,
-    ) -> tuple[np.ndarray, ...]:
-        """Loads, the displacements they work on, stored energies (n, 2), dissipated power (n,), velocities at
-        the loads; of all loads and rows of contact, or of some of them that alone act.
-        """
-        count, places = self.r.load_modes.shape[1], np.arange(len(self.flexibility))
-        loaded, touched = acting
-        if isinstance(loaded, np.ndarray) and isinstance(touched, np.ndarray):
-            amplitudes, forces = np.compress(loaded, amplitudes, axis=1), np.compress(touched, forces, axis=1)
-        loads = amplitudes.shape[1]
-        places = np.concatenate([places[:count][loaded], places[count:][touched]])
-        flexibility, modes = self.flexibility[places][:, places], self.r.load_modes.T[loaded]
-        near, drive = forces.any(axis=1), np.concatenate([amplitudes, forces], axis=1)
-        flexible = np.zeros_like(drive)
-        flexible[:, :loads] = amplitudes @ flexibility[:loads, :loads]
-        flexible[near] = drive[near] @ flexibility
-        # one product after the other: BLAS is slow in those with two columns
-        if len(self._squares) < len(q):
-            self._squares = np.empty_like(q)
-        squared = np.multiply(v, v, out=self._squares[: len(q)])
-        kinetic, lost = 0.5 * (squared @ self.ones), squared @ self.friction
-        squared = np.multiply(q, q, out=squared)
-        strain = 0.5 * (squared @ self.stiffness + np.einsum("ij,ij->i", drive, flexible))
-        moved = q @ modes.T + flexible[:, :loads]
-        return amplitudes, moved, np.stack([kinetic, strain], axis=1), lost, v @ modes.T
-
-
-class MovedLedger(Ledger):
-    """The same where supports are moved: what they bear works on their displacements. Amplitudes are those of
-    the unit loads, then rates and accelerations of the prescribed displacements.
-    """
-
-    def __init__(self, reduction: ReducedModel, smooth: bool):
-        super().__init__(reduction, smooth)
-        r = self.r
-        assert r.supports is not None  # they are moved
-        self.edges, self.loads = r.edges, r.load_modes.shape[1]
-        self.inertia = r.supports.of_edges("inertia")
-        self.mass, self.damping = (r.supports.of_edges(name)[:, r.edges] for name in ("mass", "damping"))
-        self.static = np.concatenate([r.supports.of_edges("loads"), r.supports.of_edges("contact")], axis=1)
-        self.stiff = self.static[:, self.edges]
-
-    def start(self, q: np.ndarray, v: np.ndarray, amplitude: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """See `Ledger`. What rides along without strain has rounding of its displacement."""
-        energies = super().start(q, v, amplitude, force)
-        self.supplied += ROUND_OFF * float(q**2 @ self.stiffness)
-        return energies
-
-    def _acting(self, amplitudes: np.ndarray, forces: np.ndarray) -> Acting:
-        return ALL
 
     def _pushing(self, amplitudes: np.ndarray) -> np.ndarray:
         """(..., loads): forces alone."""
@@ -201,22 +151,23 @@ class MovedLedger(Ledger):
         result[..., self.edges] = 0.0
         return result
 
-    def _jump_work(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        before, after = self.last[4][0, self.edges], np.split(amplitude[self.loads :], 2)[0]
-        impulse = 0.5 * float((after + before) @ self.mass @ (after - before))
-        return self._pushing(self.last[0][0]), self._pushing(amplitude), impulse
-
     def _instants(
         self,
         q: np.ndarray,
         v: np.ndarray,
         amplitudes: np.ndarray,
         forces: np.ndarray,
-        acting: Acting = ALL,
+        acting: Acting | None = None,
     ) -> tuple[np.ndarray, ...]:
-        r, edges = self.r, self.edges
-        loads, (w, rate, acceleration) = amplitudes[:, : self.loads], self._displaced(amplitudes)
-        drives, moved, stored, lost, rates = super()._instants(
+        """Loads, the displacements they work on, stored energies (n, 2), dissipated power (n,), velocities at
+        the loads; of all loads and rows of contact, or of some of them that alone act.
+        """
+        if not len(self.edges):
+            return self._held(q, v, amplitudes, forces, acting)
+        r, edges, loads = self.r, self.edges, amplitudes[:, : self.loads]
+        w = amplitudes[:, edges]
+        rate, acceleration = np.split(amplitudes[:, self.loads :], 2, axis=1)
+        drives, moved, stored, lost, rates = self._held(
             q - w @ self.inertia, v - rate @ self.inertia, self._pushing(amplitudes), forces
         )
         follows = -self.static[:, : self.loads]  # by reciprocity, what is held where loads act included
@@ -236,9 +187,36 @@ class MovedLedger(Ledger):
         moved[:, edges], rates[:, edges] = w, rate
         return drives, moved, stored, lost, rates
 
-    def _displaced(self, amplitudes: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Prescribed displacements, rates and accelerations, (n, edges) each."""
-        return amplitudes[:, self.edges], *np.split(amplitudes[:, self.loads :], 2, axis=1)
+    def _held(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        amplitudes: np.ndarray,
+        forces: np.ndarray,
+        acting: Acting | None = None,
+    ) -> tuple[np.ndarray, ...]:
+        """The same under forces alone, of motions against supports that are held."""
+        modes, flexibility = self.r.load_modes.T, self.flexibility
+        if acting is not None:
+            places = np.flatnonzero(np.concatenate(acting))
+            modes, flexibility = modes[acting[0]], flexibility[places][:, places]
+            amplitudes, forces = (
+                np.compress(chosen, part, axis=1) for chosen, part in zip(acting, (amplitudes, forces))
+            )
+        loads = amplitudes.shape[1]
+        near, drive = forces.any(axis=1), np.concatenate([amplitudes, forces], axis=1)
+        flexible = np.zeros_like(drive)
+        flexible[:, :loads] = amplitudes @ flexibility[:loads, :loads]
+        flexible[near] = drive[near] @ flexibility
+        # one product after the other: BLAS is slow in those with two columns
+        if len(self._squares) < len(q):
+            self._squares = np.empty_like(q)
+        squared = np.multiply(v, v, out=self._squares[: len(q)])
+        kinetic, lost = 0.5 * (squared @ self.ones), squared @ self.friction
+        squared = np.multiply(q, q, out=squared)
+        strain = 0.5 * (squared @ self.stiffness + np.einsum("ij,ij->i", drive, flexible))
+        moved = q @ modes.T + flexible[:, :loads]
+        return amplitudes, moved, np.stack([kinetic, strain], axis=1), lost, v @ modes.T
 
 
 def guard(chunk: np.ndarray, ledger: Ledger, time: np.ndarray) -> None:

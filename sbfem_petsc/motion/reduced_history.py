@@ -24,7 +24,7 @@ from ..reduction.reduced_model import ReducedModel
 from ..signals.rate import rate_of
 from ..signals.signal import Signal
 from .drive import Drive, Piece
-from .energy import Energy, Ledger, MovedLedger, guard
+from .energy import Energy, Ledger, guard
 from .history import History
 from .integration import Steps, Told
 from .rest import at_rest
@@ -83,7 +83,7 @@ class ReducedIntegrator:
         self.q, self.v, self.force, self.contact, self.slip = _start(
             r, self.amplitude[: self.loads], steps.contact, initial
         )
-        self.ledger = (MovedLedger if len(r.edges) else Ledger)(r, smooth=steps.scheme != "newmark")
+        self.ledger = Ledger(r, smooth=steps.scheme != "newmark")
         self.exchanges = self.unresolved = 0
         # written anew in each chunk, for fresh memory takes longer than what is computed in it: states,
         # velocities and contact forces; modal forces and free gaps, which begin a step earlier
