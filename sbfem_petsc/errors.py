@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextvars
 import sys
+import warnings
 from collections.abc import Iterable
 
 from .checks import shown
@@ -54,6 +55,21 @@ def on_all_ranks(error: Exception) -> Exception:
     """Mark an error that every rank raises alike, so that it is printed once."""
     error.on_all_ranks = True  # type: ignore[attr-defined]
     return error
+
+
+def wrong_input(sentence: str) -> Exception:
+    """A ValueError that every rank raises alike."""
+    return on_all_ranks(ValueError(sentence))
+
+
+def failed_solve(sentence: str) -> Exception:
+    """A SolveError that every rank raises alike."""
+    return on_all_ranks(SolveError(sentence))
+
+
+def warn(sentence: str, kind: type[Warning]) -> None:
+    """Warn the line outside of this package that has led here."""
+    warnings.warn(sentence, kind, stacklevel=caller_level())
 
 
 def at_point(table: dict, point: str, what: str = "point"):

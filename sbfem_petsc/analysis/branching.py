@@ -14,7 +14,7 @@ from ..continuation.orbit import Orbit, make_orbit, orbit_stability
 from ..continuation.problems.driven_orbits import Orbits, ParameterRange
 from ..continuation.problems.own_tone import OwnTone, curve_near, first_curve
 from ..continuation.problems.tones import QuasiPeriodic, own_motion, warn_if_unresolved
-from ..errors import PetscFailure, SolveError, on_all_ranks
+from ..errors import PetscFailure, SolveError, failed_solve
 from ..ranks.parallel import collective
 from .analysis import analysis
 from .options import SwitchOptions
@@ -102,11 +102,9 @@ def _quasi_periodic(
             return own_motion(found[-1], stability=True)
     if found:
         return own_motion(found[0], stability=True)
-    raise on_all_ranks(
-        SolveError(
-            f"switch_branch: no quasi-periodic motion was found near {bifurcation!r}; give another size "
-            f"({problem})"
-        )
+    raise failed_solve(
+        f"switch_branch: no quasi-periodic motion was found near {bifurcation!r}; give another size "
+        f"({problem})"
     )
 
 
@@ -136,8 +134,6 @@ def _doubled(branch: Branch, bifurcation: Bifurcation, sizes: tuple[float, ...])
             fixed = point.state
             fixed.residuals = tuple(fixed.scale * missed for missed in point.residuals)
             return make_orbit(fixed, *orbit_stability(fixed), "period doubling")
-    raise on_all_ranks(
-        SolveError(
-            f"switch_branch: no motion of twice the period was found near {bifurcation!r}; give another size"
-        )
+    raise failed_solve(
+        f"switch_branch: no motion of twice the period was found near {bifurcation!r}; give another size"
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -21,7 +20,7 @@ from ..continuation.problems.driven_orbits import Family
 from ..continuation.problems.grazing import OpenRowFamily, find_grazing, grazing_row
 from ..continuation.problems.locus import AT_END, KINDS, PACE, Locus, follow_locus
 from ..continuation.problems.locus_problem import LocusStart
-from ..errors import SolveError, caller_level
+from ..errors import SolveError, warn
 from ..motion.preparation import refuse_falling
 from ..progress import Progress, progress_bar
 from ..ranks.parallel import collective
@@ -224,18 +223,15 @@ def loci(
         try:
             line = along(branch, item, start, stop)
         except SolveError as error:
-            warnings.warn(
-                f"{what}: {item!r} was not followed: {error}", BranchWarning, stacklevel=caller_level()
-            )
+            warn(f"{what}: {item!r} was not followed: {error}", BranchWarning)
             continue
         result.append(line)
         for k, reason in zip((0, -1), line.reasons):
             if reason != CLOSED and not reason.startswith(AT_END):
-                warnings.warn(
+                warn(
                     f"{what}: the line of {item!r} ends inside the range, at {line.frequency[k]:.8g} Hz and "
                     f"the factor {line.value[k]:.6g}: {reason}",
                     BranchWarning,
-                    stacklevel=caller_level(),
                 )
     return tuple(result)
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from typing import overload
 
 import numpy as np
 
 from ..checks import shown
-from ..errors import caller_level, listed, on_all_ranks
+from ..errors import listed, warn, wrong_input
 from ..reduction.at_rest import ReducedModal, kept_modes
 from ..reduction.reduced_model import ReducedModel
 from ..system.fields.resolution import warn_of_modes
@@ -97,18 +96,15 @@ def modal(
         raise TypeError(f"modal: model = {shown(model)} is not a Model or ReducedModel")
     most = model.boundary_unknowns // 2
     if count is not None and count > most:
-        raise on_all_ranks(
-            ValueError(
-                f"modal: count = {count} must be between 1 and half the number of boundary unknowns ({most})"
-            )
+        raise wrong_input(
+            f"modal: count = {count} must be between 1 and half the number of boundary unknowns ({most})"
         )
     tied = [name for name, law in model.contact_laws.items() if not law.parts]
     if tied:
-        warnings.warn(
+        warn(
             f"modal: the cracks {listed(tied)} are tied, but modes are those of open cracks; for a body "
             "without them leave them out of the geometry",
             UserWarning,
-            stacklevel=caller_level(),
         )
 
     def solve(level: Model) -> Modal:

@@ -17,7 +17,7 @@ from ..continuation.problems.driven_orbits import ParameterRange
 from ..continuation.problems.segments import at_segments, segmented_stability, shoot_segments
 from ..continuation.problems.unreduced import UnreducedOrbits, UnreducedSteady
 from ..continuation.search import NEWTON_ALONE, Search, find_steady_state
-from ..errors import PetscFailure, SolveError, on_all_ranks
+from ..errors import PetscFailure, SolveError, failed_solve, wrong_input
 from ..motion.contact_work import MOST, contact_work, times_more, warn_of_contact_work
 from ..motion.loading import communicator
 from ..motion.period_map import FixedPoint, Period
@@ -269,11 +269,9 @@ def _times_more(fixed: FixedPoint, most: int) -> int:
 def _in_segments(task: _Task, segments: int, period: Period, guess: Orbit | None, most: int) -> Orbit:
     """The orbit by multiple shooting, in so many steps at most."""
     if period.steps % segments:
-        raise on_all_ranks(
-            ValueError(
-                f"periodic: {period.steps} steps a period are no multiple of segments = {segments}; "
-                "give another number of either"
-            )
+        raise wrong_input(
+            f"periodic: {period.steps} steps a period are no multiple of segments = {segments}; "
+            "give another number of either"
         )
     states = None if guess is None else at_segments(guess, period, task.frequency, segments)
     fixed, parts = shoot_segments(period, task.frequency, segments, states)
@@ -300,11 +298,9 @@ def _refined(task: _Task, settings: PeriodSettings, guess: Orbit | None, toleran
         found = replace(finer, step_error=error)
         if error < tolerance:
             return found
-    raise on_all_ranks(
-        SolveError(
-            f"periodic: with {steps} steps a period the displacements still change by {error:.2g} when the "
-            f"steps are doubled; a tolerance of {tolerance:g} is not met"
-        )
+    raise failed_solve(
+        f"periodic: with {steps} steps a period the displacements still change by {error:.2g} when the "
+        f"steps are doubled; a tolerance of {tolerance:g} is not met"
     )
 
 

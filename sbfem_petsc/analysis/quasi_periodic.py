@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import functools
 import math
-import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
@@ -33,7 +32,7 @@ from ..continuation.problems.tones import (
     warn_if_unresolved,
 )
 from ..continuation.problems.torus import Torus, exponents
-from ..errors import SolveError, caller_level, on_all_ranks
+from ..errors import SolveError, on_all_ranks, warn
 from ..motion.contact_work import MOST, times_more, warn_of_contact_work
 from ..motion.excitation import Excitation
 from ..motion.loading import Loading, Wanted, communicator, loading, serving
@@ -265,12 +264,11 @@ def _steps(
     contact, fastest = len(reduced.initial_gap) > 0, highest(driven, frequencies)
     slow = int(driven[1].orders.max())
     if contact and samples // 2 < 2 * slow:
-        warnings.warn(
+        warn(
             f"quasi_periodic: {samples} samples resolve multiples up to {samples // 2} of "
             f"{frequencies[1]:g} Hz, of which the loads have multiple {slow}; at least {4 * slow + 1} are "
             "advisable",
             StepWarning,
-            stacklevel=caller_level(),
         )
     return steps_of(
         "quasi_periodic", reduced, settings, (frequencies[0], fastest), "period of the faster tone"

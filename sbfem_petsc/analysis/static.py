@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import replace
 from typing import Any, overload
 
@@ -12,7 +11,7 @@ import numpy as np
 from meshing.warnings import MeshWarning, RoundOffWarning, StepWarning
 
 from ..checks import shown
-from ..errors import SolveError, caller_level, on_all_ranks
+from ..errors import failed_solve, warn
 from ..loads import as_loads, separate
 from ..motion.loading import loading
 from ..ranks.parallel import collective
@@ -178,12 +177,11 @@ def _warn_of_contact(found: Static) -> None:
     name = max(missed, key=lambda tip: abs(missed[tip]))
     total = sum(missed.values())
     off = f"misses about {total:.4g} N" if total >= 0.0 else f"is too large by about {-total:.4g} N"
-    warnings.warn(
+    warn(
         f"static: next to the tip of {name} the faces touch over less than its S-element resolves: the "
         f"contact resultant of {found.contact_resultant:.4g} N {off}, "
         "see unresolved_contact; give a smaller tip_size",
         MeshWarning,
-        stacklevel=caller_level(),
     )
 
 
@@ -197,12 +195,11 @@ def _warn_of_closing(found: Static) -> None:
     rows = friction.rows[friction.static > 0.0]
     closed = int((found.equilibrium.active[rows] & (gaps.initial[rows] > 0.0)).sum())
     if closed:
-        warnings.warn(
+        warn(
             f"static: {closed} of {len(rows)} contact rows that rub stood apart and close in this one step, "
             "as if their faces had met before they slid; friction depends on the way there: take "
             "load_history with so many states that its results no longer change",
             StepWarning,
-            stacklevel=caller_level(),
         )
 
 
@@ -279,35 +276,28 @@ def _warn_of_springs(found: Static) -> None:
     )
     lost = DIGITS * float(own[touching].max() / max(between, 1e-300))
     if lost > LOST:
-        warnings.warn(
+        warn(
             f"static: a body that springs hardly hold gives way {own[touching].max() / between:.1g} times "
             f"more than its faces do, and contact pressures may be off by {min(lost, 1.0):.0e} of "
             "themselves; make the springs that hold it stiffer",
             RoundOffWarning,
-            stacklevel=caller_level(),
         )
 
 
 def _judge(relative: float) -> None:
     """Warn or refuse where round-off in K, of a slender or softly held structure, reaches the loads."""
     if not math.isfinite(relative):
-        raise on_all_ranks(
-            SolveError(
-                "static: the displacements leave the range of numbers; are the loads of usual size, in N and "
-                "Pa?"
-            )
+        raise failed_solve(
+            "static: the displacements leave the range of numbers; are the loads of usual size, in N and Pa?"
         )
     if relative > REFUSED:
-        raise on_all_ranks(
-            SolveError(
-                f"static: the forces are in balance to {relative:.2g} of the load only: the stiffness is too "
-                "badly conditioned, as where supports hardly hold the structure; stiffen them"
-            )
+        raise failed_solve(
+            f"static: the forces are in balance to {relative:.2g} of the load only: the stiffness is too "
+            "badly conditioned, as where supports hardly hold the structure; stiffen them"
         )
     if relative > ROUND_OFF:
-        warnings.warn(
+        warn(
             f"static: the forces are in balance to {relative:.2g} of the load; displacements of a structure "
             "as slender or as softly held as this one may be wrong by ten times as much",
             RoundOffWarning,
-            stacklevel=caller_level(),
         )

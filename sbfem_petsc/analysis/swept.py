@@ -9,7 +9,7 @@ import numpy as np
 
 from ..checks import instance
 from ..continuation.orbit import Orbit
-from ..errors import on_all_ranks
+from ..errors import wrong_input
 from ..motion.integration import Steps
 from ..motion.loading import Wanted, amplitudes_only, communicator, loading, serving
 from ..motion.preparation import check_guess
@@ -100,9 +100,7 @@ def swept_response(
             steps = max(steps, contact_steps(reduced, highest))
     count = math.ceil(duration * highest * steps)
     if count > LONGEST:
-        raise on_all_ranks(
-            ValueError(f"{what}: duration = {duration:g} s takes {count:.3g} steps; shorten it")
-        )
+        raise wrong_input(f"{what}: duration = {duration:g} s takes {count:.3g} steps; shorten it")
     points = len(reduced.points.names)
     require_memory(
         what,
@@ -153,9 +151,7 @@ def _steady(initial: Orbit, reduced: ReducedModel, load) -> Orbit:
     )
     found = find(own, steps=len(initial.time) // initial.periods)
     if np.linalg.norm(found.state - initial.state) > SAME * np.linalg.norm(found.state):
-        raise on_all_ranks(
-            ValueError(
-                f"{what}: initial = {initial!r} is no steady state under this load; leave it out, or give one"
-            )
+        raise wrong_input(
+            f"{what}: initial = {initial!r} is no steady state under this load; leave it out, or give one"
         )
     return initial if len(own.omega) == len(reduced.omega) else find(reduced)

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -16,7 +15,7 @@ import numpy as np
 from meshing.warnings import StepWarning
 
 from ..checks import choice, flag, real_array, shown
-from ..errors import caller_level
+from ..errors import warn
 from ..motion.files.history_file import HistoryFile
 from ..motion.history import History
 from ..motion.initial import modal_start
@@ -316,18 +315,16 @@ def _planned(
         step = default_step(duration, fastest, problem.highest)
     count, step, every = plan_steps(duration, step, decimation, problem.row, former)
     if fastest * step > 1.0 / COARSE:
-        warnings.warn(
+        warn(
             f"the step of {step:.3g} s takes {1.0 / (fastest * step):.1f} steps a period of the highest load "
             f"frequency {fastest:g} Hz; at least {COARSE} are advisable",
             StepWarning,
-            stacklevel=caller_level(),
         )
     if every > 1 and decimation is None and former is None:
-        warnings.warn(
+        warn(
             f"transient: of {count:,d} steps every {every} are kept, for all of them would take more "
             f"than {KEPT / 1e9:g} GB; decimation = 1 keeps all",
             StepWarning,
-            stacklevel=caller_level(),
         )
     return count, step, every
 
@@ -336,25 +333,23 @@ def _warn_of_work(integrator: ReducedIntegrator, history: History) -> None:
     """Warn where contact has done work that halving its steps did not take away."""
     done, supplied = history.energy.contact, integrator.ledger.supplied
     if integrator.unresolved and np.abs(done).max() > WORKED * supplied:
-        warnings.warn(
+        warn(
             f"transient: in {integrator.unresolved:,d} parts of steps that were halved {DEEPEST} times "
             f"contact still does work of more than {HALVING.tolerance:g} of the energy; it has done "
             f"{done[-1]:.3g} J in all beside {supplied:.3g} J supplied; use a step smaller than "
             f"{history.step:.3g} s",
             StepWarning,
-            stacklevel=caller_level(),
         )
 
 
 def _warn_if_long(step: float, highest: float, history: History) -> None:
     """Warn of steps in which modes go through whole periods while contact excites them."""
     if step * highest > 1.0 and history.states.contact.any():
-        warnings.warn(
+        warn(
             f"the step of {step:.3g} s is longer than the period of the highest mode ({highest:.6g} Hz), and "
             "pairs closed: errors of 1e-3 in displacements and 1e-2 in contact forces, and false spectral "
             f"lines, are likely; use a step of {CONTACT_STEP / highest:.2g} s, the default, or fewer modes",
             StepWarning,
-            stacklevel=caller_level(),
         )
 
 

@@ -11,13 +11,11 @@ order all over the time of contact: beside a resonance of one mass 1.8e-2 became
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
 from meshing.warnings import StepWarning
 
-from ..errors import caller_level
+from ..errors import warn
 from .period_map import DrivenPeriod
 from .period_motion import PeriodMotion
 
@@ -69,10 +67,9 @@ def times_more(work: float, steps: int, most: int) -> int:
 def warn_of_contact_work(owner: str, work: float, steps: int) -> None:
     """Warn the owner's caller of a motion or a branch in whose steps contact does much work."""
     if work > REPORTED:
-        warnings.warn(
+        warn(
             f"{owner}: contact, which does no work between smooth faces, does {work:.1g} of what the loads "
             f"exchange with the body in {steps} steps a period; displacements may be as much off: give more "
             "steps",
             StepWarning,
-            stacklevel=caller_level(),
         )

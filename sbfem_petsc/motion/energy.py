@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..contact.marching import StepHistory
-from ..errors import SolveError, on_all_ranks
+from ..errors import failed_solve
 from ..record.record import Record, described, quantity
 from ..reduction.reduced_model import ReducedModel
 
@@ -226,11 +226,9 @@ def guard(chunk: np.ndarray, ledger: Ledger, time: np.ndarray) -> None:
     total, external, contact = chunk[0] + chunk[1], np.abs(chunk[2]), np.abs(chunk[4])
     ledger.supplied = max(ledger.supplied, float(external.max()))
     if not np.isfinite(total).all() or contact[-1] > WORK_LIMIT * ledger.supplied:
-        raise on_all_ranks(
-            SolveError(
-                f"transient: by t = {time[-1]:.6g} s the contact forces have done work of {chunk[4, -1]:.3g} "
-                f"J beside {ledger.supplied:.3g} J supplied: "
-                "the history is wrong; use a smaller step, or fewer modes if hardly any flexibility is left "
-                "to the contact"
-            )
+        raise failed_solve(
+            f"transient: by t = {time[-1]:.6g} s the contact forces have done work of {chunk[4, -1]:.3g} "
+            f"J beside {ledger.supplied:.3g} J supplied: "
+            "the history is wrong; use a smaller step, or fewer modes if hardly any flexibility is left "
+            "to the contact"
         )

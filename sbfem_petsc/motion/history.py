@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -13,7 +12,7 @@ from meshing.warnings import IncompleteHistory
 
 from ..bodies.finite_element_model import FiniteElementModel
 from ..checks import Bounds, real, shown
-from ..errors import SolveError, UnknownName, at_point, caller_level, on_all_ranks
+from ..errors import UnknownName, at_point, failed_solve, on_all_ranks, warn
 from ..ranks.parallel import agreed
 from ..record.record import Record, derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
@@ -76,7 +75,7 @@ class Motion(Record):
         """(n, 2): force of a support on the structure, N."""
         table = self.reactions
         if table is None:
-            raise on_all_ranks(SolveError("reaction: motions of matrices and of older files do not tell it"))
+            raise failed_solve("reaction: motions of matrices and of older files do not tell it")
         return at_point(dict(zip(self.supports, np.moveaxis(table, 1, 0))), support, "support")
 
     @derived(
@@ -269,11 +268,10 @@ class History(Motion):
     def _warn_incomplete(self, path: str) -> None:
         """Warn of a run that has not ended."""
         if not self.complete:
-            warnings.warn(
+            warn(
                 f"history file {path!r} is incomplete: it ends at {self.time[-1]:.6g} s, before its run "
                 "does; resume=True continues from there",
                 IncompleteHistory,
-                stacklevel=caller_level(),
             )
 
     def __repr__(self) -> str:
@@ -309,11 +307,9 @@ def model_with_fields(owner: str, motion: object) -> Model | FiniteElementModel:
     else:
         model = None if states.fields is None else states.fields.model
     if model is None:
-        raise on_all_ranks(
-            SolveError(
-                f"{owner}: the motion keeps no fields, being that of matrices, of a body without shapes, of "
-                "an unreduced model with too many instants, or read from a file; give one that transient or "
-                "periodic has just made of a Model or a body"
-            )
+        raise failed_solve(
+            f"{owner}: the motion keeps no fields, being that of matrices, of a body without shapes, of "
+            "an unreduced model with too many instants, or read from a file; give one that transient or "
+            "periodic has just made of a Model or a body"
         )
     return model

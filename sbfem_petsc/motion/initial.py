@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..errors import on_all_ranks
+from ..errors import wrong_input
 from ..petsc import MPI
 from ..ranks.parallel import collective
 from ..reduction.reduced_model import ReducedModel
@@ -173,10 +173,8 @@ def modal_start(reduced: ReducedModel, initial: tuple) -> tuple[np.ndarray, np.n
     """
     model, found = reduced.model, reduced.modal
     if model is None or found is None:
-        raise on_all_ranks(
-            ValueError(
-                "transient: initial by functions of x and y needs a model; give modal coordinates (q, v)"
-            )
+        raise wrong_input(
+            "transient: initial by functions of x and y needs a model; give modal coordinates (q, v)"
         )
     pencil = Pencil(model.statics, 1.0, 0.0)
     try:

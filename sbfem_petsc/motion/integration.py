@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ..errors import SolveError, on_all_ranks
+from ..errors import failed_solve
 from ..petsc import MPI
 from .history import History
 from .states import Rows
@@ -121,9 +121,7 @@ def _require_finite(rows: Rows) -> None:
         # their sum of squares is quicker to tell, but may overflow
         if not (np.isfinite(np.vdot(values, values)) or np.isfinite(values).all()):
             first = int(np.argwhere(~np.isfinite(values))[0][0])
-            raise on_all_ranks(
-                SolveError(
-                    f"transient: the {name.replace('_', ' ')} leaves the range of numbers at t = "
-                    f"{rows['time'][first]:.6g} s; are the loads of usual size, in N and Pa?"
-                )
+            raise failed_solve(
+                f"transient: the {name.replace('_', ' ')} leaves the range of numbers at t = "
+                f"{rows['time'][first]:.6g} s; are the loads of usual size, in N and Pa?"
             )

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..checks import optional_integer, real, shown
-from ..errors import on_all_ranks
+from ..errors import wrong_input
 from ..loads import EdgeMotion, Load, Loads, as_loads, separate
 from ..petsc import MPI
 from ..ranks.parallel import collective
@@ -278,11 +278,9 @@ def serving(
     modes, accuracy, told, few = wanted
     if isinstance(system, ReducedModel):
         if modes is not None:
-            raise on_all_ranks(
-                ValueError(
-                    f"{owner}: modes = {modes!r} has no meaning beside a reduced model; reduce it to so many "
-                    "modes"
-                )
+            raise wrong_input(
+                f"{owner}: modes = {modes!r} has no meaning beside a reduced model; reduce it to so many "
+                "modes"
             )
         _warn_of_reduced(owner, system, loads, highest)
         return system

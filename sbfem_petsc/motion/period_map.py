@@ -23,7 +23,7 @@ from ..contact.pivoting import contact_forces, empty_factor
 from ..contact.rubbing import rubbing_forces
 from ..contact.rubbing_tangent import LEAST, ROUGH, rubbing_contacts
 from ..contact.tangent import Derivative
-from ..errors import SolveError, called, on_all_ranks
+from ..errors import called, failed_solve
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
 from .excitation import LINES, Excitation, modal_forces
@@ -283,11 +283,9 @@ class DrivenPeriod:
             history = StepHistory(*told, rows[1:], left, landings)
             reached = march(self.constants, loads, begin, history, self.length.kept).steps
         if reached < steps:
-            raise on_all_ranks(
-                SolveError(
-                    f"{called()}: the contact problem of step {reached} of {steps} at {self.frequency:g} Hz "
-                    "was not solved; use more steps, or pairs of like size"
-                )
+            raise failed_solve(
+                f"{called()}: the contact problem of step {reached} of {steps} at {self.frequency:g} Hz "
+                "was not solved; use more steps, or pairs of like size"
             )
         residual = self._state(q, v, (left - slip) / p.slip_units)
         residual[: 2 * m] -= difference

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from ..checks import shown
 from ..contact.friction import Friction
-from ..errors import on_all_ranks
+from ..errors import wrong_input
 from ..ranks.capacity import require_compiler, require_memory
 from ..ranks.parallel import collective
 from ..reduction.build import ACCURATE, ACCURATE_BAND, FEW, FEW_FIRST, LEAST_MODES, few_modes, most_modes
@@ -290,12 +290,10 @@ def tells_stability(owner: str, period: Period, asked: bool | None) -> bool:
     falls as a slip begins, an instant that moves with the state, they are not those of steps that keep it.
     """
     if asked and period.jumps:
-        raise on_all_ranks(
-            ValueError(
-                f"{owner}: stability = True, and friction falls where a slip begins, as static_friction is "
-                "more than friction; steps do not tell such multipliers: leave it out, and follow a history "
-                "by transient"
-            )
+        raise wrong_input(
+            f"{owner}: stability = True, and friction falls where a slip begins, as static_friction is "
+            "more than friction; steps do not tell such multipliers: leave it out, and follow a history "
+            "by transient"
         )
     return asked is not False and not period.jumps
 
@@ -305,12 +303,10 @@ def refuse_falling(owner: str, friction: Friction | None) -> None:
     nothing tells which rows slip on into the next one.
     """
     if friction is not None and friction.falls:
-        raise on_all_ranks(
-            ValueError(
-                f"{owner}: friction falls where a slip begins, as static_friction is more than friction, and "
-                "a row that slips is to go on slipping in the next period, which is another one here; leave "
-                "static_friction out, or follow a history by transient"
-            )
+        raise wrong_input(
+            f"{owner}: friction falls where a slip begins, as static_friction is more than friction, and "
+            "a row that slips is to go on slipping in the next period, which is another one here; leave "
+            "static_friction out, or follow a history by transient"
         )
 
 

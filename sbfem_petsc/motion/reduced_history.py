@@ -19,7 +19,7 @@ from ..contact.marching import (
     march,
     step_constants,
 )
-from ..errors import SolveError, on_all_ranks
+from ..errors import failed_solve, wrong_input
 from ..reduction.reduced_model import ReducedModel
 from ..signals.rate import rate_of
 from ..signals.signal import Signal
@@ -148,11 +148,9 @@ class ReducedIntegrator:
             marched = self._march(piece, history)
             if marched.steps < piece.steps:
                 failed = time[piece.first + marched.steps + 1]
-                raise on_all_ranks(
-                    SolveError(
-                        f"transient: the contact problem at t = {failed:.6g} s was not solved; use a smaller "
-                        "step or more pairs of like size"
-                    )
+                raise failed_solve(
+                    f"transient: the contact problem at t = {failed:.6g} s was not solved; use a smaller "
+                    "step or more pairs of like size"
                 )
             self.exchanges += marched.exchanges
             self.unresolved += marched.unresolved
@@ -253,11 +251,9 @@ def _start(
     if not isinstance(initial, str):
         q, v = (np.array(part, dtype=float) for part in initial[:2])
         if q.shape != r.omega.shape or v.shape != r.omega.shape or not np.isfinite([q, v]).all():
-            raise on_all_ranks(
-                ValueError(
-                    f"transient: initial must be two finite arrays of {len(r.omega)} modal values, not of "
-                    f"shapes {q.shape} and {v.shape}"
-                )
+            raise wrong_input(
+                f"transient: initial must be two finite arrays of {len(r.omega)} modal values, not of "
+                f"shapes {q.shape} and {v.shape}"
             )
     elif initial == "equilibrium":
         q, found = at_rest(r, amplitude, contact)

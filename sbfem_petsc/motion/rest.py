@@ -6,7 +6,7 @@ import numpy as np
 
 from ..contact.complementarity import Complementarity
 from ..contact.friction import solve_contact
-from ..errors import SolveError, on_all_ranks
+from ..errors import failed_solve
 from ..reduction.reduced_model import ReducedModel
 
 # A rigid-body motion is held by contact alone. A spring stands for nothing that gives the mode this share of
@@ -49,10 +49,8 @@ def at_rest(
     forces = np.abs(loads) + np.abs(rows).T @ np.abs(found.force)
     loose = rigid & (np.abs(stiffness * q) > np.maximum(HELD * forces, ROUND_OFF * forces.max(initial=0.0)))
     if loose.any():
-        raise on_all_ranks(
-            SolveError(
-                f"equilibrium: the loads push the rigid-body motion of mode {int(np.argmax(loose)) + 1}, "
-                "which nothing holds: there is no place at rest; hold the structure, or leave the loads out"
-            )
+        raise failed_solve(
+            f"equilibrium: the loads push the rigid-body motion of mode {int(np.argmax(loose)) + 1}, "
+            "which nothing holds: there is no place at rest; hold the structure, or leave the loads out"
         )
     return q, found

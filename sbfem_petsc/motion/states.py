@@ -8,7 +8,7 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from ..errors import SolveError, UnknownName, listed, on_all_ranks
+from ..errors import UnknownName, failed_solve, listed
 from ..record.record import Record, described, quantity
 from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
@@ -353,14 +353,14 @@ class SampledStates(States):
 
     def _kept(self, what: str) -> KeptFields:
         if self.fields is None:
-            raise on_all_ranks(SolveError(f"{what}: {NOT_KEPT}"))
+            raise failed_solve(f"{what}: {NOT_KEPT}")
         return self.fields
 
     def _at(self, table: np.ndarray, name: Point, kind: str = "point") -> np.ndarray:
         """(n, 2): what a table holds of a point or tip."""
         names = self.points if kind == "point" else self.tips
         if not isinstance(name, str):
-            raise on_all_ranks(SolveError(f"{kind} {name!r}: {NOT_KEPT}"))
+            raise failed_solve(f"{kind} {name!r}: {NOT_KEPT}")
         if name not in names:
             raise UnknownName(f"{kind} {name!r} does not exist; the model has {listed(names)}")
         return table[:, names.index(name)]

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-import warnings
 
 from meshing.warnings import StepWarning
 
-from ..errors import caller_level, on_all_ranks
+from ..errors import warn, wrong_input
 from ..petsc import MPI
 from ..ranks.capacity import PlannedFile, default_decimation, require_disk, require_memory
 from ..reduction.reduced_model import ReducedModel
@@ -39,11 +38,10 @@ def contact_steps(reduced: ReducedModel, frequency: float) -> int:
 def warn_if_coarse(owner: str, steps: int, frequency: float, fastest: float, *, period: str) -> None:
     """Warn of few steps a period of the loads' highest frequency, of so many in one of `frequency`, Hz."""
     if steps * frequency < COARSE * fastest * (1.0 - 1e-9):  # a frequency that rounding has moved is no other
-        warnings.warn(
+        warn(
             f"{owner}: {steps} steps a {period} are {steps * frequency / fastest:.1f} a period of the "
             f"highest load frequency {fastest:g} Hz; at least {COARSE} are advisable",
             StepWarning,
-            stacklevel=caller_level(),
         )
 
 
@@ -59,19 +57,15 @@ def plan_steps(
             return _multiple(duration / former.step, decimation), former.step, decimation
     assert step is not None
     if not duration / step < MOST_STEPS:
-        raise on_all_ranks(
-            ValueError(
-                f"transient: {duration / step:.3g} steps of {step:.3g} s, at a microsecond or more each, "
-                f"would take at least {duration / step / 3.6e9:.3g} hours; give a shorter duration, a "
-                "larger step or loads of lower frequency"
-            )
+        raise wrong_input(
+            f"transient: {duration / step:.3g} steps of {step:.3g} s, at a microsecond or more each, "
+            f"would take at least {duration / step / 3.6e9:.3g} hours; give a shorter duration, a "
+            "larger step or loads of lower frequency"
         )
     count = _multiple(duration / step, 1)
     if decimation is not None and decimation > count:
-        raise on_all_ranks(
-            ValueError(
-                f"transient: decimation = {decimation} is more than the {count} steps there are; give fewer"
-            )
+        raise wrong_input(
+            f"transient: decimation = {decimation} is more than the {count} steps there are; give fewer"
         )
     decimation = default_decimation(count, row) if decimation is None else decimation
     count = _multiple(count, decimation)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -17,7 +16,7 @@ from ..bodies.finite_element_model import FiniteElementModel
 from ..bodies.rows import Contact, Row
 from ..checks import flag, instance, optional_integer, positive, real, shown
 from ..damping import DampingTable, ModalDamping, checked_damping, checked_rayleigh
-from ..errors import caller_level
+from ..errors import warn
 from ..loads import Load, SupportMotion, separate
 from ..petsc import MPI
 from ..ranks.parallel import agreed, checked_communicator, collective
@@ -253,12 +252,11 @@ def modes_up_to(model: Model, frequency: float, least: int) -> int:
     count = _passing(model, frequency, min(max(least, 8), most))
     top = float(model.modes(count).frequencies[-1])
     if count == most and top < frequency:
-        warnings.warn(
+        warn(
             f"the {count} modes that the mesh is good for end at {top:.6g} Hz, below the {frequency:.6g} Hz "
             f"that were wanted ({BAND:g} times the loads' highest frequency by default); refine the mesh, "
             "or choose modes",
             BandWarning,
-            stacklevel=caller_level(),
         )
     if least < 8:
         count = max(1, int((model.modes(count).frequencies <= frequency).sum()))

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg.blas import dgemm, dger
 
-from ..errors import SolveError, on_all_ranks
+from ..errors import failed_solve, wrong_input
 from ..petsc import MPI
 
 # Relative residual of K^-1 M x = x / w2, at most, that a mode has.
@@ -91,11 +91,9 @@ def lowest(
         last = slice(done, space.used)
         done = space.used
         if last.start == done or done + width > space.most:
-            raise on_all_ranks(
-                SolveError(
-                    f"modal: fewer than {count} modes were found in {done} vectors; keep fewer modes, or "
-                    "check that the mass moves in so many ways"
-                )
+            raise failed_solve(
+                f"modal: fewer than {count} modes were found in {done} vectors; keep fewer modes, or "
+                "check that the mass moves in so many ways"
             )
         inside, outside = space.add(solve(space.inertia[:, last]))
         projected[:done, last], projected[done : space.used, last] = inside, outside
@@ -162,16 +160,12 @@ class _Space:
         for j, square in enumerate(squares):
             row = self._summed(rows[:, j] @ heavy[:, j:])
             if not np.isfinite(row).all():
-                raise on_all_ranks(
-                    SolveError(
-                        "modal: a solve overflows; are all entries of mass and stiffness of usual size?"
-                    )
+                raise failed_solve(
+                    "modal: a solve overflows; are all entries of mass and stiffness of usual size?"
                 )
             if min(row[0], square) < -LOST * abs(square):
-                raise on_all_ranks(
-                    ValueError(
-                        "reduce_matrices: mass is indefinite, a motion has less than 0; give one of 0 or more"
-                    )
+                raise wrong_input(
+                    "reduce_matrices: mass is indefinite, a motion has less than 0; give one of 0 or more"
                 )
             if row[0] <= lost**2 * square:
                 continue

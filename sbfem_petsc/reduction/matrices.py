@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -26,7 +25,7 @@ from ..damping import (
     modal_ratios,
     rayleigh_ratios,
 )
-from ..errors import SolveError, caller_level
+from ..errors import SolveError, warn
 from ..petsc import MPI
 from ..ranks.parallel import agreed, checked_communicator
 from .outputs import LinearOutput
@@ -221,12 +220,11 @@ def _warn_of_superelement(mass: Any, stiffness: Any, omega: np.ndarray) -> None:
         return
     highest = float(np.sqrt((k.diagonal()[inside] / m.diagonal()[inside]).max()))
     if beyond := int((omega > highest).sum()):
-        warnings.warn(
+        warn(
             f"reduce_matrices: {beyond} of {len(omega)} modes lie above {highest / (2.0 * np.pi):.6g} Hz, "
             "where the modes inside this superelement (Craig-Bampton) end: they are none of the structure, "
             f"and shorten the steps; keep modes = {len(omega) - beyond}",
             BandWarning,
-            stacklevel=caller_level(),
         )
 
 

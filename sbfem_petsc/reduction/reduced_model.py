@@ -15,7 +15,7 @@ from ..bodies.rows import Contact
 from ..contact.closed_sets import ClosedSets, thin_factors
 from ..contact.friction import Friction, refuse_friction
 from ..contact.law import RowLaws
-from ..errors import SolveError, on_all_ranks
+from ..errors import failed_solve
 from ..loads import Load
 from ..petsc import MPI, free, require_thread
 from ..record.record import Record, derived, described, quantity
@@ -262,11 +262,9 @@ class ReducedModel(Record):
 
     def _model(self, what: str) -> Model:
         if self.model is None or self.modal is None:
-            raise on_all_ranks(
-                SolveError(
-                    f"{what}: a reduced model of matrices, of a body (which has a field if it is reduced "
-                    "with shapes=True) or read from a file knows its named points alone; reduce it again"
-                )
+            raise failed_solve(
+                f"{what}: a reduced model of matrices, of a body (which has a field if it is reduced "
+                "with shapes=True) or read from a file knows its named points alone; reduce it again"
             )
         return self.model
 
