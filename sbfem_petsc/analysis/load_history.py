@@ -17,11 +17,12 @@ import numpy as np
 from ..checks import instance, real_array
 from ..errors import at_point
 from ..loads import Loads
+from ..motion.history import Motion
 from ..motion.loading import loading
+from ..motion.states import ModalStates, Point
 from ..ranks.capacity import require_memory
 from ..ranks.parallel import agreed, collective
 from ..record.record import Record, derived, described, quantity
-from ..reduction.at_rest import ReducedLoadHistory, over_time
 from ..reduction.reduced_model import ReducedModel
 from ..signals.signal import Signal
 from ..system.fields.places import checked_line
@@ -29,7 +30,7 @@ from ..system.fields.tip_facts import together
 from ..system.model import Model
 from .analysis import analysis
 from .options import LoadHistoryOptions
-from .static import state
+from .static import reduced_states, state
 from .static_result import Static
 
 
@@ -195,6 +196,39 @@ class LoadHistory(Record):
         )
 
 
+@described
+class ReducedLoadHistory(Motion):
+    """Static states of a reduced model of a body or of matrices at given times."""
+
+    friction_loss: np.ndarray | None = quantity(
+        "J", "lost to friction so far", "time", kinds="f", default=None
+    )
+
+    @derived("m", "displacement along the own direction of each point", "time place", called="displacement")
+    def point_displacements(self) -> np.ndarray:
+        """(n, points): m."""
+        return np.stack([self.displacement(point) for point in self.points], axis=1)
+
+    def displacement(self, point: Point) -> np.ndarray:
+        """(n,): of a named point along its own direction, m."""
+        return self.states.displacement(point)[:, -1]
+
+    @derived("J", "that of elastic stops included", "time")
+    def strain_energy(self) -> np.ndarray:
+        """(n,): J."""
+        assert isinstance(self.states, ModalStates)
+        return self.states.strain_energy
+
+    def check(self) -> None:
+        """Any times are good: states follow each other in the order in which they stand."""
+
+    def __repr__(self) -> str:
+        return (
+            f"ReducedLoadHistory({len(self.time)} states from {self.time[0]:.6g} to {self.time[-1]:.6g} s, "
+            f"peak contact resultant {self.contact_resultant.max():.6g} N)"
+        )
+
+
 @overload
 def load_history(
     model: Model, load, time: Sequence[float] | np.ndarray, *, contact: bool = True
@@ -233,7 +267,9 @@ def load_history(
     if isinstance(model, ReducedModel):
         times, signals = _checked(time), loading("load_history", model, load).signals
         over = np.array([[float(signal(t)) for signal in signals] for t in times])
-        return over_time("load_history", model, times, over, contact)
+        found = reduced_states("load_history", model, over, contact)
+        lost = None if model.friction is None else np.cumsum(found.lost)
+        return ReducedLoadHistory(times, found.motion, lost)
     instance("load_history", "model", model, Model, "a Model or ReducedModel")
     with collective(model.comm):
         times = _checked(time)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import overload
 
 import numpy as np
 
-from ..checks import shown
-from ..errors import listed, warn, wrong_input
-from ..reduction.at_rest import ReducedModal, kept_modes
+from ..bodies.finite_element_model import FiniteElementModel
+from ..checks import integer, shown
+from ..errors import SolveError, at_point, listed, warn, wrong_input
+from ..record.record import Record, described, quantity
 from ..reduction.reduced_model import ReducedModel
 from ..system.fields.resolution import warn_of_modes
 from ..system.model import Model
@@ -21,6 +22,52 @@ from .options import ModalOptions
 
 # Frequencies below, relative to the highest, are rigid-body motions and round-off.
 RIGID = 1e-5
+# Frequencies that are printed.
+SHOWN = 6
+
+
+@described
+class ReducedModal(Record):
+    """Modes that a reduced model of a body or of matrices keeps, lowest first, mass-normalised."""
+
+    frequencies: np.ndarray = quantity("Hz", "natural frequencies, open contact", "mode", least=0.0, row=True)
+    damping: np.ndarray = quantity("1", "modal damping ratios", "mode", least=0.0)
+    point_shapes: dict[str, np.ndarray] = quantity(
+        "1/sqrt(kg)",
+        "displacement along the own direction of each point in each mode",
+        "mode place",
+        called="displacement",
+        by="place",
+    )
+    directions: dict[str, str] = quantity(
+        text="directions of the points of a body", dims="place", kinds="U", default_factory=dict
+    )
+    body: FiniteElementModel | None = field(default=None, repr=False)
+    shapes: np.ndarray | None = field(default=None, repr=False)
+
+    def displacement(self, point: str) -> np.ndarray:
+        """(n,): of a named point in each mode, along its own direction."""
+        return at_point(self.point_shapes, point)
+
+    def nodal(self, mode: int) -> np.ndarray:
+        """(nodes, 3): a mode of a body, 0 the lowest, at all nodes in the order of `body.labels`.
+
+        Raises
+        ------
+        SolveError
+            If the shapes are not kept.
+        """
+        if self.body is None or self.shapes is None:
+            raise SolveError("nodal: the modes are read from a file, or those of a model that kept no shapes")
+        most = len(self.frequencies) - 1
+        return self.body.nodal(self.shapes[:, integer("nodal", "mode", mode, least=0, most=most)])
+
+    def __repr__(self) -> str:
+        shown = ", ".join(f"{f:.6g}" for f in self.frequencies[:SHOWN])
+        return (
+            f"ReducedModal({len(self.frequencies)} frequencies: "
+            f"{shown}{', ...' * (len(self.frequencies) > SHOWN)} Hz)"
+        )
 
 
 @overload
@@ -91,7 +138,7 @@ def modal(
     if isinstance(model, ReducedModel):
         if accuracy is not None:
             raise ValueError("modal: accuracy is of a Model, whose mesh can be made finer; leave it out")
-        return kept_modes(model, count, band)
+        return _kept_modes(model, count, band)
     if not isinstance(model, Model):
         raise TypeError(f"modal: model = {shown(model)} is not a Model or ReducedModel")
     most = model.boundary_unknowns // 2
@@ -122,6 +169,26 @@ def modal(
         return found
     _, found, estimate = refined("modal", Sought(solve, _elastic_frequencies), model, accuracy=accuracy)
     return replace(found, estimate=estimate)
+
+
+def _kept_modes(reduced: ReducedModel, count: int | None, band: tuple[float, float] | None) -> ReducedModal:
+    """Those of a number or of a band in Hz, of the modes that are kept."""
+    reduced.require_rows("modal")
+    f = reduced.frequencies
+    if count is not None and count > len(f):
+        raise ValueError(
+            f"modal: count = {count} is more than the {len(f)} modes of the reduced model; keep more"
+        )
+    if band is not None and band[1] > f[-1]:
+        raise ValueError(
+            f"modal: band = {band} goes beyond {f[-1]:.6g} Hz, where the modes of the reduced model end; "
+            "reduce it with more"
+        )
+    keep = np.arange(len(f))[:count] if band is None else np.flatnonzero((f >= band[0]) & (f <= band[1]))
+    shapes = {name: reduced.points.modes[k, -1, keep] for k, name in enumerate(reduced.points.names)}
+    whole = None if reduced.whole is None else reduced.whole.modes[:, keep]
+    facts = f[keep], reduced.damping[keep], shapes, reduced.point_directions
+    return ReducedModal(*facts, reduced.body, whole)
 
 
 def _elastic_frequencies(found: Modal) -> np.ndarray:

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any, overload
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 
 from meshing.warnings import MeshWarning, RoundOffWarning, StepWarning
 
 from ..checks import shown
+from ..contact.complementarity import Complementarity
+from ..contact.friction import Memory
 from ..errors import failed_solve, warn
 from ..loads import as_loads, separate
 from ..motion.loading import loading
+from ..motion.rest import Rest
+from ..motion.states import ModalStates
 from ..ranks.parallel import collective
-from ..reduction.at_rest import ReducedStatic, at_rest
 from ..reduction.reduced_model import ReducedModel
 from ..signals.signal import Constant
 from ..system.fields.fracture import contact_nodal_forces, energy_release_rates, notes, t_stresses
@@ -26,7 +29,7 @@ from ..system.solve.equilibrium import Equilibrium
 from .analysis import analysis
 from .estimate import Sought, refined
 from .options import StaticOptions
-from .static_result import Static
+from .static_result import ReducedStatic, Static
 
 # Residual, relative to the load or of a refined solution, beyond which it is refused, and beyond which the
 # user is warned: displacements are wrong by ten times the residual or so.
@@ -118,7 +121,56 @@ def _of_rows(reduced: ReducedModel, load, contact: bool, accuracy: float | None)
     for signal in signals:
         if not isinstance(signal, Constant):
             raise ValueError(f"static: load = {signal!r} changes in time; give a number, or use load_history")
-    return at_rest("static", reduced, np.array([float(signal(0.0)) for signal in signals]), contact)
+    found = reduced_states("static", reduced, np.array([[float(signal(0.0)) for signal in signals]]), contact)
+    (touching,), moved, count = found.touching, found.motion, reduced.pairs
+    rubbed = dict[str, Any]()
+    if reduced.friction is not None:
+        memory = Memory.of(touching, count)
+        rubbed = {"slip": memory.slip, "friction_force": memory.force, "friction_loss": found.lost[0]}
+    return ReducedStatic(
+        dict(zip(moved.points, reduced.points(moved.q, moved.amplitudes, moved.contact)[0, :, -1].tolist())),
+        touching.force[:count],
+        touching.gap[:count],
+        touching.active[:count],
+        float(moved.strain_energy[0]),
+        touching.iterations,
+        reduced.point_directions,
+        field=moved.field(0).nodal if reduced.shows else None,
+        **rubbed,
+    )
+
+
+class ReducedStates(NamedTuple):
+    """Static states of a reduced model, its contact in each, and what friction has taken since the one before
+    (J), where anything rubs.
+    """
+
+    motion: ModalStates
+    touching: list[Complementarity]
+    lost: list[float]
+
+
+def reduced_states(owner: str, reduced: ReducedModel, amplitudes: np.ndarray, contact: bool) -> ReducedStates:
+    """The static states under (n, loads) amplitudes, each from the one before, the first from rest; exact,
+    for the residual flexibility is that of all modes left out.
+    """
+    reduced.require_rows(owner)
+    if not reduced.omega.all():
+        raise ValueError(
+            f"{owner}: the reduced model has rigid-body motions (0 Hz); hold it, say by weak springs"
+        )
+    rest, friction = Rest(reduced, contact), reduced.friction
+    memory = None if friction is None else Memory.none(reduced.contact_laws, friction)
+    places, touching, lost = list[np.ndarray](), list[Complementarity](), list[float]()
+    for loads in amplitudes:
+        q, found = rest(loads, memory)
+        if friction is not None and memory is not None:
+            former, memory = memory, Memory.of(found, reduced.gaps)
+            lost.append(memory.lost_since(former, friction))
+        places.append(q)
+        touching.append(found)
+    q, force = np.array(places), np.array([found.force for found in touching])
+    return ReducedStates(ModalStates(q, np.zeros_like(q), amplitudes, force, reduced), touching, lost)
 
 
 def state(model: Model, load, contact: bool, former: Static | None = None) -> Static:

@@ -269,3 +269,49 @@ class Static(Record):
             yield text
         if len(self.stress_intensity) > SHOWN:
             yield f"{len(self.stress_intensity) - SHOWN} more tips"
+
+
+@described
+class ReducedStatic(Record):
+    """Static solution of a reduced model of a body or of matrices."""
+
+    point_displacements: dict[str, float] = quantity(
+        "m", "displacement along the own direction of each point", "place", called="displacement", row=True
+    )
+    contact_force: np.ndarray = quantity("N", "contact forces, compression positive", "pair")
+    gap: np.ndarray = quantity("m", "gaps of the contact rows", "pair")
+    active: np.ndarray = quantity("1", "rows in contact", "pair", kinds="b")
+    strain_energy: float = quantity("J", "that of elastic stops included", row=True)
+    iterations: int = quantity("1", "iterations of the active set", least=0)
+    directions: dict[str, str] = quantity(
+        text="directions of the points of a body", dims="place", kinds="U", default_factory=dict
+    )
+    slip: np.ndarray | None = quantity(
+        "m", "slips of the rows, where any rubs", "pair", kinds="f", default=None
+    )
+    friction_force: np.ndarray | None = quantity(
+        "N", "friction of the rows, against the changes of their slips", "pair", kinds="f", default=None
+    )
+    friction_loss: float | None = quantity(
+        "J", "lost to friction since the state before, or since rest", kinds="f", default=None
+    )
+    field: np.ndarray | None = quantity(
+        "m", "displacements of all nodes of a body", "node xyz", detail=True, default=None, repr=False
+    )
+
+    @derived("N", "sum of the contact forces", row=True)
+    def contact_resultant(self) -> float:
+        """N."""
+        return float(self.contact_force.sum())
+
+    def displacement(self, point: str) -> float:
+        """Of a named point along its own direction, m."""
+        return at_point(self.point_displacements, point)
+
+    def __repr__(self) -> str:
+        along = {name: f" along {d}" for name, d in self.directions.items() if d}
+        points = ", ".join(f"{n}{along.get(n, '')}: {u:.6g}" for n, u in self.point_displacements.items())
+        return (
+            f"ReducedStatic({points} m; {int(self.active.sum())} of {len(self.gap)} pairs in contact, "
+            f"resultant {self.contact_resultant:.6g} N)"
+        )

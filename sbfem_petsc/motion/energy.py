@@ -71,13 +71,7 @@ class Ledger:
         self.work = np.zeros(3 if reduction.friction is None else 4)
         self.stiffness, self.friction = reduction.omega**2, 2.0 * reduction.damping * reduction.omega
         self.ones, self._squares = np.ones(len(reduction.omega)), np.empty((0, len(reduction.omega)))
-        # of the displacements of loads and contact under their own forces
-        self.flexibility = np.block(
-            [
-                [reduction.load_flexibility, reduction.gap.loads.T],
-                [reduction.gap.loads, reduction.gap.contact],
-            ]
-        )
+        self.flexibility = reduction.flexibility
         if supports is not None and len(self.edges):
             self.inertia = supports.of_edges("inertia")
             self.mass, self.damping = (supports.of_edges(name)[:, self.edges] for name in ("mass", "damping"))

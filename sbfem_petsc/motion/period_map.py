@@ -28,7 +28,7 @@ from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
 from .excitation import LINES, Excitation, modal_forces
 from .period_motion import PeriodMotion
-from .rest import at_rest
+from .rest import Rest
 from .steps import StepLength, Touching, free_resolvent
 
 # How often a period is integrated again, for the states that rows begin in.
@@ -147,8 +147,8 @@ class Period:
         """
         if self._rest is None:
             constant = self.excitation.amplitudes[self.excitation.orders == 0].real.sum(axis=0)
-            q, found = at_rest(self.reduced, constant, self.pairs > 0)
-            slip = found.gap[self.pairs - len(self.slip_units) :] / self.slip_units
+            q, found = Rest(self.reduced, self.pairs > 0)(constant)
+            slip = found.gap[len(found.gap) - len(self.slip_units) :] / self.slip_units
             self._rest = np.concatenate([self.weights * q, np.zeros(self.modes), slip])
         return self._rest
 

@@ -27,7 +27,7 @@ from .drive import Drive, Piece
 from .energy import Energy, Ledger, guard
 from .history import History
 from .integration import Steps, Told
-from .rest import at_rest
+from .rest import Rest
 from .states import ModalStates, Rows
 from .steps import HALVING, halved_coefficients, lengths
 
@@ -256,7 +256,7 @@ def _start(
                 f"shapes {q.shape} and {v.shape}"
             )
     elif initial == "equilibrium":
-        q, found = at_rest(r, amplitude, contact)
+        q, found = Rest(r, contact)(amplitude)
     if not contact:
         return q, v, np.zeros(0), np.zeros(0, dtype=np.int8), np.zeros(0)
     if found is None:

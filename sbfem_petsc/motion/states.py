@@ -115,6 +115,13 @@ class ModalStates(States):
         return self.reduced.gap(self.q, self.amplitudes, self.contact) + self.reduced.initial_gap
 
     @property
+    def strain_energy(self) -> np.ndarray:
+        """(n,): J, that of the residual flexibility included."""
+        drive = np.concatenate([self.amplitudes, self.contact], axis=1)
+        stored = np.einsum("ni,ni->n", drive, drive @ self.reduced.flexibility)
+        return 0.5 * (stored + ((self.reduced.omega * self.q) ** 2).sum(axis=1))
+
+    @property
     def modal_acceleration(self) -> np.ndarray:
         """(n, m): second derivative of q, from the equations of motion."""
         return self._modal_acceleration(slice(None))

@@ -20,12 +20,11 @@ from ..motion.history import Motion
 from ..motion.states import Point
 from ..petsc import MPI
 from ..record.units import force_unit, length_unit, place_unit, time_unit
-from ..reduction.at_rest import ReducedLoadHistory
 from .drawing import BLUE, CYCLE, DASHED, ORANGE, VERMILION, Sheet, above
 from .picture import a_text, optional, picture, place_name, symbol, whole
 
-Rubbing = LoadHistory | ReducedLoadHistory | Motion
-_KINDS = (Motion, LoadHistory, ReducedLoadHistory)
+Rubbing = LoadHistory | Motion
+_KINDS = (Motion, LoadHistory)
 # Colours of a face that is apart, sticks, and slips back and forth.
 _STATES = {"apart": "#F2F2F2", "sticks": BLUE, "slips back": ORANGE, "slips forth": VERMILION}
 # Columns of the map at most: one a pixel; changes of a slip below this share of the largest are rounding.

@@ -174,6 +174,16 @@ class ReducedModel(Record):
         """Contact rows that are gaps; slips stand behind them."""
         return len(self.initial_gap) - (0 if self.friction is None else len(self.friction.rows))
 
+    def require_rows(self, owner: str) -> None:
+        """Refuse that of a Model, whose points have two components and whose fields tell more."""
+        if not self.of_rows:
+            raise ValueError(f"{owner}: {self!r} is that of a Model; give the Model itself")
+
+    @functools.cached_property
+    def flexibility(self) -> np.ndarray:
+        """(l + c, l + c): of the displacements of unit loads and contact rows under their own forces, m/N."""
+        return np.block([[self.load_flexibility, self.gap.loads.T], [self.gap.loads, self.gap.contact]])
+
     def require_frictionless(self, owner: str, why: str = "knows no friction yet") -> None:
         """Raise ValueError, on all ranks, where faces rub."""
         if self.friction is not None:

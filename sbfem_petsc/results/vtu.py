@@ -12,11 +12,11 @@ import numpy as np
 
 from meshing.whole_file import destination, replaced
 
+from ..analysis.modal import ReducedModal
 from ..bodies.finite_element_model import FiniteElementModel, nodal_field
 from ..checks import flag, instance, optional_integer, shown
 from ..petsc import MPI
 from ..ranks.parallel import agreed, collective, ranks_of
-from ..reduction.at_rest import ReducedModal
 from ..system.fields.sampling import Patches, point_grid_cells, sample
 from ..system.model import Model
 from ..system.solve.modal_result import Modal, chosen_modes

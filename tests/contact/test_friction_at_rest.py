@@ -78,7 +78,9 @@ def test_histories_against_all_states_tried(modes, monkeypatch):
             seen.update(zip(force[0][:2] > 0.0, moved > 1e-12))
             memory = memory._replace(slip=gaps[2:], force=force[0][2:], pressing=force[0][:2])
         first = sb.static(reduced, list(values[0]))
-        assert np.array_equal(first.slip, found.slip[0]) and first.friction_loss == found.friction_loss[0]
+        # slips of several states come out of one product, which is rounded otherwise
+        assert first.slip == pytest.approx(found.slip[0], rel=1e-13)
+        assert first.friction_loss == found.friction_loss[0]
         assert np.array_equal(first.friction_force, found.friction_force[0])
     assert seen == {(False, True), (True, True), (True, False)}
 
