@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import copy
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -31,6 +33,8 @@ from .period_motion import PeriodMotion
 from .rest import Rest
 from .steps import StepLength, Touching, free_resolvent
 
+Key = TypeVar("Key")
+Value = TypeVar("Value")
 # How often a period is integrated again, for the states that rows begin in.
 _AGAIN = 4
 # Rows up to which switches of those that rub are located wherever those of others are: of more it costs
@@ -116,7 +120,7 @@ class Period:
             phases = excitation.phases(self.steps)
             self._waves = np.concatenate([phases.real, -phases.imag], axis=1)
         self._prepared: dict[tuple[float, float], DrivenPeriod] = {}
-        self._scaled: tuple[tuple[float, float], Period] | None = None
+        self._scaled: dict[tuple[float, float], Period] = {}
         self._rest: np.ndarray | None = None
         self._loaded: dict[float, tuple[np.ndarray, np.ndarray]] = {}
 
@@ -130,15 +134,13 @@ class Period:
         """Load amplitudes over time, with a factor on those that oscillate, and the gaps under them of which
         the modes know nothing.
         """
-        if factor not in self._loaded:
-            if len(self._loaded) > 4:
-                self._loaded.clear()
-            r = self.reduced
-            scaled = self.excitation.scaled(factor)
+
+        def made() -> tuple[np.ndarray, np.ndarray]:
+            r, scaled = self.reduced, self.excitation.scaled(factor)
             loads = self.over_time(scaled.smooth) + scaled.further_values(self.steps)
-            gaps = loads @ r.gap.loads[: self.pairs].T + r.initial_gap[: self.pairs]
-            self._loaded[factor] = loads, gaps
-        return self._loaded[factor]
+            return loads, loads @ r.gap.loads[: self.pairs].T + r.initial_gap[: self.pairs]
+
+        return _recent(self._loaded, factor, made)
 
     @property
     def rest(self) -> np.ndarray:
@@ -166,30 +168,28 @@ class Period:
 
     def length(self, step: float) -> StepLength:
         """What the length of a step (s) alone determines."""
-        if step not in self._lengths:
-            if len(self._lengths) > 4:
-                self._lengths.clear()
-            r, factors = self.reduced, (self.left, self.right)
-            contact = Touching(factors, self.residual_flexibility, self.laws, self.friction)
-            self._lengths[step] = StepLength((r.omega, r.damping), step, self.steps, contact)
-        return self._lengths[step]
+        modes, factors = (self.reduced.omega, self.reduced.damping), (self.left, self.right)
+        contact = Touching(factors, self.residual_flexibility, self.laws, self.friction)
+        return _recent(self._lengths, step, lambda: StepLength(modes, step, self.steps, contact))
 
     def with_damping(self, ratios: np.ndarray) -> Period:
         """The same period of the model with other damping ratios, under loads that do not depend on them."""
         result = copy.copy(self)
         result.reduced = replace(self.reduced, damping=ratios)
-        result._lengths, result._prepared, result._scaled, result._rest = {}, {}, None, None
+        result._lengths, result._prepared, result._scaled, result._rest = {}, {}, {}, None
         return result
 
     def scaled(self, *, damping: float = 1.0, gap: float = 1.0) -> Period:
         """The same period of the model with factors on its damping ratios and initial gaps."""
         if damping == gap == 1.0:
             return self
-        if self._scaled is None or self._scaled[0] != (damping, gap):
+
+        def made() -> Period:
             r = self.reduced
             changed = replace(r, damping=damping * r.damping, initial_gap=gap * r.initial_gap)
-            self._scaled = (damping, gap), Period(changed, self.excitation, self.steps, self.pairs > 0)
-        return self._scaled[1]
+            return Period(changed, self.excitation, self.steps, self.pairs > 0)
+
+        return _recent(self._scaled, (damping, gap), made, 0)
 
     def at(
         self, frequency: float, load: float = 1.0, *, damping: float = 1.0, gap: float = 1.0
@@ -199,12 +199,16 @@ class Period:
         """
         if not damping == gap == 1.0:
             return self.scaled(damping=damping, gap=gap).at(frequency, load)
-        key = (frequency, load)
-        if key not in self._prepared:
-            if len(self._prepared) > 4:
-                self._prepared.clear()
-            self._prepared[key] = DrivenPeriod(self, frequency, load)
-        return self._prepared[key]
+        return _recent(self._prepared, (frequency, load), lambda: DrivenPeriod(self, frequency, load))
+
+
+def _recent(known: dict[Key, Value], key: Key, make: Callable[[], Value], others: int = 4) -> Value:
+    """What a key stands for, made where it is not known beside a few others."""
+    if key not in known:
+        if len(known) > others:
+            known.clear()
+        known[key] = make()
+    return known[key]
 
 
 class DrivenPeriod:
@@ -438,15 +442,9 @@ class DrivenPeriod:
 
     def _load_rates(self) -> tuple[np.ndarray, np.ndarray]:
         """Rates of the free gaps and of the linear state with the factor on the oscillating loads."""
-        p, r = self.period, self.period.reduced
-        part = p.excitation.oscillating
-        amplitudes, _ = part.response(r, self.frequency)
-        gaps = part.over_time(amplitudes @ p.right, p.steps) @ p.left.T
-        gaps += part.loads(p.steps) @ r.gap.loads[: p.pairs].T
-        return gaps, self._state(
-            amplitudes.sum(axis=0).real,
-            (2j * np.pi * part.orders[:, None] / self.duration * amplitudes).sum(axis=0).real,
-        )
+        one, none = (self.period.at(self.frequency, factor) for factor in (1.0, 0.0))
+        state = one.linear_state - none.linear_state
+        return one.free_gap - none.free_gap, state[: 2 * self.period.modes]
 
     def linear_resolvent(self, vectors: np.ndarray) -> np.ndarray:
         """(Phi - 1)^-1 of motions without contact, and of slips that are forgotten, on vectors like states:
