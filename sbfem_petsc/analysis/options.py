@@ -6,7 +6,7 @@ One word has one meaning. This module is light, for a case is checked before PET
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from ..options import Options, Pair, item
 
@@ -46,9 +46,16 @@ def _largest_step(what: str, unit: str = "") -> Any:
     return item(None, text=f"largest change of the {what} from a point to the next", unit=unit, gt=0)
 
 
-def one_value(stop: float, remedy: str = "give a range, or use periodic") -> tuple[str, str]:
-    """The contradiction of a range whose ends are one value."""
-    return "stop", f"= {stop:g} is start itself; {remedy}"
+class Ranged(Options):
+    """A range, `start` to `stop`; what is told of one whose ends are one value."""
+
+    instead: ClassVar[str] = "give a range, or use periodic"
+
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """A range of one value."""
+        start, stop = (vars(self)[end] for end in ("start", "stop"))
+        if start == stop:
+            yield "stop", f"= {stop:g} is start itself; {self.instead}"
 
 
 def even(samples: int) -> Iterator[tuple[str, str]]:
@@ -170,17 +177,12 @@ class PeriodicOptions(Integration):
             )
 
 
-class FrequencyRange(Integration):
+class FrequencyRange(Ranged, Integration):
     """The forcing frequencies of a curve."""
 
     start: float = _frequency("first frequency")
     stop: float = _frequency("last frequency")
     largest_step: float | None = _largest_step("frequency", "Hz")
-
-    def contradictions(self) -> Iterator[tuple[str, str]]:
-        """A range of one value."""
-        if self.start == self.stop:
-            yield one_value(self.stop)
 
 
 class CurveOptions(Integration):
@@ -200,7 +202,7 @@ class FrequencyResponseOptions(CurveOptions, FrequencyRange):
     contact: bool = item(True, text="false: the linear response")
 
 
-class LoadResponseOptions(CurveOptions):
+class LoadResponseOptions(Ranged, CurveOptions):
     """Options of `load_response`."""
 
     frequency: float = _frequency("forcing frequency")
@@ -208,11 +210,6 @@ class LoadResponseOptions(CurveOptions):
     stop: float = item(1.0, text="last factor", ge=0, le=1e15)
     parameter: Literal["load", "damping", "gap"] = item("load", text=FACTOR)
     largest_step: float | None = _largest_step("factor")
-
-    def contradictions(self) -> Iterator[tuple[str, str]]:
-        """A range of one value."""
-        if self.start == self.stop:
-            yield one_value(self.stop)
 
 
 class SwitchOptions(Options):
@@ -235,17 +232,13 @@ class LineOptions(Options):
     points: int = _counted("points to either side of a bifurcation at most", 100)
 
 
-class LocusOptions(LineOptions):
+class LocusOptions(Ranged, LineOptions):
     """Options of `locus`."""
 
+    instead = "give a range of factors"
     start: float = item(text="first factor on the second parameter", ge=0, le=1e15)
     stop: float = item(text="last factor on the second parameter", ge=0, le=1e15)
     largest_step: float | None = _largest_step("factor")
-
-    def contradictions(self) -> Iterator[tuple[str, str]]:
-        """A range of one value."""
-        if self.start == self.stop:
-            yield one_value(self.stop, "give a range of factors")
 
 
 class LociOptions(LocusOptions):
@@ -268,7 +261,7 @@ class GrazingOptions(Options):
     every: bool = item(False, text="of every contact row; false: the ends of the motions without any contact")
 
 
-class SweptOptions(Options):
+class SweptOptions(Ranged):
     """Options of `swept_response`."""
 
     start: float = _frequency("first frequency")
@@ -281,9 +274,8 @@ class SweptOptions(Options):
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """A range of one value, and sweeps that are over before they begin, or never."""
+        yield from super().contradictions()
         cycles = 0.5 * (self.start + self.stop) * self.duration
-        if self.start == self.stop:
-            yield one_value(self.stop)
         if not 2.0 <= cycles <= LONGEST:
             text = f"= {self.duration:g} s holds {cycles:.3g} cycles; give 2 or more, at most {LONGEST:g}"
             yield "duration", text
@@ -329,9 +321,10 @@ class QuasiPeriodicResponseOptions(TorusCurveOptions):
     largest_step: float | None = _largest_step("frequency or factor")
 
 
-class BackboneOptions(Options):
+class BackboneOptions(Ranged):
     """Options of `backbone`."""
 
+    instead = "give a range of energies"
     mode: int = item(text="number of the mode, from 1", ge=1, le=10**6)
     start: float = item(text="first energy", unit="J", gt=0)
     stop: float = item(text="last energy", unit="J", gt=0)
@@ -353,8 +346,7 @@ class BackboneOptions(Options):
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """A range of one value, and a mode that is not kept."""
-        if self.start == self.stop:
-            yield one_value(self.stop, "give a range of energies")
+        yield from super().contradictions()
         if self.modes is not None and self.mode > self.modes:
             yield "mode", f"= {self.mode} must be one of the modes = {self.modes}"
 

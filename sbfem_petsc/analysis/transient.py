@@ -19,7 +19,7 @@ from ..errors import warn
 from ..motion.files.history_file import HistoryFile
 from ..motion.history import History
 from ..motion.initial import modal_start
-from ..motion.integration import FormerRun, Integrator, Steps, chunks
+from ..motion.integration import Integrator, Steps, chunks
 from ..motion.loading import Loading, Wanted, communicator, loading, moved_up_to, serving, warn_of_unreduced
 from ..motion.preparation import check_reduction
 from ..motion.reduced_history import ReducedIntegrator
@@ -307,7 +307,7 @@ def _planned(
     duration: float,
     step: float | None,
     decimation: int | None,
-    former: FormerRun | None,
+    former: Steps | None,
 ) -> tuple[int, float, int]:
     """Number of steps, the step, and every how many are kept."""
     fastest = problem.loads.highest_frequency

@@ -36,29 +36,9 @@ class Steps:
     decimation: int
 
     @property
-    def settings(self) -> dict[str, Any]:
-        """What a file must have been written with to be continued."""
-        return {
-            "count": self.count,
-            "step": self.step,
-            "contact": self.contact,
-            "scheme": self.scheme,
-            "decimation": self.decimation,
-        }
-
-    @property
     def kept(self) -> int:
         """Instants that are kept, the first one included."""
         return 1 + self.count // self.decimation
-
-
-@dataclass(frozen=True)
-class FormerRun:
-    """What is continued: number of steps, step (s), every how many of them are kept."""
-
-    count: int
-    step: float
-    decimation: int
 
 
 class Told(NamedTuple):

@@ -96,7 +96,7 @@ class ReducedIntegrator:
         """See `integration.Integrator`."""
         norms = (np.linalg.norm(self.reduced.omega * self.q), np.linalg.norm(self.v))
         told = {"initial": self.begun, "initial_norms": np.array(norms if self.begun == "modal" else ())}
-        return Told({**self.steps.settings, **told, "chunk": self.chunk})
+        return Told({**vars(self.steps), **told, "chunk": self.chunk})
 
     def _driven(self, amplitudes: np.ndarray) -> StepLoads:
         """Of load amplitudes (n + 1, loads); by `dot`, for `@` of one column is slow."""

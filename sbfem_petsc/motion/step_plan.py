@@ -11,7 +11,7 @@ from ..petsc import MPI
 from ..ranks.capacity import PlannedFile, default_decimation, require_disk, require_memory
 from ..reduction.reduced_model import ReducedModel
 from ..signals.signal import STEPS_A_PERIOD
-from .integration import FormerRun, Steps
+from .integration import Steps
 
 # With contact, the default step is at most this share of the highest mode's period: pairs that open and close
 # excite all modes, however slow the load is. Measured on beams of several proportions, cracks open and
@@ -46,7 +46,7 @@ def warn_if_coarse(owner: str, steps: int, frequency: float, fastest: float, *, 
 
 
 def plan_steps(
-    duration: float, step: float | None, decimation: int | None, row: int, former: FormerRun | None
+    duration: float, step: float | None, decimation: int | None, row: int, former: Steps | None
 ) -> tuple[int, float, int]:
     """Number of steps, the step, and every how many are kept: with those of the file that is to be continued
     if none or the same were asked for, otherwise such that they divide `duration`.
@@ -78,7 +78,7 @@ def _multiple(steps: float, divisor: int) -> int:
 
 
 def require_room(
-    comm: MPI.Comm, steps: Steps, row: int, file: str | None, *, in_memory: bool, former: FormerRun | None
+    comm: MPI.Comm, steps: Steps, row: int, file: str | None, *, in_memory: bool, former: Steps | None
 ) -> None:
     """Refuse a history that would take more memory or disk than is free."""
     needed, what = float(steps.kept * row), f"{steps.kept:,d} instants of {row:,d} bytes"

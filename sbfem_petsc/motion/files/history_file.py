@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from ...record.journal import Kept, read
 from ...reduction.comparison import close
 from ...signals.signal import Signal
 from ..history import History
-from ..integration import FormerRun, Integrator, OfOtherRanks
+from ..integration import Integrator, OfOtherRanks, Steps
 from ..states import Rows
 from ..unreduced.ranks import Labels, alike, kept_layouts, layouts_in
 from .run_file import OF_MODEL, OF_START, RunFile
@@ -48,29 +49,23 @@ class HistoryFile(RunFile):
 
     Attributes
     ----------
-    former : FormerRun or None
+    former : Steps or None
         The run that is continued.
     in_memory : bool
     """
 
     def __init__(self, comm: MPI.Comm, path: Any, *, kind: str, resume: bool = False, in_memory: bool = True):
-        super().__init__(comm, path, "history", resume=resume)
         self.kind, self.in_memory = kind, in_memory
+        super().__init__(comm, path, "history", resume=resume)
         self._layouts: dict[str, np.ndarray] = {}  # those that are to stand beside the state; on rank 0
         self._own: list[Labels] = []
         former = None
-        try:
-            with collective(comm):
-                former = self._former_run()
-        except BaseException:
-            self.close()
-            raise
-        self.former: FormerRun | None = comm.bcast(former)
+        if (kept := self._former) is not None:
+            known = {**kept.head, "count": kept.state["count"]}
+            former = Steps(*(known[f.name] for f in fields(Steps)))
+        self.former: Steps | None = comm.bcast(former)
 
-    def _former_run(self) -> FormerRun | None:
-        kept = self._former
-        if kept is None:
-            return None
+    def _look(self, kept: Kept) -> None:
         if kept.head["kind"] != self.kind:
             kinds = {"reduced": "a reduced", "unreduced": "an unreduced"}
             raise ValueError(
@@ -85,8 +80,6 @@ class HistoryFile(RunFile):
         if not kept.vouched:  # killed before the first one: there is nothing to go on with
             assert self._journal is not None  # it has left something
             self._journal.former = None
-            return None
-        return FormerRun(kept.state["count"], kept.head["step"], kept.head["decimation"])
 
     # ------------------------------------------------------------------ before the first step
     def begin(self, signals: Sequence[Signal], integrator: Integrator, first: History) -> None:
@@ -132,9 +125,8 @@ class HistoryFile(RunFile):
     def _require_same(self, former: Kept, mine: Mapping[str, Any], signals: Sequence[Signal]) -> None:
         """Refuse a file of another model, other settings or signals, and one that reaches further."""
         theirs, path = former.head, self.path
-        later = OF_MODEL | OF_START
-        self.require_same({name: v for name, v in mine.items() if name not in later | {"count"}})
-        self.require_same({name: v for name, v in mine.items() if name in OF_MODEL})
+        first = sorted(mine, key=lambda name: name in OF_MODEL)
+        self.require_same({name: mine[name] for name in first if name not in OF_START | {"count"}})
         end, asked = former.state["count"] * theirs["step"], mine["count"] * mine["step"]
         if former.state["count"] > mine["count"]:
             raise ValueError(

@@ -55,6 +55,8 @@ class RunFile:
                         raise ValueError(
                             f"{self.what} {self.path!r} is that of another kind of run; name another file"
                         )
+                    if former is not None:
+                        self._look(former)
         except BaseException:
             self.close()
             raise
@@ -70,6 +72,9 @@ class RunFile:
         if self._journal is not None:
             self._journal.close()
             self._journal = None
+
+    def _look(self, former: Kept) -> None:
+        """Raise ValueError for a former run that cannot be gone on with; on rank 0."""
 
     @property
     def _former(self) -> Kept | None:

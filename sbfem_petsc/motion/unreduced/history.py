@@ -104,7 +104,7 @@ class UnreducedIntegrator:
     def told(self) -> Told:
         """See `integration.Integrator`."""
         model, march = self.model, self.march
-        head = self.steps.settings | {
+        head = vars(self.steps) | {
             "initial": self.begun,
             "initial_norms": np.sqrt(march.summed(np.array([march.u @ march.u, march.v @ march.v]))),
             "chunk": self.chunk,
