@@ -102,25 +102,16 @@ def reduce_matrices(
         form.
     """
     comm = checked_communicator("reduce_matrices", comm)
-    mass, stiffness = _matrix("mass", mass), _matrix("stiffness", stiffness)
+    mass = _matrix("mass", mass)
+    n, gap = mass.shape[0], _array("gap", gap, 1)
+    _require_shape("mass", mass, n, n)
+    stiffness, pairs = _matrix("stiffness", stiffness, n, n), len(gap)
     large = sparse.issparse(mass) or sparse.issparse(stiffness)
     if large:
         mass, stiffness = sparse.csr_matrix(mass), sparse.csr_matrix(stiffness)
-    n = mass.shape[0]
-    gap = _array("gap", gap, 1)
-    pairs = len(gap)
-    contact_rows, loads = _rows("contact_rows", contact_rows), _rows("loads", loads)
-    stops = np.zeros(pairs) if compliance is None else _array("compliance", compliance, 1)
-    for name, array, shape in (
-        ("mass", mass, (n, n)),
-        ("stiffness", stiffness, (n, n)),
-        ("contact_rows", contact_rows, (pairs, n)),
-        ("loads", loads, (n, loads.shape[1])),
-        ("compliance", stops, (pairs,)),
-    ):
-        if array.shape != shape:
-            raise ValueError(f"reduce_matrices: {name} has shape {array.shape}, {shape} was expected")
-    _check_system(mass, stiffness, contact_rows, stops)
+    contact_rows, loads = _rows("contact_rows", contact_rows, pairs, n), _rows("loads", loads, n)
+    stops = _layer("compliance", compliance, pairs)
+    _check_system(mass, stiffness, contact_rows)
     laws = row_laws(contact_laws, pairs, "reduce_matrices")
     slips, slack, friction = _sliding(laws, tangent_rows, tangent_compliance, n)
     contact_rows, stops = sparse.vstack([contact_rows, slips]).tocsr(), np.append(stops, slack)
@@ -245,13 +236,8 @@ def _sliding(
 ) -> tuple[sparse.csr_matrix, np.ndarray, Friction | None]:
     """Tangential rows and their compliance, one for each law where any rubs, and their friction."""
     pairs = len(laws)
-    slips = sparse.csr_matrix((pairs, count)) if rows is None else _rows("tangent_rows", rows)
-    slack = np.zeros(pairs) if compliance is None else _array("tangent_compliance", compliance, 1)
-    for name, array, shape in (("rows", slips, (pairs, count)), ("compliance", slack, (pairs,))):
-        if array.shape != shape:
-            raise ValueError(f"reduce_matrices: tangent_{name} has shape {array.shape}, {shape} was expected")
-    if (slack < 0.0).any():
-        raise ValueError(f"reduce_matrices: tangent_compliance {slack.min():g} m/N is negative")
+    slips = sparse.csr_matrix((pairs, count)) if rows is None else _rows("tangent_rows", rows, pairs, count)
+    slack = _layer("tangent_compliance", compliance, pairs)
     if rows is not None and not any(isinstance(law, Coulomb) for law in laws):
         raise ValueError(
             "reduce_matrices: tangent_rows say how faces slip, and none of contact_laws rubs; give "
@@ -328,30 +314,46 @@ def _array(name: str, value: Any, dimensions: int) -> np.ndarray:
     return real_array("reduce_matrices", name, value, dimensions)
 
 
-def _matrix(name: str, value: Any) -> np.ndarray | sparse.csr_matrix:
+def _layer(name: str, value: Any, pairs: int) -> np.ndarray:
+    """Compliances of so many rows, none by default."""
+    layer = np.zeros(pairs) if value is None else real_array("reduce_matrices", name, value, (pairs,))
+    if (layer < 0.0).any():
+        raise ValueError(f"reduce_matrices: {name} {layer.min():g} m/N is negative")
+    return layer
+
+
+def _require_shape(name: str, matrix: Any, *shape: int) -> None:
+    """ValueError unless it has so many rows, and columns if they are told."""
+    expected = shape + matrix.shape[len(shape) :]
+    if matrix.shape != expected:
+        raise ValueError(f"reduce_matrices: {name} has shape {matrix.shape}, {expected} was expected")
+
+
+def _matrix(name: str, value: Any, *shape: int) -> np.ndarray | sparse.csr_matrix:
     """A finite real matrix, sparse if it was."""
-    if not sparse.issparse(value):
-        return _array(name, value, 2)
-    entries = value if value.format == "csr" and value.has_canonical_format else sparse.coo_matrix(value)
-    real_array("reduce_matrices", f"{name}.data", entries.data, 1)
-    return sparse.csr_matrix(entries, dtype=float)
+    if sparse.issparse(value):
+        entries = value if value.format == "csr" and value.has_canonical_format else sparse.coo_matrix(value)
+        real_array("reduce_matrices", f"{name}.data", entries.data, 1)
+        value = sparse.csr_matrix(entries, dtype=float)
+    else:
+        value = _array(name, value, 2)
+    _require_shape(name, value, *shape)
+    return value
 
 
-def _rows(name: str, value: Any) -> sparse.csr_matrix:
+def _rows(name: str, value: Any, *shape: int) -> sparse.csr_matrix:
     """A finite real matrix, sparse."""
-    rows = sparse.csr_matrix(_matrix(name, value), copy=True)
+    rows = sparse.csr_matrix(_matrix(name, value, *shape), copy=True)
     rows.eliminate_zeros()
     return rows
 
 
-def _check_system(mass: Any, stiffness: Any, contact_rows: sparse.csr_matrix, stops: np.ndarray) -> None:
+def _check_system(mass: Any, stiffness: Any, contact_rows: sparse.csr_matrix) -> None:
     """Refuse what makes no system."""
     if mass.shape[0] == 0:
         raise ValueError("reduce_matrices: mass is empty; give at least one unknown")
     _check_symmetric("mass", mass)
     _check_symmetric("stiffness", stiffness)
-    if (stops < 0.0).any():
-        raise ValueError(f"reduce_matrices: compliance {stops.min():g} m/N is negative")
     if (idle := np.flatnonzero(contact_rows.getnnz(axis=1) == 0)).size:
         raise ValueError(f"reduce_matrices: contact_rows[{idle[0]}] is zero; no displacement moves its gap")
 

@@ -208,7 +208,7 @@ class UnreducedDriven:
         """(m, 2, 2): the period map of each computed mode without loads and contact, in (weight q, p)."""
         march = self.march
         # d = q1 - q0 of a free step, p1 = 2 d / h - p0
-        to_q, to_p = -2.0 * march.omega**2 / march.left_damped, 2.0 * march.rate / march.left_damped
+        to_q, to_p = -2.0 * march.omega**2 / march.left[0], 2.0 * march.rate / march.left[0]
         rows = [
             [1.0 + to_q, self.weight * to_p],
             [march.rate * to_q / self.weight, march.rate * to_p - 1.0],

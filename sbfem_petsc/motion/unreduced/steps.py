@@ -44,11 +44,12 @@ KEPT_RESPONSES = 200
 
 @dataclass
 class _Solved:
-    """Solution of a step that is not yet taken: increments of probes and modes, contact forces, gaps."""
+    """Solution of a step that is not yet taken: increments of probes and of modes, with damping and without,
+    contact forces, gaps.
+    """
 
     probes: np.ndarray
-    damped: np.ndarray
-    undamped: np.ndarray
+    modal: np.ndarray
     force: np.ndarray
     gap: np.ndarray
 
@@ -74,6 +75,8 @@ class UnreducedSteps:
         Work of the loads, of damping, of contact since the start, and where faces rub what friction has
         taken, J.
     contact : StepContact
+    q, p : (2, modes) arrays
+        Modal coordinates and their rates, with damping and without.
     slope : (2 points + 2 supports,) array
         Means over the last step: accelerations of the named points, m/s^2, then what supports bear, N.
     ground : Ground
@@ -109,7 +112,7 @@ class UnreducedSteps:
         self._respond()
         flexibility = (
             self.probe_responses[: self.pairs]
-            - (self.gap_modes * (1.0 / self.left - 1.0 / self.left_damped)) @ self.gap_modes.T
+            + (self.gap_modes * np.subtract(*1.0 / self.left)) @ self.gap_modes.T
         )
         # contact forces act at their full value over the step, as twice their mean among the loads
         self.contact = StepContact(
@@ -117,7 +120,7 @@ class UnreducedSteps:
             self.laws,
             self.model.contact.friction if contact else None,
         )
-        self.q = self.p = self.q0 = self.p0 = np.zeros(len(self.omega))
+        self.q = self.p = np.zeros((2, len(self.omega)))
         self.work = np.zeros(3 if self.model.contact.friction is None else 4)
         self.slope = np.zeros(self.probes.shape[0] - self.pairs - self.loads)
         self.stored = 0.0
@@ -172,8 +175,8 @@ class UnreducedSteps:
         self.gap_modes = self.probe_modes[: self.pairs]
         self.tip_modes = self.model.tips.intensities.rows(self.phi[: pencil.owned])
         self.friction = 2.0 * modal_ratios(self.model.damping, self.omega) * self.omega
-        self.left = self.inertia + self.stretch * self.omega**2
-        self.left_damped = self.left + self.rate * self.friction
+        left = self.inertia + self.stretch * self.omega**2
+        self.left = np.array([left + self.rate * self.friction, left])
 
     def summed(self, array: np.ndarray) -> np.ndarray:
         """Sum over the ranks. Collective."""
@@ -195,23 +198,22 @@ class UnreducedSteps:
         does not pile up. Without `fold`, u and v have been set to the structure's state.
         """
         if fold:
-            self.u += self.phi @ (self.q - self.q0)
-            self.v += self.phi @ (self.p - self.p0)
+            self.u += self.phi @ np.subtract(*self.q)
+            self.v += self.phi @ np.subtract(*self.p)
         self.mass_v, self.stiffness_u = (
             self._times(self.pencil.mass, self.v),
             self._times(self.pencil.stiffness, self.u),
         )
         self.at_u, self.at_v = self.summed(self.probes @ self.u), self.summed(self.probes @ self.v)
         self.q, self.p = (
-            self.summed(self.phi.T @ self._times(self.pencil.mass, self.u)),
-            self.summed(self.phi.T @ self.mass_v),
+            np.tile(self.summed(self.phi.T @ momentum), (2, 1))
+            for momentum in (self._times(self.pencil.mass, self.u), self.mass_v)
         )
-        self.q0, self.p0 = self.q.copy(), self.p.copy()
         self.contact.forget()
 
     def displacements(self) -> np.ndarray:
         """Probes of the displacement."""
-        return self.at_u + self.probe_modes @ (self.q - self.q0)
+        return self.at_u + self.probe_modes @ np.subtract(*self.q)
 
     def resting_insides(self) -> np.ndarray:
         """This rank's auxiliary unknowns at rest under the loads: a moving base pushes them, too."""
@@ -222,14 +224,14 @@ class UnreducedSteps:
         """This rank's displacement unknowns, with what follows prescribed displacements, then auxiliary
         ones.
         """
-        found = self.u + self.phi @ (self.q - self.q0)
+        found = self.u + self.phi @ np.subtract(*self.q)
         found[: self.pencil.owned] += self.ground.owned @ self._moved
         return found
 
     def _against_supports(self) -> np.ndarray:
         """The same without what follows prescribed displacements."""
         count = self.pencil.owned
-        return self.u[:count] + self.phi[:count] @ (self.q - self.q0)
+        return self.u[:count] + self.phi[:count] @ np.subtract(*self.q)
 
     @property
     def _moved(self) -> np.ndarray:
@@ -238,7 +240,7 @@ class UnreducedSteps:
 
     def velocities(self) -> np.ndarray:
         """Probes of the velocity."""
-        return self.at_v + self.probe_modes @ (self.p - self.p0)
+        return self.at_v + self.probe_modes @ np.subtract(*self.p)
 
     def at_points(self) -> tuple[np.ndarray, np.ndarray]:
         """Displacements and velocities (points, 2) of the named points."""
@@ -272,13 +274,8 @@ class UnreducedSteps:
     def energies(self) -> np.ndarray:
         """Kinetic and strain energy, J."""
         local = self.summed(np.array([self.v @ self.mass_v, self.u @ self.stiffness_u]))
-        energies = 0.5 * (
-            local
-            + [
-                self.p @ self.p - self.p0 @ self.p0,
-                ((self.omega * self.q) ** 2).sum() - ((self.omega * self.q0) ** 2).sum(),
-            ]
-        )
+        modal = [(part**2).sum(axis=1) for part in (self.p, self.omega * self.q)]
+        energies = 0.5 * (local + np.subtract(*np.transpose(modal)))
         stored, ground = np.array([0.0, self.stored]), self.ground
         if len(self.rates):
             momentum = -self.velocities()[self.pairs + ground.edges] + 0.5 * ground.heavy @ self.rates
@@ -377,23 +374,20 @@ class UnreducedSteps:
         )
         for place, velocity, change in (
             (self.at_u, self.at_v, solved.probes),
-            (self.q, self.p, solved.damped),
-            (self.q0, self.p0, solved.undamped),
+            (self.q, self.p, solved.modal),
         ):
             place += change
             velocity *= -1.0
             velocity += self.rate * change
-        change = solved.probes + self.probe_modes @ (solved.damped - solved.undamped)
+        change = solved.probes + self.probe_modes @ np.subtract(*solved.modal)
         self.work[0] += 0.5 * drive[self.pushing] @ change[self.pairs + self.pushing]
-        self.work[1] += (self.friction * solved.damped) @ solved.damped / self.step
+        self.work[1] += self.friction @ solved.modal[0] ** 2 / self.step
         self.work[2] += solved.force @ change[: self.pairs]
         if any(self.rayleigh):
             # the large vectors moved as the undamped modes do: these are exchanged for the damped ones
             a, b = self.rayleigh
             local = float(self.summed(np.array([a * lost[0] + b * lost[1]]))[0])
-            self.work[1] += (
-                local + (a + b * self.omega**2) @ (solved.damped**2 - solved.undamped**2)
-            ) / self.step
+            self.work[1] += (local + (a + b * self.omega**2) @ np.subtract(*solved.modal**2)) / self.step
         return solved
 
     def solve_step(self, drive: np.ndarray, acting: np.ndarray | None = None) -> _Solved:
@@ -407,10 +401,10 @@ class UnreducedSteps:
         self._solve_for_increment()
         probes = self.summed(self.probes @ self.d.array_r)
         modal_force = self.probe_modes[self.pairs : self.pairs + self.loads].T @ drive
-        damped, undamped = self._modal(modal_force)
+        modal = self._modal(modal_force)
         force, gap = np.zeros(self.pairs), np.zeros(self.pairs)
         if self.pairs:
-            gap = (self.displacements() + probes + self.probe_modes @ (damped - undamped))[: self.pairs]
+            gap = (self.displacements() + probes + self.probe_modes @ np.subtract(*modal))[: self.pairs]
             if acting is None:
                 gap = gap + self.free_gap
                 touched = self.laws.touched(gap[: len(self.laws)]).any()
@@ -420,10 +414,10 @@ class UnreducedSteps:
                 force, gap = self.contact.solve(gap) if acting is None else self.contact.kept(gap, acting)
                 self._push(2.0 * force)
                 probes += self.probe_responses @ (2.0 * force)
-                damped, undamped = self._modal(modal_force + self.gap_modes.T @ (2.0 * force))
+                modal = self._modal(modal_force + self.gap_modes.T @ (2.0 * force))
             else:
                 self.contact.open(gap)
-        return _Solved(probes, damped, undamped, force, gap)
+        return _Solved(probes, modal, force, gap)
 
     def _solve_for_increment(self) -> None:
         """d of `right`."""
@@ -441,12 +435,9 @@ class UnreducedSteps:
         else:
             add_columns(self.d.array, self.responses, force)
 
-    def _modal(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _modal(self, force: np.ndarray) -> np.ndarray:
         """Increments of the modal coordinates, damped and not."""
-        return tuple(
-            (2.0 * (self.rate * p - self.omega**2 * q) + force) / left
-            for q, p, left in ((self.q, self.p, self.left_damped), (self.q0, self.p0, self.left))
-        )
+        return (2.0 * (self.rate * self.p - self.omega**2 * self.q) + force) / self.left
 
     def first_slope(self, drive: np.ndarray, after: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """See `slope`, of the first step, see `advance`, which is not taken."""
@@ -456,7 +447,7 @@ class UnreducedSteps:
         solved = self.solve_step(self._driven(drive, turned))
         self.contact.open(slips)
         self.contact.forget()
-        change = solved.probes + self.probe_modes @ (solved.damped - solved.undamped)
+        change = solved.probes + self.probe_modes @ np.subtract(*solved.modal)
         gained = self.rate * (change / self.step - self.velocities())
         return self._slope(gained, drive, 2.0 * solved.force, turned, mean)
 
