@@ -268,9 +268,9 @@ class RowLaws(Record):
         """Those of the first rows."""
         return self._of_table(lambda values: values[:, :count])
 
-    def without(self, row: int) -> RowLaws:
-        """Those of all rows but one."""
-        return self._of_table(lambda values: np.delete(values, row, axis=1))
+    def only(self, rows: np.ndarray) -> RowLaws:
+        """Those of some rows."""
+        return self._of_table(lambda values: values[:, rows])
 
     def same(self, other: RowLaws) -> bool:
         """Whether these are the same laws."""

@@ -16,7 +16,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..contact.closed_sets import ClosedSets, exact_contacts, located_contacts, thin_factors
+from ..contact.closed_sets import exact_contacts, located_contacts
 from ..contact.friction import STICKS
 from ..contact.held_rows import empty_sets
 from ..contact.located_rubbing import located_rubbing
@@ -31,7 +31,7 @@ from ..reduction.reduced_model import ReducedModel
 from .excitation import LINES, Excitation, modal_forces
 from .period_motion import PeriodMotion
 from .rest import Rest
-from .steps import StepLength, Touching, free_resolvent
+from .steps import StepLength, free_resolvent
 
 Key = TypeVar("Key")
 Value = TypeVar("Value")
@@ -56,16 +56,11 @@ class Period:
 
     def __init__(self, reduced: ReducedModel, excitation: Excitation, steps: int, contact: bool = True):
         self.reduced, self.steps = reduced, steps
-        r = reduced
-        self.rows = r.gap.modes if contact else r.gap.modes[:0]
-        self.pairs, self.modes = len(self.rows), len(r.omega)
-        self.laws, self.friction = r.contact_laws.first(self.pairs), r.friction if contact else None
+        r = self._acting = reduced if contact else reduced.open
+        self.pairs, self.modes = len(r.initial_gap), len(r.omega)
+        self.laws, self.friction = r.contact_laws, r.friction
         self.slip_units = r.slip_units if self.friction is not None else np.zeros(0)
-        if contact:
-            (self.left, self.right), self.sets = r.thin_gaps, r.closed_sets
-        else:
-            self.left, self.right = thin_factors(self.rows)
-            self.sets = ClosedSets(self.left, np.zeros((0, 0)), self.laws)
+        (self.left, self.right), self.sets = r.thin_gaps, r.closed_sets
         self.residual_flexibility = self.sets.residual
         # a rigid-body motion has no frequency of its own to be weighed with
         self.weights = np.where(r.omega > 0.0, r.omega, 2.0 * np.pi * r.frequencies.max())
@@ -136,9 +131,9 @@ class Period:
         """
 
         def made() -> tuple[np.ndarray, np.ndarray]:
-            r, scaled = self.reduced, self.excitation.scaled(factor)
+            r, scaled = self._acting, self.excitation.scaled(factor)
             loads = self.over_time(scaled.smooth) + scaled.further_values(self.steps)
-            return loads, loads @ r.gap.loads[: self.pairs].T + r.initial_gap[: self.pairs]
+            return loads, loads @ r.gap.loads.T + r.initial_gap
 
         return _recent(self._loaded, factor, made)
 
@@ -168,9 +163,8 @@ class Period:
 
     def length(self, step: float) -> StepLength:
         """What the length of a step (s) alone determines."""
-        modes, factors = (self.reduced.omega, self.reduced.damping), (self.left, self.right)
-        contact = Touching(factors, self.residual_flexibility, self.laws, self.friction)
-        return _recent(self._lengths, step, lambda: StepLength(modes, step, self.steps, contact))
+        given = self._acting, self.reduced.damping, step, self.steps
+        return _recent(self._lengths, step, lambda: StepLength(*given))
 
     def with_damping(self, ratios: np.ndarray) -> Period:
         """The same period of the model with other damping ratios, under loads that do not depend on them."""

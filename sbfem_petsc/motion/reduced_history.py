@@ -6,10 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..contact.closed_sets import thin_factors
 from ..contact.complementarity import Complementarity
 from ..contact.friction import Memory, solve_contact
-from ..contact.held_rows import rubbing_of
 from ..contact.marching import (
     Marched,
     StepConstants,
@@ -17,7 +15,6 @@ from ..contact.marching import (
     StepLoads,
     StepState,
     march,
-    step_constants,
 )
 from ..errors import failed_solve, wrong_input
 from ..reduction.reduced_model import ReducedModel
@@ -29,7 +26,7 @@ from .history import History
 from .integration import Steps, Told
 from .rest import Rest
 from .states import ModalStates, Rows
-from .steps import HALVING, halved_coefficients, lengths
+from .steps import HALVING, constants_of, halved_coefficients, lengths
 
 CHUNK = 4096
 
@@ -75,10 +72,10 @@ class ReducedIntegrator:
         self.drive = Drive(r.comm, [*signals, *rates, *accelerations], steps.step)
         self.loads = r.load_modes.shape[1]
         self.load_modes = np.concatenate([r.load_modes, r.rate_modes, np.zeros(r.rate_modes.shape)], axis=1)
-        self.size = len(r.initial_gap)
-        self.rows = self.size if steps.contact else 0
-        self.levels = lengths(r.contact_laws.first(self.rows))
-        self.constants = _constants(r, steps, steps.step, self.levels)
+        self.acting = r if steps.contact else r.open
+        self.size, self.rows = len(r.initial_gap), len(self.acting.initial_gap)
+        self.levels = lengths(self.acting.contact_laws)
+        self.constants = self._constants(steps.step, self.levels)
         self.amplitude = self.drive(np.zeros(1))[0]
         self.q, self.v, self.force, self.contact, self.slip = _start(
             r, self.amplitude[: self.loads], steps.contact, initial
@@ -100,14 +97,14 @@ class ReducedIntegrator:
 
     def _driven(self, amplitudes: np.ndarray) -> StepLoads:
         """Of load amplitudes (n + 1, loads); by `dot`, for `@` of one column is slow."""
-        r, n = self.reduced, self.rows
+        r = self.acting
         external, gaps = (room[: len(amplitudes)] for room in self._room[3:])
         levels = np.zeros(len(amplitudes) - 1, dtype=np.int8)
         if not amplitudes.any():
-            gaps[:] = r.initial_gap[:n]
+            gaps[:] = r.initial_gap
             return StepLoads(external[:0], gaps, levels)
-        np.dot(amplitudes[:, : self.loads], r.gap.loads[:n].T, out=gaps)
-        gaps += r.initial_gap[:n]
+        np.dot(amplitudes[:, : self.loads], r.gap.loads.T, out=gaps)
+        gaps += r.initial_gap
         return StepLoads(np.dot(amplitudes, self.load_modes.T, out=external), gaps, levels)
 
     def _padded(self, forces: np.ndarray) -> np.ndarray:
@@ -178,11 +175,16 @@ class ReducedIntegrator:
         for count in counts:
             for part, former in zip(state, before):
                 part[:] = former
-            constants = _constants(self.reduced, self.steps, piece.length, count)
+            constants = self._constants(piece.length, count)
             marched = march(constants, loads, state, history)
             if not marched.unresolved:
                 break
         return marched
+
+    def _constants(self, length: float, count: int) -> StepConstants:
+        """Of steps of a length (s), of their halves ..: so many."""
+        r, scheme = self.acting, self.steps.scheme
+        return constants_of(r, halved_coefficients(r.omega, r.damping, length, scheme, count), HALVING)
 
     def _jump(self, amplitude: np.ndarray) -> np.ndarray | None:
         """Let loads jump, and with them contact and the residual flexibility; the energies then, or None if
@@ -227,19 +229,6 @@ def row_size(reduced: ReducedModel) -> int:
     modes, loads = reduced.load_modes.shape
     energies = 5 if reduced.friction is None else 6
     return 8 * (1 + 2 * modes + loads + 2 * len(reduced.edges) + len(reduced.initial_gap) + energies)
-
-
-def _constants(r: ReducedModel, steps: Steps, length: float, count: int) -> StepConstants:
-    """Of steps of a length (s), of their halves ..: so many."""
-    rows = len(r.initial_gap) if steps.contact else 0
-    laws = r.contact_laws if steps.contact else r.contact_laws.first(0)
-    friction, residual = r.friction if steps.contact else None, r.gap.contact[:rows, :rows]
-    factors = r.thin_gaps if steps.contact else thin_factors(r.gap.modes[:rows])
-    coefficients = halved_coefficients(r.omega, r.damping, length, steps.scheme, count)
-    constants = step_constants(coefficients, factors, residual, laws, r.omega, HALVING)
-    if friction is None:
-        return constants
-    return constants._replace(rubbing=rubbing_of(friction, residual, len(laws)))
 
 
 def _start(

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy import linalg
 
-from ..contact.friction import Friction
 from ..contact.held_rows import rubbing_of
 from ..contact.law import RowLaws
-from ..contact.marching import Address, Halving, Room, begun, step_constants
+from ..contact.marching import NEVER, Address, Halving, Room, StepConstants, begun, step_constants
 from ..contact.tangent import Propagation
+from ..reduction.reduced_model import ReducedModel
 
 # Most terms of the power series of phi_2 for |z| < 1, and what |z|^(n - 2) is to stay below that n of them
 # leave out no more than rounding of its imaginary part.
@@ -174,15 +175,15 @@ def free_resolvent(
     return np.concatenate([(d * x - b * y) / determinant, (a * y - c * x) / determinant, -behind])
 
 
-class Touching(NamedTuple):
-    """What contact does within a step: factors of the gaps' rows over the modes, the residual flexibility
-    (m/N), laws and friction.
-    """
-
-    factors: tuple[np.ndarray, np.ndarray]
-    residual: np.ndarray
-    laws: RowLaws
-    friction: Friction | None
+def constants_of(
+    reduced: ReducedModel, coefficients: Sequence[np.ndarray], halving: Halving = NEVER
+) -> StepConstants:
+    """What the steps of a reduced model need, by the coefficients of a step and of its halves .."""
+    residual, laws = reduced.gap.contact, reduced.contact_laws
+    found = step_constants(coefficients, reduced.thin_gaps, residual, laws, reduced.omega, halving)
+    if reduced.friction is None:
+        return found
+    return found._replace(rubbing=rubbing_of(reduced.friction, residual, len(laws)))
 
 
 class StepLength:
@@ -190,22 +191,18 @@ class StepLength:
 
     Parameters
     ----------
-    modes : (omega, damping)
-        (m,) arrays, rad/s and damping ratios.
+    reduced : ReducedModel
+    damping : (m,) array
+        Ratios.
     step : float
         s.
     steps : int
-    contact : Touching
     """
 
-    def __init__(self, modes: tuple[np.ndarray, np.ndarray], step: float, steps: int, contact: Touching):
-        self._modes, self._step, self._steps = modes, step, steps
-        self.coefficients = step_coefficients(*modes, step, "exact")
-        factors, residual, laws, friction = contact
-        self.constants = step_constants([self.coefficients], factors, residual, laws, modes[0])
-        if friction is not None:
-            rubbing = rubbing_of(friction, residual, len(laws))
-            self.constants = self.constants._replace(rubbing=rubbing)
+    def __init__(self, reduced: ReducedModel, damping: np.ndarray, step: float, steps: int):
+        self._modes, self._step, self._steps = (reduced.omega, damping), step, steps
+        self.coefficients = step_coefficients(reduced.omega, damping, step, "exact")
+        self.constants = constants_of(reduced, [self.coefficients])
 
     @functools.cached_property
     def kept(self) -> tuple[Room, Address]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -221,6 +221,29 @@ class ReducedModel(Record):
     def closed_sets(self) -> ClosedSets:
         """The sets of rows in contact that motions of this model have met."""
         return ClosedSets(self.thin_gaps[0], np.ascontiguousarray(self.gap.contact), self.contact_laws)
+
+    def held_in(self, rows: np.ndarray) -> ReducedModel:
+        """The same in whose other contact rows faces may overlap; friction is that of all rows or none."""
+
+        def columns(output: LinearOutput) -> LinearOutput:
+            return replace(output, contact=output.contact[..., rows])
+
+        gap = columns(self.gap)
+        return replace(
+            self,
+            gap=replace(gap, modes=gap.modes[rows], loads=gap.loads[rows], contact=gap.contact[rows]),
+            initial_gap=self.initial_gap[rows],
+            pairs=int((rows < self.pairs).sum()),
+            points=columns(self.points),
+            tips=columns(self.tips),
+            contact_laws=self.contact_laws.only(rows),
+            friction=self.friction if len(rows) else None,
+        )
+
+    @functools.cached_property
+    def open(self) -> ReducedModel:
+        """The same without contact."""
+        return self.held_in(np.arange(0))
 
     @property
     def comm(self) -> MPI.Comm:

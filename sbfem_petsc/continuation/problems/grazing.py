@@ -7,7 +7,6 @@ row's least gap over the period passes through zero smoothly: that is what is so
 from __future__ import annotations
 
 import warnings
-from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import root_scalar
@@ -17,8 +16,6 @@ from meshing.warnings import BranchWarning
 from ...errors import SolveError, caller_level
 from ...motion.period_map import DrivenPeriod, FixedPoint, Period
 from ...motion.period_motion import PeriodMotion
-from ...reduction.outputs import LinearOutput
-from ...reduction.reduced_model import ReducedModel
 from ..bifurcations import Bifurcation
 from ..branch import Branch
 from ..extrapolation import extrapolated
@@ -45,7 +42,8 @@ class OpenRowFamily(Family):
     """
 
     def __init__(self, period: Period, row: int, parameter: str, factor: float = 1.0):
-        reduced = without_row(period.reduced, row)
+        others = np.delete(np.arange(len(period.reduced.initial_gap)), row)
+        reduced = period.reduced.held_in(others)
         super().__init__(Period(reduced, period.excitation, period.steps), parameter, factor)
         self.whole, self.row = period, row
         gap = period.reduced.gap
@@ -67,30 +65,6 @@ def least(values: np.ndarray) -> float:
     before, middle, after = values[k - 1], values[k], values[(k + 1) % len(values)]
     bend = before - 2.0 * middle + after
     return float(middle - 0.125 * (after - before) ** 2 / bend) if bend > 0.0 else float(middle)
-
-
-def without_row(reduced: ReducedModel, row: int) -> ReducedModel:
-    """The reduced model as if one of its contact rows could overlap freely."""
-    gap, laws = reduced.gap, reduced.contact_laws
-
-    def columns(output: LinearOutput) -> LinearOutput:
-        return replace(output, contact=np.delete(output.contact, row, axis=-1))
-
-    kept = LinearOutput(
-        gap.names,
-        np.delete(gap.modes, row, axis=0),
-        np.delete(gap.loads, row, axis=0),
-        np.delete(np.delete(gap.contact, row, axis=0), row, axis=1),
-    )
-    return replace(
-        reduced,
-        gap=kept,
-        initial_gap=np.delete(reduced.initial_gap, row),
-        pairs=reduced.pairs - (row < reduced.pairs),
-        points=columns(reduced.points),
-        tips=columns(reduced.tips),
-        contact_laws=laws.without(row),
-    )
 
 
 def least_gaps(driven: DrivenPeriod, motion: PeriodMotion) -> np.ndarray:
