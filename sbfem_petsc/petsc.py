@@ -23,7 +23,7 @@ except ImportError as error:  # pragma: no cover - depends on the machine
         f"sbfem_petsc needs petsc4py, slepc4py and mpi4py ({error}): {installation.remedy(error)}"
     ) from error
 
-from .errors import OutOfMemory, PetscFailure, SolveError, on_all_ranks
+from .errors import OutOfMemory, PetscFailure, SolveError, failed_solve, on_all_ranks
 from .ranks import abort
 from .ranks.parallel import alone
 
@@ -188,7 +188,7 @@ def factorise(
 def pivot_signs(pc: PETSc.PC, what: str) -> tuple[int, int, int]:
     """Negative, zero and positive pivots of a factorisation after `count_pivots`. Collective."""
     if _mumps_error(pc) < 0:
-        raise on_all_ranks(SolveError(f"{what}: {_failure(pc)}"))
+        raise failed_solve(f"{what}: {_failure(pc)}")
     negative, zero, positive = pc.getFactorMatrix().getInertia()
     return int(negative), int(zero), int(positive)
 
@@ -402,11 +402,9 @@ def check_ksp(ksp: PETSc.KSP, what: str, remedy: str | None = None) -> None:
         told = _failure(ksp.getPC())
     else:
         told = remedy or f"try another solver or more iterations under -{ksp.getOptionsPrefix()}ksp_..."
-    raise on_all_ranks(
-        SolveError(
-            f"{what}: the linear solve did not converge ({names.get(reason, reason)} after "
-            f"{ksp.getIterationNumber()} iterations); {told}"
-        )
+    raise failed_solve(
+        f"{what}: the linear solve did not converge ({names.get(reason, reason)} after "
+        f"{ksp.getIterationNumber()} iterations); {told}"
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -13,7 +12,7 @@ from meshing.warnings import MeshWarning
 
 from ..checks import Bounds, choice, flag, instance, integer, names_of, numbers_of, real, real_array, shown
 from ..contact.law import ContactLaw, Unilateral, check_without_layer
-from ..errors import UnknownName, caller_level, listed
+from ..errors import UnknownName, listed, warn
 from .cells import checked_cells, require_known, surface
 from .faces import APART, ROUNDING, between, given_gap, moving_pairs, normal_of, partners
 from .rows import AXES, Contact, Row, told
@@ -279,12 +278,11 @@ class FiniteElementModel:
         """Warn of corners of eight-node faces, as far as elements are known."""
         corners = [self.elements[k][:, :n].ravel() for k, n in EIGHT.items() if k in self.elements]
         if found := {self._node[a] for a in labels} & {int(row) for part in corners for row in part}:
-            warnings.warn(
+            warn(
                 f"contact: {len(found)} nodes are corners of eight-node faces, which carry a negative share "
                 "of a pressure: pairs of them open where faces press, and resultants are off; take "
                 "tetrahedra, elements of first order, or leave these nodes out",
                 MeshWarning,
-                stacklevel=caller_level(),
             )
 
     def summary(self) -> str:

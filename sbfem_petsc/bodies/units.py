@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
 
 from meshing.warnings import UnitWarning
 
-from ..errors import caller_level
+from ..errors import warn
 
 # m, N/m and kg in one unit of length, stiffness and mass.
 UNITS = {"SI": (1.0, 1.0, 1.0), "mm-N-t": (1e-3, 1e3, 1e3), "mm-kg-mN": (1e-3, 1.0, 1.0)}
@@ -45,10 +44,9 @@ def warn_of_units(
     if box > 0.0 and weight > HEAVIEST * box:
         said.append(f"a mass of {weight:.3g} kg in {box:.3g} m^3 is more than any solid's")
     if said:
-        warnings.warn(
+        warn(
             f"{owner}: {' and '.join(said)}; are units = {units!r} those of the matrices and nodes?",
             UnitWarning,
-            stacklevel=caller_level(),
         )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import math
-import warnings
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -13,7 +12,7 @@ import numpy as np
 from meshing.warnings import IncompleteBranch
 
 from ..checks import index_of
-from ..errors import caller_level
+from ..errors import warn
 from ..motion.of_period import OfPeriod
 from ..motion.period_map import Period
 from ..motion.states import Point
@@ -147,11 +146,7 @@ class Branch(Orbits, OfPeriod):
             why = "resume=True continues it"
         elif ran_out(self.reason):
             why = f"it was given {self.reason}; resume=True with more of them continues it"
-        warnings.warn(
-            f"branch file {path!r} is incomplete: it ends at {self.value[-1]:.8g}; {why}",
-            IncompleteBranch,
-            stacklevel=caller_level(),
-        )
+        warn(f"branch file {path!r} is incomplete: it ends at {self.value[-1]:.8g}; {why}", IncompleteBranch)
 
     @property
     def period(self) -> Period:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import math
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -12,7 +11,7 @@ import numpy as np
 
 from meshing.warnings import BranchWarning
 
-from ..errors import SolveError, caller_level, on_all_ranks
+from ..errors import SolveError, on_all_ranks, warn, wrong_input
 from ..motion.contact_work import StepsTooLong, times_more, warn_of_contact_work
 from ..motion.excitation import one_sided
 from ..motion.period_map import Period
@@ -118,9 +117,7 @@ def follow_response(
     period, parameter = problem.period, problem.parameter
     what = parameter.owner
     if not period.excitation.orders.any():
-        raise on_all_ranks(
-            ValueError(f"{what}: no load oscillates; give a number, the amplitude of sin(2 pi f t)")
-        )
+        raise wrong_input(f"{what}: no load oscillates; give a number, the amplitude of sin(2 pi f t)")
     line = run.line(problem) or Line([Point.known(problem, np.append(first(), parameter.start))])
     rows, within = PointRows(period, settings.stability, settings.most_steps), parameter.range
     if settings.leave:
@@ -156,21 +153,19 @@ def _tell(line: Line, parameter: ParameterRange, settings: BranchSettings, resul
     """Warn of, or raise, why a branch has not come to the end of its range."""
     what, last = parameter.owner, float(result.value[-1])
     if line.full and result.complete:
-        warnings.warn(
+        warn(
             f"{what}: the curve has all the {settings.points} points that it may have, and would have more "
             f"where it bends or multipliers pass the unit circle; {settings.more}",
             BranchWarning,
-            stacklevel=caller_level(),
         )
     elif len(result) >= settings.points and not result.complete:
-        warnings.warn(
+        warn(
             f"{what}: the curve ends at {last:.8g} after {settings.points} points, before "
             f"{parameter.stop:.8g}; {settings.more}, or take more steps a period if it zigzags",
             BranchWarning,
-            stacklevel=caller_level(),
         )
     elif line.reason.startswith("back"):
-        warnings.warn(f"{what}: the curve is {line.reason}", BranchWarning, stacklevel=caller_level())
+        warn(f"{what}: the curve is {line.reason}", BranchWarning)
     elif not line.complete:
         why = "; ".join(filter(None, (line.reason, line.advice)))
         error = SolveError(f"{what}: the curve stops at {last:.8g} after {points_of(len(result))}: {why}")

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy import linalg
 
-from ..errors import SolveError, on_all_ranks
+from ..errors import failed_solve
 from ..motion.period_map import DrivenPeriod, FixedPoint
 from ..motion.period_motion import PeriodMotion
 from ..petsc import MPI, PETSc, SLEPc, configure, scripted, stepping
@@ -139,12 +139,10 @@ def _largest(driven: DrivenPeriod, motion: PeriodMotion, size: int) -> Multiplie
                 solver.solve()
         found = solver.getConverged()
         if found < min(wanted, solver.getDimensions()[0]):
-            raise on_all_ranks(
-                SolveError(
-                    f"Floquet multipliers: SLEPc found {found} of {wanted} (reason "
-                    f"{solver.getConvergedReason()} after {solver.getIterationNumber()} iterations); see "
-                    f"-{PREFIX}eps_..."
-                )
+            raise failed_solve(
+                f"Floquet multipliers: SLEPc found {found} of {wanted} (reason "
+                f"{solver.getConvergedReason()} after {solver.getIterationNumber()} iterations); see "
+                f"-{PREFIX}eps_..."
             )
         values = np.array([solver.getEigenvalue(k) for k in range(found)])
         real, imaginary = matrix.createVecs()

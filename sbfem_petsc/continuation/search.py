@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import PetscFailure, SolveError, on_all_ranks
+from ..errors import PetscFailure, SolveError, failed_solve
 from ..motion.period_map import DrivenPeriod, FixedPoint, Period
 from ..progress import Progress, progress_bar, silent
 from .follow import Line, Settings, follow
@@ -141,7 +141,7 @@ def find_steady_state(
             if shot is not None:
                 return shot, path
     others = f". Tried in vain as well: {'; '.join(tried.notes)}" if tried.notes else ""
-    raise on_all_ranks(SolveError(f"{first}{others}{_trembles(driven)}"))
+    raise failed_solve(f"{first}{others}{_trembles(driven)}")
 
 
 def _trembles(driven: DrivenPeriod) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import SolveError, on_all_ranks
+from ..errors import failed_solve
 
 # Rounds until subspaces part, at most; what is left between subspaces that part; how many times as large as
 # one another moduli of one subspace are at most, as in its product small ones lose as many digits; what is
@@ -34,7 +34,7 @@ def product_eigenvalues(factors: np.ndarray) -> np.ndarray:
     """
     norms, size = np.abs(factors).max(axis=(1, 2)), factors.shape[1]
     if not np.isfinite(norms).all():
-        raise on_all_ranks(SolveError("Floquet multipliers: the derivative of a segment is not finite"))
+        raise failed_solve("Floquet multipliers: the derivative of a segment is not finite")
     if not norms.all():
         return np.zeros(size, dtype=complex)
     turned, triangles, enough, taken = np.eye(size), np.empty(factors.shape), 0, 0
@@ -51,11 +51,9 @@ def product_eigenvalues(factors: np.ndarray) -> np.ndarray:
         if not enough and max(float(np.ptp(moduli[block])) for block in blocks) < np.log(SPREAD):
             enough = 2 * taken if parted else taken  # in as many again what is left squares
         if not enough and taken == ROUNDS:
-            raise on_all_ranks(
-                SolveError(
-                    f"Floquet multipliers: subspaces of {size} eigenvalues have not parted in {ROUNDS} "
-                    "rounds through the segments; take another number of them"
-                )
+            raise failed_solve(
+                f"Floquet multipliers: subspaces of {size} eigenvalues have not parted in {ROUNDS} "
+                "rounds through the segments; take another number of them"
             )
     values = np.concatenate(
         [_of_block(closing[block, block], triangles[:, block, block]) for block in blocks]

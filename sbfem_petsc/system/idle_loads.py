@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import functools
-import warnings
 from collections.abc import Iterable
 
 import numpy as np
 
 from meshing.warnings import LoadWarning
 
-from ..errors import caller_level, listed
+from ..errors import listed, warn
 from ..loads import Load
 from .model import Model
 
@@ -35,11 +34,10 @@ def warn_of_idle_loads(owner: str, model: Model, units: Iterable[Load]) -> None:
     for unit in units:
         idle, supports = model.keep(("idle", unit), functools.partial(_idle, model, unit))
         if idle:
-            warnings.warn(
+            warn(
                 f"{owner}: {unit!r} has no effect, for its direction is held fixed there by "
                 f"{listed(supports)}; load another place or direction, or free this one",
                 LoadWarning,
-                stacklevel=caller_level(),
             )
 
 
@@ -49,12 +47,11 @@ def _warn_of_held_faces(owner: str, model: Model) -> None:
     held = ~(moved & (model.layout.pair_unknowns.reshape(-1, 2, 2) >= 0)).any(axis=(1, 2))
     if held.any():
         names = sorted({model.cracks[crack].name for crack in model.pairs.crack[held]})
-        warnings.warn(
+        warn(
             f"{owner}: supports hold both faces of {listed(names)} at {held.sum():,d} of {len(held):,d} "
             "pairs: the crack cannot open there, and what its faces press with there is no contact force and "
             "missing in their resultant; hold the edge beside the crack alone, unless that is meant",
             LoadWarning,
-            stacklevel=caller_level(),
         )
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-from ..errors import on_all_ranks
+from ..errors import wrong_input
 from ..petsc import PETSc
 from .contact.rows import Contact
 from .solve.pencil import Pencil
@@ -40,7 +40,7 @@ class Matrices(NamedTuple):
 def matrices(stiffness: Stiffness, contact: Contact) -> Matrices:
     """See `Structure.matrices`."""
     if stiffness.layout.comm.size > 1:
-        raise on_all_ranks(ValueError("Model.matrices: the model is on several ranks; make it on one"))
+        raise wrong_input("Model.matrices: the model is on several ranks; make it on one")
     pencil = Pencil(stiffness, 1.0, 0.0)
     try:
         whole, mass = (_in_scipy(matrix) for matrix in (pencil.stiffness, pencil.mass))

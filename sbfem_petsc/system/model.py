@@ -21,7 +21,7 @@ from ..damping import (
     modal_ratios,
     rayleigh_ratios,
 )
-from ..errors import UnknownName, listed, on_all_ranks
+from ..errors import UnknownName, listed, wrong_input
 from ..material import Material, OrthotropicMaterial
 from ..petsc import MPI, collect
 from ..ranks.parallel import agreed, checked_communicator, collective
@@ -177,11 +177,9 @@ class Model(Structure):
         chosen = self.comm.allgather(None if self._recipe is None else self._recipe.chosen)
         known = [options for options in chosen if options is not None]
         if not known:
-            raise on_all_ranks(
-                ValueError(
-                    f"{owner}: it is not known how the model's mesh was made, so it cannot be made finer; "
-                    "take it from .mesh() or read_gmsh, or give estimate a function that makes the model"
-                )
+            raise wrong_input(
+                f"{owner}: it is not known how the model's mesh was made, so it cannot be made finer; "
+                "take it from .mesh() or read_gmsh, or give estimate a function that makes the model"
             )
         return known[0]
 

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...checks import index_of
-from ...errors import SolveError, on_all_ranks
+from ...errors import SolveError, failed_solve, on_all_ranks
 from ...motion.excitation import one_sided
 from ...motion.of_period import require_waves
 from ...record.record import Record, derived, described, quantity
@@ -232,7 +232,7 @@ def _begun(problem: FreeMotions, run: LineFile, rows: Rows, start: float, stop: 
             raise on_all_ranks(error) from None
         mode = problem.system.mode + 1
         text = f"backbone: no free motion of mode {mode} was found at {start:.6g} J: {error}"
-        raise on_all_ranks(SolveError(text)) from None
+        raise failed_solve(text) from None
     first = problem.recalled(first.u, start, np.zeros(2))
     rows.add(first)
     if not problem.system.reduced.homogeneous:

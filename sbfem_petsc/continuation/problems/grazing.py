@@ -6,14 +6,12 @@ row's least gap over the period passes through zero smoothly: that is what is so
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 from scipy.optimize import root_scalar
 
 from meshing.warnings import BranchWarning
 
-from ...errors import SolveError, caller_level
+from ...errors import SolveError, warn
 from ...motion.period_map import DrivenPeriod, FixedPoint, Period
 from ...motion.period_motion import PeriodMotion
 from ..bifurcations import Bifurcation
@@ -113,7 +111,7 @@ def find_grazing(branch: Branch, every: bool) -> list[Bifurcation]:
             try:
                 found.append(_grazing(branch, k, int(row), bool(touching[k, row])))
             except SolveError as error:
-                warnings.warn(str(error), BranchWarning, stacklevel=caller_level())
+                warn(str(error), BranchWarning)
         if found and not every:  # of several rows the first that touches
             opened = not touching[k].any()
             open_end = float(branch.value[k if opened else k - 1])

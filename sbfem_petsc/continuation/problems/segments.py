@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...errors import PetscFailure, SolveError, called, on_all_ranks
+from ...errors import PetscFailure, SolveError, called, failed_solve
 from ...motion.period_map import DrivenPeriod, FixedPoint, Period
 from ...motion.period_motion import PeriodMotion
 from ...motion.states import ModalStates
@@ -175,11 +175,9 @@ def shoot_segments(
     except PetscFailure:
         raise
     except SolveError as error:
-        raise on_all_ranks(
-            SolveError(
-                f"{called()}: over {count} segments {error}; start from a neighbour, or take more segments "
-                "or steps"
-            )
+        raise failed_solve(
+            f"{called()}: over {count} segments {error}; start from a neighbour, or take more segments "
+            "or steps"
         ) from None
     return point.state.joined(tuple(point.state.scale * missed for missed in point.residuals)), point.state
 

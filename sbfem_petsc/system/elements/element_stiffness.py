@@ -9,14 +9,13 @@ product and out of its forces after it.
 from __future__ import annotations
 
 import functools
-import warnings
 from collections.abc import Callable
 
 import numpy as np
 
 from meshing.warnings import RoundOffWarning
 
-from ...errors import SolveError, caller_level, on_all_ranks
+from ...errors import failed_solve, warn
 from ...petsc import MPI, PETSc
 from ...selement.rigid_motions import rigid_body_basis
 from .elements import Elements
@@ -144,8 +143,8 @@ class Refinement:
             f"about {self.cell_error:.1g}, for they are much longer than high; use shorter cells (size)"
         )
         if self.cell_error > REFUSED:
-            raise on_all_ranks(SolveError(text))
-        warnings.warn(text, RoundOffWarning, stacklevel=caller_level())
+            raise failed_solve(text)
+        warn(text, RoundOffWarning)
 
     def refine(
         self, right: np.ndarray, solution: np.ndarray, solve: Callable[[np.ndarray], np.ndarray]

@@ -5,14 +5,13 @@ not small.
 from __future__ import annotations
 
 import math
-import warnings
 from typing import Any
 
 import numpy as np
 
 from meshing.warnings import LargeDisplacementWarning, UnitWarning
 
-from ...errors import caller_level
+from ...errors import warn
 from .elements import Elements
 
 # m/s, of sqrt(E / density): gels run at 50, diamond at 18,000
@@ -33,13 +32,12 @@ def warn_of_wave_speeds(elements: Elements) -> None:
     for name, material in zip(elements.layout.material_names, elements.materials):
         speed = math.sqrt(material.modulus / material.density)
         if elements.layout.comm.rank == 0 and not SLOWEST <= speed <= FASTEST:
-            warnings.warn(
+            warn(
                 f"Model: waves in the material {name!r} run at sqrt(E / density) = {speed:.3g} m/s, outside "
                 f"of {SLOWEST:g} to {FASTEST:g} m/s, with E = {material.modulus:g} Pa and a density of "
                 f"{material.density:g} kg/m^3; multiply MPa by 1e6, GPa by 1e9, g/cm^3 by 1e3, t/mm^3 by "
                 "1e12",
                 UnitWarning,
-                stacklevel=caller_level(),
             )
 
 
@@ -66,12 +64,11 @@ def warn_if_large(owner: str, model: Any, result: Any) -> None:
     found = [one for one in (result if isinstance(result, tuple) else (result,)) if hasattr(one, "_furthest")]
     largest = max((one._furthest(LARGE * size) for one in found), default=0.0)
     if model.comm.rank == 0 and largest > LARGE * size:
-        warnings.warn(
+        warn(
             f"{owner}: displacements reach {largest:.3g} m, {100.0 * largest / size:.3g} % of the body's "
             f"{size:.3g} m, and the theory is that of small ones, below {LARGE:.0%}; check the units of "
             "loads (N for the model's thickness) and moduli (Pa), or give a smaller load or more damping",
             LargeDisplacementWarning,
-            stacklevel=caller_level(),
         )
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...errors import SolveError, on_all_ranks
+from ...errors import failed_solve, wrong_input
 from ...petsc import MPI, PETSc, SLEPc, configure, free, scripted, solver_name, solving, stage, stepping
 from ...ranks.capacity import give_back
 from ..elements.element_stiffness import NEEDED
@@ -132,12 +132,10 @@ def _solve_lowest(pencil: Pencil, count: int, verify: bool) -> Modes:
             break
         wanted = min(max(wanted, below) + 4, pencil.unknowns // 2)
     else:
-        raise on_all_ranks(
-            SolveError(
-                f"modal: {below} frequencies lie below {found.frequencies[count - 1]:.8g} Hz, but the "
-                f"eigensolver found {int((values[:count] < last).sum())} of them; raise -modal_eps_ncv or "
-                "tighten -modal_eps_tol"
-            )
+        raise failed_solve(
+            f"modal: {below} frequencies lie below {found.frequencies[count - 1]:.8g} Hz, but the "
+            f"eigensolver found {int((values[:count] < last).sum())} of them; raise -modal_eps_ncv or "
+            "tighten -modal_eps_tol"
         )
     return found.selected(np.arange(count))
 
@@ -162,12 +160,10 @@ def modes_in_band(
             assert lower is not None  # by the same direct solver
             expected = below - lower
             if expected > most:
-                raise on_all_ranks(
-                    ValueError(
-                        f"modal: band = ({low:g}, {high:g}) Hz holds {expected} frequencies, more than half "
-                        f"of the {pencil.unknowns} unknowns; the mesh cannot carry them: lower the band or "
-                        "refine the mesh"
-                    )
+                raise wrong_input(
+                    f"modal: band = ({low:g}, {high:g}) Hz holds {expected} frequencies, more than half "
+                    f"of the {pencil.unknowns} unknowns; the mesh cannot carry them: lower the band or "
+                    "refine the mesh"
                 )
             count = min(max(count, expected + 4), most)
             require_modes(stiffness.elements, count, _basis(count, 0))
@@ -183,11 +179,9 @@ def modes_in_band(
             count = min(2 * count, most)
     finally:
         pencil.destroy()
-    raise on_all_ranks(
-        SolveError(
-            f"modal: the band of {low:g} to {high:g} Hz holds {expected} frequencies, but the eigensolver "
-            f"found {len(keep)}; raise -modal_eps_ncv or tighten -modal_eps_tol"
-        )
+    raise failed_solve(
+        f"modal: the band of {low:g} to {high:g} Hz holds {expected} frequencies, but the eigensolver "
+        f"found {len(keep)}; raise -modal_eps_ncv or tighten -modal_eps_tol"
     )
 
 
@@ -228,13 +222,11 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int) -> Modes:
             eps.solve()
         converged = eps.getConverged()
         if converged < count:
-            raise on_all_ranks(
-                SolveError(
-                    f"modal: SLEPc found {converged} of {count} eigenpairs (reason "
-                    f"{eps.getConvergedReason()} after {eps.getIterationNumber()} iterations); "
-                    "raise -modal_eps_max_it or -modal_eps_ncv, or choose another "
-                    "-modal_st_pc_factor_mat_solver_type"
-                )
+            raise failed_solve(
+                f"modal: SLEPc found {converged} of {count} eigenpairs (reason "
+                f"{eps.getConvergedReason()} after {eps.getIterationNumber()} iterations); "
+                "raise -modal_eps_max_it or -modal_eps_ncv, or choose another "
+                "-modal_st_pc_factor_mat_solver_type"
             )
         values = np.array([eps.getEigenvalue(i).real for i in range(count)])
         name = f"SLEPc {eps.getType()}, shift-invert by {solver_name(solve.ksp)}"
@@ -315,12 +307,10 @@ def _collect(eps: SLEPc.EPS, solve: CondensedSolve, values: np.ndarray, solver: 
         statics.refinement.judge("modal")
     if not (residuals <= limits).all():
         worst = int(np.argmax(residuals / limits))
-        raise on_all_ranks(
-            SolveError(
-                f"modal: the residual of mode {worst + 1} is {residuals[worst]:.2g}, more than "
-                f"{limits[worst]:.2g}; tighten -modal_eps_tol or choose another "
-                "-modal_st_pc_factor_mat_solver_type"
-            )
+        raise failed_solve(
+            f"modal: the residual of mode {worst + 1} is {residuals[worst]:.2g}, more than "
+            f"{limits[worst]:.2g}; tighten -modal_eps_tol or choose another "
+            "-modal_st_pc_factor_mat_solver_type"
         )
     return Modes(
         np.sqrt(np.maximum(values, 0.0)) / (2.0 * math.pi),

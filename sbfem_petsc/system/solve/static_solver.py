@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 
 import numpy as np
 
 from meshing.warnings import SolverWarning
 
-from ...errors import caller_level
+from ...errors import warn
 from ...petsc import PETSc, free, make_ksp, set_up, solver_name
 from ..elements.element_stiffness import Refinement
 from ..layout.layout import Layout
@@ -88,11 +87,7 @@ class StaticSolver:
         elif unknowns < _SMALL:
             told = "the direct solver, without -static_ksp_type and -static_pc_type, is faster"
         if told is not None:
-            warnings.warn(
-                f"{owner}: with {unknowns:,d} unknowns and {self.name}, {told}",
-                SolverWarning,
-                stacklevel=caller_level(),
-            )
+            warn(f"{owner}: with {unknowns:,d} unknowns and {self.name}, {told}", SolverWarning)
 
     def _set_up(self) -> None:
         if not self.factorised:

@@ -6,7 +6,7 @@ import functools
 
 import numpy as np
 
-from ...errors import listed, on_all_ranks
+from ...errors import listed, wrong_input
 from ...petsc import PETSc
 from ...supports import Support
 from ..elements.element_stiffness import Refinement
@@ -126,21 +126,17 @@ class Stiffness:
         bodies = self.layout.bodies
         if len(self.free_bodies) < len(bodies):
             x, y = bodies[self.free_bodies[0]]
-            raise on_all_ranks(
-                ValueError(
-                    f"{analysis} needs every body held against rigid-body motions, but of the "
-                    f"{len(bodies)} bodies that cracks cut the structure into the one around "
-                    f"({x:.4g}, {y:.4g}) m is held by contact alone; give it a support of its own, if "
-                    "need be weak springs, Support(edge set, x=..., y=...) in N/m^3"
-                )
+            raise wrong_input(
+                f"{analysis} needs every body held against rigid-body motions, but of the "
+                f"{len(bodies)} bodies that cracks cut the structure into the one around "
+                f"({x:.4g}, {y:.4g}) m is held by contact alone; give it a support of its own, if "
+                "need be weak springs, Support(edge set, x=..., y=...) in N/m^3"
             )
         held = listed(s.where for s in self.supports) if self.supports else "nothing"
-        raise on_all_ranks(
-            ValueError(
-                f"{analysis} needs a structure held against every rigid-body motion, but the supports "
-                f"({held}) leave one free; clamp an edge set or add supports, such as the weak springs "
-                "of a structure that hangs freely, Support(edge set, x=..., y=...) in N/m^3"
-            )
+        raise wrong_input(
+            f"{analysis} needs a structure held against every rigid-body motion, but the supports "
+            f"({held}) leave one free; clamp an edge set or add supports, such as the weak springs "
+            "of a structure that hangs freely, Support(edge set, x=..., y=...) in N/m^3"
         )
 
     def destroy(self) -> None:
