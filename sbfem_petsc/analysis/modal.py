@@ -11,7 +11,7 @@ from ..bodies.finite_element_model import FiniteElementModel
 from ..checks import integer, shown
 from ..errors import SolveError, at_point, listed, warn, wrong_input
 from ..record.record import Record, described, quantity
-from ..reduction.reduced_model import ReducedModel
+from ..reduction.reduced_model import ReducedModel, require_rows
 from ..system.fields.resolution import warn_of_modes
 from ..system.model import Model
 from ..system.solve.modal_result import Modal
@@ -173,7 +173,7 @@ def modal(
 
 def _kept_modes(reduced: ReducedModel, count: int | None, band: tuple[float, float] | None) -> ReducedModal:
     """Those of a number or of a band in Hz, of the modes that are kept."""
-    reduced.require_rows("modal")
+    require_rows("modal", reduced)
     f = reduced.frequencies
     if count is not None and count > len(f):
         raise ValueError(

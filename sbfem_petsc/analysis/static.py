@@ -19,7 +19,7 @@ from ..motion.loading import loading
 from ..motion.rest import Rest
 from ..motion.states import ModalStates
 from ..ranks.parallel import collective
-from ..reduction.reduced_model import ReducedModel
+from ..reduction.reduced_model import ReducedModel, require_rows
 from ..signals.signal import Constant
 from ..system.fields.fracture import contact_nodal_forces, energy_release_rates, notes, t_stresses
 from ..system.fields.resolution import warn_of_tips
@@ -154,7 +154,7 @@ def reduced_states(owner: str, reduced: ReducedModel, amplitudes: np.ndarray, co
     """The static states under (n, loads) amplitudes, each from the one before, the first from rest; exact,
     for the residual flexibility is that of all modes left out.
     """
-    reduced.require_rows(owner)
+    require_rows(owner, reduced)
     if not reduced.omega.all():
         raise ValueError(
             f"{owner}: the reduced model has rigid-body motions (0 Hz); hold it, say by weak springs"

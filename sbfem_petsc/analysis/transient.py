@@ -17,7 +17,7 @@ from meshing.warnings import StepWarning
 from ..checks import choice, flag, real_array, shown
 from ..errors import warn
 from ..motion.files.history_file import HistoryFile
-from ..motion.history import History
+from ..motion.history import History, of_instants
 from ..motion.initial import modal_start
 from ..motion.integration import Integrator, Steps, chunks
 from ..motion.loading import Loading, Wanted, communicator, loading, moved_up_to, serving, warn_of_unreduced
@@ -289,7 +289,7 @@ def _integrated(
         filled = _fill(kept, rows, filled)
         recorder.append(after, rows, integrator)
     found = recorder.recorded() if kept is None else kept
-    return first.of_instants(found, exchanges=integrator.exchanges)
+    return of_instants(first, found, exchanges=integrator.exchanges)
 
 
 def _fill(kept: Rows | None, rows: Rows, first: int) -> int:

@@ -260,11 +260,6 @@ class History(Motion):
         """What is kept of the instants, by the names of columns."""
         return {"time": self.time, **self.states.instants(), "energies": self.energy.instants()}
 
-    def of_instants(self, rows: Rows, **facts: Any) -> History:
-        """The same with other instants, and other facts."""
-        states, energy = self.states.of_instants(rows), Energy(*rows["energies"].T)
-        return replace(self, time=rows["time"], states=states, energy=energy, **facts)
-
     def _warn_incomplete(self, path: str) -> None:
         """Warn of a run that has not ended."""
         if not self.complete:
@@ -283,6 +278,12 @@ class History(Motion):
             f"{self.contact_resultant.max(initial=0.0):.6g} N, largest energy error "
             f"{'; '.join([f'{np.abs(self.energy.balance).max():.2e} J', *self._borne(), *self.notes])})"
         )
+
+
+def of_instants(history: History, rows: Rows, **facts: Any) -> History:
+    """The same with other instants, and other facts."""
+    states, energy = history.states.of_instants(rows), Energy(*rows["energies"].T)
+    return replace(history, time=rows["time"], states=states, energy=energy, **facts)
 
 
 def _alone(values: np.ndarray) -> np.ndarray:

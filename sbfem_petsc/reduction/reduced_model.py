@@ -174,11 +174,6 @@ class ReducedModel(Record):
         """Contact rows that are gaps; slips stand behind them."""
         return len(self.initial_gap) - (0 if self.friction is None else len(self.friction.rows))
 
-    def require_rows(self, owner: str) -> None:
-        """Refuse that of a Model, whose points have two components and whose fields tell more."""
-        if not self.of_rows:
-            raise ValueError(f"{owner}: {self!r} is that of a Model; give the Model itself")
-
     @functools.cached_property
     def flexibility(self) -> np.ndarray:
         """(l + c, l + c): of the displacements of unit loads and contact rows under their own forces, m/N."""
@@ -222,28 +217,10 @@ class ReducedModel(Record):
         """The sets of rows in contact that motions of this model have met."""
         return ClosedSets(self.thin_gaps[0], np.ascontiguousarray(self.gap.contact), self.contact_laws)
 
-    def held_in(self, rows: np.ndarray) -> ReducedModel:
-        """The same in whose other contact rows faces may overlap; friction is that of all rows or none."""
-
-        def columns(output: LinearOutput) -> LinearOutput:
-            return replace(output, contact=output.contact[..., rows])
-
-        gap = columns(self.gap)
-        return replace(
-            self,
-            gap=replace(gap, modes=gap.modes[rows], loads=gap.loads[rows], contact=gap.contact[rows]),
-            initial_gap=self.initial_gap[rows],
-            pairs=int((rows < self.pairs).sum()),
-            points=columns(self.points),
-            tips=columns(self.tips),
-            contact_laws=self.contact_laws.only(rows),
-            friction=self.friction if len(rows) else None,
-        )
-
     @functools.cached_property
     def open(self) -> ReducedModel:
         """The same without contact."""
-        return self.held_in(np.arange(0))
+        return held_in(self, np.arange(0))
 
     @property
     def comm(self) -> MPI.Comm:
@@ -343,3 +320,28 @@ class ReducedModel(Record):
             f"ReducedModel({len(self.frequencies)} modes up to {self.frequencies[-1]:.6g} Hz, {self.pairs} "
             f"contact pairs, {self.load_modes.shape[1]} unit loads)"
         )
+
+
+def held_in(reduced: ReducedModel, rows: np.ndarray) -> ReducedModel:
+    """The same in whose other contact rows faces may overlap; friction is that of all rows or none."""
+
+    def columns(output: LinearOutput) -> LinearOutput:
+        return replace(output, contact=output.contact[..., rows])
+
+    gap = columns(reduced.gap)
+    return replace(
+        reduced,
+        gap=replace(gap, modes=gap.modes[rows], loads=gap.loads[rows], contact=gap.contact[rows]),
+        initial_gap=reduced.initial_gap[rows],
+        pairs=int((rows < reduced.pairs).sum()),
+        points=columns(reduced.points),
+        tips=columns(reduced.tips),
+        contact_laws=reduced.contact_laws.only(rows),
+        friction=reduced.friction if len(rows) else None,
+    )
+
+
+def require_rows(owner: str, reduced: ReducedModel) -> None:
+    """Refuse that of a Model, whose points have two components and whose fields tell more."""
+    if not reduced.of_rows:
+        raise ValueError(f"{owner}: {reduced!r} is that of a Model; give the Model itself")

@@ -14,6 +14,7 @@ from meshing.warnings import BranchWarning
 from ...errors import SolveError, warn
 from ...motion.period_map import DrivenPeriod, FixedPoint, Period
 from ...motion.period_motion import PeriodMotion
+from ...reduction.reduced_model import held_in
 from ..bifurcations import Bifurcation
 from ..branch import Branch
 from ..extrapolation import extrapolated
@@ -41,7 +42,7 @@ class OpenRowFamily(Family):
 
     def __init__(self, period: Period, row: int, parameter: str, factor: float = 1.0):
         others = np.delete(np.arange(len(period.reduced.initial_gap)), row)
-        reduced = period.reduced.held_in(others)
+        reduced = held_in(period.reduced, others)
         super().__init__(Period(reduced, period.excitation, period.steps), parameter, factor)
         self.whole, self.row = period, row
         gap = period.reduced.gap

@@ -20,7 +20,7 @@ from ...record.files import MODEL, from_image, image
 from ...record.journal import Kept, read
 from ...reduction.comparison import close
 from ...signals.signal import Signal
-from ..history import History
+from ..history import History, of_instants
 from ..integration import Integrator, OfOtherRanks, Steps
 from ..states import Rows
 from ..unreduced.ranks import Labels, alike, kept_layouts, layouts_in
@@ -247,7 +247,7 @@ def result_of(kept: Kept, in_memory: bool = True) -> History:
     if found != mine:
         raise ValueError(f"its rows are {found}, which is not what the model has")
     complete = state["done"] == state["count"]
-    return first.of_instants(rows, exchanges=state["exchanges"], complete=complete)
+    return of_instants(first, rows, exchanges=state["exchanges"], complete=complete)
 
 
 def signal_checks(signals: Sequence[Signal], duration: float) -> np.ndarray:
