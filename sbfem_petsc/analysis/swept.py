@@ -140,6 +140,7 @@ def _steady(initial: Orbit, reduced: ReducedModel, load) -> Orbit:
     with collective(communicator(reduced)):
         check_guess(what, initial, reduced, carried=True)
     assert own is not None  # checked
+    modes = None if len(own.omega) == len(reduced.omega) else len(own.omega)
     find = functools.partial(
         periodic,
         load=load,
@@ -149,9 +150,11 @@ def _steady(initial: Orbit, reduced: ReducedModel, load) -> Orbit:
         stability=False,
         progress=None,
     )
-    found = find(own, steps=len(initial.time) // initial.periods)
+    # under this load and with this damping, which are not those that it was reduced for
+    system = reduced if modes is None or reduced.model is None else reduced.model
+    found = find(system, modes=modes, steps=len(initial.time) // initial.periods)
     if np.linalg.norm(found.state - initial.state) > SAME * np.linalg.norm(found.state):
         raise wrong_input(
             f"{what}: initial = {initial!r} is no steady state under this load; leave it out, or give one"
         )
-    return initial if len(own.omega) == len(reduced.omega) else find(reduced)
+    return initial if modes is None else find(reduced)

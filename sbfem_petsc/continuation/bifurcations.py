@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ..record.record import Record, described, quantity
@@ -41,7 +43,7 @@ class Bifurcation(Record):
     error: float = quantity(
         "Hz or 1",
         "uncertainty of the value, by twice and four times the steps and by half as many modes again, where "
-        "these are known; nan where these tell nothing",
+        "these are known; nan where it is not found in these",
         finite=False,
     )
     row: int | None = quantity(
@@ -49,10 +51,9 @@ class Bifurcation(Record):
     )
 
     def __repr__(self) -> str:
-        return (
-            f"Bifurcation({self.kind} at {self.value:.7g} +- {self.error:.1g}, "
-            f"multiplier {self.multiplier:.6g})"
-        )
+        known = math.isfinite(self.error)
+        error = f" +- {self.error:.1g}" if known else ", uncertainty not known"
+        return f"Bifurcation({self.kind} at {self.value:.7g}{error}, multiplier {self.multiplier:.6g})"
 
 
 def locate(line: Line, found: list[Multipliers]) -> list[Bifurcation]:

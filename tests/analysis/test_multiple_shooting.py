@@ -15,7 +15,7 @@ from sbfem_petsc.continuation.linear import Cyclic
 from sbfem_petsc.continuation.problems.segments import at_segments, segmented_stability, shoot_segments
 from sbfem_petsc.continuation.search import NEWTON_ALONE
 from sbfem_petsc.continuation.segment_products import product_eigenvalues
-from tests.systems import one_mass, two_masses
+from tests.systems import coarse_beam, one_mass, two_masses
 
 TURN = 2.0 * np.pi
 KINDS = "fold", "period doubling"
@@ -192,6 +192,19 @@ def test_a_start_of_several_periods():
     assert np.abs(one.subharmonics("A")[1]) > 0.1
     many = sb.periodic(one.reduced, 1.0, 0.41, steps=512, periods=2, segments=4, guess=one)
     assert many.iterations == 0 and many.periods == 2
+
+
+def test_a_start_in_other_modes():
+    """From fewer and from more modes the motion of single shooting."""
+    beam, push = coarse_beam(0.002), sb.PointForce("A", fy=300.0)
+    few, more = (
+        sb.periodic(beam, push, 433.0, modes=modes, steps=256, stability=False) for modes in (20, 30)
+    )
+    for start, end in ((few, more), (more, few)):
+        asked = dict(modes=len(end.reduced.omega), steps=256, stability=False)
+        found = sb.periodic(beam, push, 433.0, guess=start, segments=4, **asked)
+        np.testing.assert_allclose(found.state, end.state, atol=1e-8 * np.linalg.norm(end.state))
+        assert found.iterations < 10  # which it takes from the linear response
 
 
 def test_powers_of_multipliers(mass, fast):

@@ -209,8 +209,19 @@ def test_from_a_steady_state_in_other_modes():
     expected = sb.swept_response(beam, push, 433.0, 440.0, **asked)
     assert len(few.reduced.omega) < 30 == len(found.reduced.omega)
     np.testing.assert_allclose(found.amplitude("A"), expected.amplitude("A"), rtol=1e-7)
+    with pytest.raises(ValueError, match="^swept_response: .* is no steady state under this load"):
+        sb.swept_response(beam, sb.PointForce("B", fy=300.0), 433.0, 440.0, initial=few, **asked)
+
+
+def test_from_a_steady_state_with_other_damping():
+    beam, push, at = (
+        coarse_beam(0.002),
+        sb.PointForce("A", fy=300.0),
+        dict(modes=20, steps=256, stability=False),
+    )
+    branch = sb.load_response(beam, push, 433.0, start=1.0, stop=1.2, parameter="damping", **at)
     with pytest.raises(ValueError, match="is no steady state under this load"):
-        sb.swept_response(beam, sb.PointForce("A", fy=200.0), 433.0, 440.0, initial=few, **asked)
+        sb.swept_response(beam, push, 433.0, 440.0, initial=branch.orbit(-1), duration=0.02, modes=20)
 
 
 @pytest.mark.slow

@@ -14,6 +14,7 @@ from ...errors import PetscFailure, SolveError, called, failed_solve
 from ...motion.period_map import DrivenPeriod, FixedPoint, Period
 from ...motion.period_motion import PeriodMotion
 from ...motion.states import ModalStates
+from ..harmonic_errors import in_modes
 from ..linear import Cyclic
 from ..newton import correct
 from ..orbit import Orbit, uncertainty_of
@@ -127,15 +128,17 @@ class Segments:
 
 def at_segments(guess: Orbit, period: Period, frequency: float, segments: int) -> np.ndarray:
     """(segments, 2 m): a motion at the segments' beginnings, in differences to the linear response; one under
-    a multiple of the frequency is repeated as often as it takes.
+    a multiple of the frequency is repeated as often as it takes, and further modes are as without contact.
     """
     driven = period.at(frequency)
     instants = np.arange(segments) * (period.steps // segments)
     # in forcing periods: motions under neighbouring frequencies keep their phase
     times = max(1, round(guess.frequency / frequency))
     places = times * instants * period.excitation.periods / period.steps / guess.periods * len(guess.time)
-    assert isinstance(guess.states, ModalStates)  # of the same reduced model
-    states = np.concatenate([period.weights * guess.states.q, guess.states.v], axis=1)
+    assert isinstance(guess.states, ModalStates)  # of the same model
+    own = guess.states.reduced
+    states = in_modes(np.concatenate([guess.states.q, guess.states.v], axis=1), own, period.reduced)
+    states[:, : period.modes] *= period.weights
     before = np.floor(places + 1e-9).astype(int)
     share = (places - before)[:, None]
     states = (1.0 - share) * states[before % len(states)] + share * states[(before + 1) % len(states)]
@@ -143,7 +146,8 @@ def at_segments(guess: Orbit, period: Period, frequency: float, segments: int) -
         period.over_time(part)[instants] for part in (driven.amplitudes, driven.speeds * driven.amplitudes)
     )
     linear = np.concatenate([period.weights * q, v], axis=1)
-    return states - linear
+    known = np.arange(period.modes) < len(own.omega)
+    return np.where(np.tile(known, 2), states - linear, 0.0)
 
 
 def shoot_segments(
