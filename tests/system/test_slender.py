@@ -8,7 +8,9 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate
 from meshing.warnings import RoundOffWarning
+from sbfem_petsc.selement.rigid_motions import rigid_body_basis, rigid_motions
 from sbfem_petsc.system.contact import bordered_contact
+from sbfem_petsc.system.elements.element_stiffness import without_motions
 from tests.parallel import alone, answer, on_ranks
 from tests.systems import ALUMINIUM
 
@@ -24,6 +26,21 @@ def cantilever(ratio):
     length = ratio * HEIGHT
     mesh = Beam(length, HEIGHT).mesh(order=5, size=max(HEIGHT, length / 100))
     return sb.Model(mesh, sb.Material(YOUNG, 0.0, DENSITY))
+
+
+def test_large_motions_leave_deformations_alone():
+    """Of a bending beside 1e7 times the rotation no motion is left but its own round-off, 3e-9 if the motions
+    are taken out once; the bending itself has the rotation's round-off, 1e-9.
+    """
+    shape = np.array([[-1.0, -0.7], [0.0, -0.9], [0.9, -1.0], [1.2, 0.3], [0.2, 0.5], [-0.8, 0.9]])
+    motions, bent = (
+        rigid_body_basis(shape),
+        np.stack([shape[:, 0] ** 2, shape[:, 0] * shape[:, 1]], axis=1).ravel(),
+    )
+    large = bent + 1e7 * rigid_motions(shape)[:, 2]
+    found = without_motions(motions[None], large[None, :, None])[0, :, 0]
+    assert np.abs(motions.T @ found).max() < 1e-14
+    np.testing.assert_allclose(found, bent - motions @ (motions.T @ bent), atol=1e-8)
 
 
 @pytest.mark.filterwarnings("error", *SIZES)
