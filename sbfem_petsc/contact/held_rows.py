@@ -69,9 +69,11 @@ class Sets(NamedTuple):
         Gaps before, of tangential rows the slips that they keep.
     landed : (n, 3) array
         Of tangential rows that land: the share of the way to the next slip after which they do, less what the
-        gap before adds to the kept slip, and what the next gap adds; zero of others.
+        gap before adds to the kept slip, and what the next gap adds; zero of others. Told only if any do.
     begun : (n,) int8 array
         States before.
+    told : (n + 1,) int8 array
+        Those from which it is told where rows land; the last entry tells whether any do.
     seen : (MAXIMUM,) int array
         Sums that tell sets apart.
     every : (n,) int array
@@ -90,6 +92,7 @@ class Sets(NamedTuple):
     kept: np.ndarray
     landed: np.ndarray
     begun: np.ndarray
+    told: np.ndarray
     seen: np.ndarray
     every: np.ndarray
 
@@ -123,10 +126,10 @@ def extent_of(rubbing: Rubbing, state: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 def rubbing_room(rows: int) -> tuple[np.ndarray, ...]:
     """Room of `Sets` that sets of any step share: from `right` on."""
-    following, begun = (np.zeros(rows, dtype=np.int8) for _ in range(2))
+    following, begun, told = (np.zeros(n, dtype=np.int8) for n in (rows, rows, rows + 1))
     right, solved, free, swept, kept = (np.empty(n) for n in (rows + 1, *[rows] * 4))
-    seen = np.zeros(MAXIMUM, dtype=np.int64)
-    return right, solved, free, following, swept, kept, np.empty((rows, 3)), begun, seen, np.arange(rows)
+    seen, landed = np.zeros(MAXIMUM, dtype=np.int64), np.empty((rows, 3))
+    return right, solved, free, following, swept, kept, landed, begun, told, seen, np.arange(rows)
 
 
 # Where nothing rubs.

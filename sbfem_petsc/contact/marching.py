@@ -136,7 +136,8 @@ class StepHistory(NamedTuple):
     kept : (k,) or (0,) array
         Slips that the tangential rows keep in the last step, m; not told in an empty one.
     landings : (n, k, 3) or (0, 0, 3) array
-        Where tangential rows land in each step, see `held_rows.Sets`; not kept in an empty one.
+        Zeros, but for where tangential rows land in each step, see `held_rows.Sets`; not kept in an empty
+        one.
     """
 
     states: np.ndarray
@@ -326,7 +327,7 @@ def _sets(room: Room, level: int) -> Sets:
     inverse, known = room.inverses[level], room.known[level]
     held, at = room.members[level], room.places[level]
     found = inverse, known, held, at, of.right, own.solved, own.free
-    return Sets(*found, of.following, of.swept, of.kept, of.landed, of.begun, of.seen, own.every)
+    return Sets(*found, of.following, of.swept, of.kept, of.landed, of.begun, of.told, of.seen, own.every)
 
 
 @inner_loops
@@ -383,8 +384,8 @@ def _take(
         for i in range(pairs):
             after.force[i] = 0.0
         for i in range(count, pairs):
-            room.sets.kept[i], room.sets.landed[i, 0] = before.gap[i], 0.0
-            room.sets.landed[i, 1], room.sets.landed[i, 2] = 0.0, 0.0
+            room.sets.kept[i] = before.gap[i]
+        room.sets.told[room.sets.told.size - 1] = 0
     return pulled
 
 
@@ -427,7 +428,7 @@ def _tell(history: StepHistory, done: int, end: End, sets: Sets) -> None:
     for i in range(history.rows.shape[1]):
         history.rows[done, i] = end.rows[i]
     count = end.force.size - history.landings.shape[1]
-    for k in range(history.landings.shape[1]):
+    for k in range(history.landings.shape[1] if sets.told[sets.told.size - 1] != 0 else 0):
         for n in range(3):
             history.landings[done, k, n] = sets.landed[count + k, n]
 

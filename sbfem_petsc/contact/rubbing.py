@@ -237,39 +237,110 @@ def _sweep(
 
 
 @inner_loops
+def _lands(
+    gap: tuple[np.ndarray, np.ndarray], rubbing: Rubbing, state: np.ndarray, of: int, sets: Sets
+) -> bool:
+    """Whether the normal row beside a tangential one, `of` a number, was apart and touches."""
+    i = rubbing.rows[of]
+    return sets.begun[i] == FREE and state[i] != FREE and gap[1][i] > 0.0 and rubbing.static[of] > 0.0
+
+
+@inner_loops
+def _tell(
+    flexibility: np.ndarray,
+    gap: tuple[np.ndarray, np.ndarray],
+    held: tuple[Table, Rubbing, np.ndarray],
+    sets: Sets,
+    attempt: int,
+) -> None:
+    """Where rows land that are apart in the set that has been solved: gap and slip go linearly from those
+    before to those there. What lands is kept there, and at the first attempts sticks where friction falls as
+    a slip begins: under less than would hold it, it slips only if it has begun to.
+    """
+    (_, rubbing, state), count, new = held, held[1].beside.size, False
+    for k in range(rubbing.rows.size):
+        i, t = rubbing.rows[k], count + k
+        if sets.known[i] != FREE or not _lands(gap, rubbing, state, k, sets):
+            continue
+        if sets.told[state.size] == 0:
+            for j in range(count, state.size):
+                sets.landed[j, 0], sets.landed[j, 1], sets.landed[j, 2] = 0.0, 0.0, 0.0
+            sets.told[state.size] = 1
+        reached, slipped = min(sets.free[i], 0.0), sets.free[t] - gap[1][t]
+        share = 1.0 / (gap[1][i] - reached)
+        sets.landed[t, 0] = share * gap[1][i]
+        sets.landed[t, 1] = slipped * share**2 * reached
+        sets.landed[t, 2] = slipped * share**2 * gap[1][i]
+        sets.kept[t], new = gap[1][t] + sets.landed[t, 0] * slipped, True
+        bounds = rubbing.kinetic[k], rubbing.static[k]
+        if bounds[1] > bounds[0]:
+            state[t] = STICKS if attempt < 2 else state[t]
+        elif attempt == 0:
+            rest = sets.free[i], sets.free[t] - sets.kept[t]
+            state[t] = max(_alone(flexibility, (i, t), rest, bounds, sets), STICKS)
+    if new:
+        for i in range(state.size):
+            sets.told[i] = sets.known[i]
+
+
+@inner_loops
+def _told(gap: tuple[np.ndarray, np.ndarray], held: tuple[Table, Rubbing, np.ndarray], sets: Sets) -> bool:
+    """Whether it is told where rows land, from the set without them, or none do."""
+    (_, rubbing, state), count, lands, differ = held, held[1].beside.size, False, False
+    for k in range(rubbing.rows.size):
+        i, t = rubbing.rows[k], count + k
+        if _lands(gap, rubbing, state, k, sets):
+            lands = True
+            differ |= sets.told[i] != FREE or sets.told[t] != FREE
+        else:
+            differ |= sets.told[t] != state[t]
+    for i in range(count):
+        t = rubbing.beside[i]
+        if t < 0 or not _lands(gap, rubbing, state, t - count, sets):
+            differ |= sets.told[i] != state[i]
+    return not (lands and differ)
+
+
+@inner_loops
 def _settle(
     flexibility: np.ndarray,
     gap: tuple[np.ndarray, np.ndarray],
     held: tuple[Table, Rubbing, np.ndarray],
     sets: Sets,
     force: np.ndarray,
+    tells: bool,
 ) -> int:
-    """Forces, gaps and states that fit together; how many exchanges they take, -1 if none are found."""
-    state, n, exchanges = held[2], gap[0].size, 0
+    """Forces, gaps and states that fit together; how many exchanges they take, -1 if none are found. `tells`:
+    where rows land, as they do.
+    """
+    state, n, exchanges, without = held[2], gap[0].size, 0, (gap[0], sets.kept)
     for i in range(n):
         sets.swept[i] = 0.0
     for attempt in range(_ROUNDS + 1):
         if attempt > 0:
+            sets.told[0] = -1  # what a sweep lets land is not told
             for i in range(n):
                 sets.free[i] = gap[0][i]
                 for j in range(n):
                     sets.free[i] += flexibility[i, j] * sets.swept[j]
             for _ in range(_SWEEPS):
-                _sweep(flexibility, gap, held, sets)
+                _sweep(flexibility, without, held, sets)
         done = 0
         while done < MAXIMUM and not _repeats(state, sets.seen, done):
             done += 1
             for _ in range(2):  # where rounding has piled up, all is done anew
                 solved = follow(flexibility, held[1], state, sets) and _solve(
-                    flexibility, gap, held, sets, force
+                    flexibility, without, held, sets, force
                 )
                 if solved:
                     break
                 sets.members[n] = -1
             if not solved:
                 break
-            if _exchange(flexibility, gap, held, sets, force) == 0:
+            if _exchange(flexibility, without, held, sets, force) == 0:
                 return exchanges
+            if tells:
+                _tell(flexibility, gap, held, sets, 0)
             exchanges += 1
     return -1
 
@@ -281,37 +352,23 @@ def _land(
     held: tuple[Table, Rubbing, np.ndarray],
     sets: Sets,
     force: np.ndarray,
-    first: bool,
+    attempt: int,
 ) -> bool:
-    """Where rows that were apart meet, whether any do: gap and slip go linearly from those before to those
-    without the forces of these rows. What lands sticks to the slip there.
-    """
-    (_, rubbing, state), count, lands = held, held[1].beside.size, False
+    """Tell where rows land from a solution without them, whether there is one."""
+    (_, rubbing, state), count = held, held[1].beside.size
     for i in range(state.size):
         sets.following[i] = state[i]
     for k in range(rubbing.rows.size):
-        i = rubbing.rows[k]
-        if sets.begun[i] == FREE and state[i] != FREE and gap[1][i] > 0.0 and rubbing.static[k] > 0.0:
-            state[i], state[count + k], lands = FREE, FREE, True
-    lands = lands and follow(flexibility, rubbing, state, sets)
-    if lands:
+        if _lands(gap, rubbing, sets.following, k, sets):
+            state[rubbing.rows[k]], state[count + k] = FREE, FREE
+    found = follow(flexibility, rubbing, state, sets)
+    if found:
         _solve(flexibility, gap, held, sets, force)
-    for k in range(rubbing.rows.size):
-        i, t = rubbing.rows[k], count + k
-        if lands and sets.following[i] != state[i]:
-            reached, slipped = min(sets.free[i], 0.0), sets.free[t] - gap[1][t]
-            share = 1.0 / (gap[1][i] - reached)
-            sets.landed[t, 0] = share * gap[1][i]
-            sets.landed[t, 1], sets.landed[t, 2] = (
-                slipped * share**2 * reached,
-                slipped * share**2 * gap[1][i],
-            )
-            sets.kept[t] = gap[1][t] + sets.landed[t, 0] * slipped
-            # under less than would hold it, it slips only if it has begun to
-            sets.following[t] = STICKS if first else sets.following[t]
     for i in range(state.size):
         state[i] = sets.following[i]
-    return lands
+    if found:
+        _tell(flexibility, gap, held, sets, attempt)
+    return found
 
 
 @compiled_apart
@@ -333,25 +390,24 @@ def rubbing_forces(
     (laws, rubbing, state), exchanges = held, 0
     for i in range(state.size):
         sets.begun[i], sets.kept[i] = state[i], gap[1][i]
-    for i in range(rubbing.beside.size, state.size):
-        sets.landed[i, 0], sets.landed[i, 1], sets.landed[i, 2] = 0.0, 0.0, 0.0
+    sets.told[state.size] = 0
     for attempt in range(_LANDINGS + 1):
-        if attempt > 0:
-            if not _land(flexibility, gap, held, sets, force, attempt == 1):
-                break
-        more = _settle(flexibility, (gap[0], sets.kept), held, sets, force)
+        if attempt > 0 and not _land(flexibility, gap, held, sets, force, attempt):
+            break
+        more = _settle(flexibility, gap, held, sets, force, attempt == 0)
         if more < 0:
             return -1
         exchanges += more
-        if attempt > 1 and more == 0:
+        if more == 0 or _told(gap, held, sets):
             break
     for i in range(rubbing.beside.size):
         if state[i] != FREE:
             force[i] = min(max(force[i], laws.least[state[i], i]), laws.most[state[i], i])
-    for i in range(rubbing.beside.size, state.size):
-        if state[i] == FREE:
-            sets.kept[i] = gap[1][i]
-            sets.landed[i, 0], sets.landed[i, 1], sets.landed[i, 2] = 0.0, 0.0, 0.0
+    if sets.told[state.size] != 0:
+        for i in range(rubbing.beside.size, state.size):
+            if state[i] == FREE:
+                sets.kept[i] = gap[1][i]
+                sets.landed[i, 0], sets.landed[i, 1], sets.landed[i, 2] = 0.0, 0.0, 0.0
     return exchanges
 
 

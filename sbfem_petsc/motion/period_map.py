@@ -274,7 +274,7 @@ class DrivenPeriod:
         reached, settled = 0, self._touch(begin)
         states[0], velocities[0], forces[0] = q, v, begin.force
         rows[:1], left = begin.rows[: rows.shape[1]], np.empty(len(slip))
-        landings = np.empty((len(lost), len(slip), 3))
+        landings = np.zeros((len(lost), len(slip), 3))
         if settled >= 0:
             loads = StepLoads(np.zeros((0, m)), self.free_gap, np.zeros(steps, dtype=np.int8))
             told = states[1:], velocities[1:], forces[1:], work, np.empty(0, dtype=np.int8), lost
