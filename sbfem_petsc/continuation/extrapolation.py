@@ -24,9 +24,10 @@ from .problem import Point, Wider
 
 # So many times the steps.
 TIMES = 2, 4
-# Furthest from where it is in the branch's steps that a bifurcation is sought, in chords between two points;
-# what it may be off by, of how far more steps have moved it; steps of a secant at most.
-FURTHEST, CLOSE, MOST = 1.0, 0.05, 8
+# Furthest from where it is in the branch's steps that a bifurcation is sought in finer ones and in more
+# modes, in chords between two points; what it may be off by, of how far more steps have moved it; steps of a
+# secant at most.
+FURTHEST, FURTHEST_IN_MODES, CLOSE, MOST = 1.0, 4.0, 0.05, 8
 # What twice the steps may change, relative, without being looked at in finer ones; that is then what is told.
 FINEST = 1e-6
 # Where multipliers jump the bracket grows by this factor until it holds the jump.
@@ -197,6 +198,7 @@ class _Passage:
         self.near, self.place, self.shift = point, places[0], self._to_zero(excess)
         self.first, self.moved = self.place + self.shift, 0.0
         self.own = point.value + self.shift * self.value
+        self.furthest = FURTHEST
 
     def _to_zero(self, excess: float) -> float:
         return -excess / self.slope if self.slope else math.inf
@@ -208,6 +210,7 @@ class _Passage:
         other = copy.copy(self)
         one, behind = (more.moved(point).u for point in self.ends)
         other.rate, other.near = (behind - one) / self.width, more.begun(self.near)
+        other.furthest = FURTHEST_IN_MODES
         if not self.multiplier.imag:
             other.slope *= more.more.free(self.near.value, math.copysign(1.0, self.multiplier.real))
         return other.located(more.solve)
@@ -223,7 +226,7 @@ class _Passage:
         begin, last = self.place + self.shift, None
         for _ in range(MOST):
             place = self.place + self.shift
-            if not abs(place - self.first) < FURTHEST:
+            if not abs(place - self.first) < self.furthest:
                 break
             start = self.near.u + self.shift * self.rate
             point = solve(place, start, self.near)
@@ -256,6 +259,7 @@ class _Jump:
         self.width = max(self.ends) - min(self.ends)
         self.counts = [self._count(self.ends[place]) for place in sorted(self.ends)]
         self.resolved = 0.5 * abs(one.value - other.value)
+        self.furthest = FURTHEST
 
     def _count(self, point: Point) -> int:
         return int(outside(multipliers_of(point.state)).sum())
@@ -264,6 +268,7 @@ class _Jump:
         """Value of the parameter in the middle of a bracket in more modes."""
         other = copy.copy(self)
         other.ends = {place: more.begun(point) for place, point in self.ends.items()}
+        other.furthest = FURTHEST_IN_MODES
         return other.located(more.solve)
 
     def located(self, solve: Solve) -> float:
@@ -280,7 +285,7 @@ class _Jump:
         counts, reach = [self._count(finer[place]) for place in (lower, upper)], self.width
         while counts != self.counts:
             reach *= WIDER
-            if counts[0] != counts[1] or reach > FURTHEST:
+            if counts[0] != counts[1] or reach > self.furthest:
                 raise SolveError("no jump over the unit circle was found in other steps or modes")
             ahead = counts[0] == self.counts[0]
             lower, upper = (upper, upper + reach) if ahead else (lower - reach, lower)

@@ -66,7 +66,8 @@ def plate_burst():
 @GROUP.case
 def preload_beside_a_tone():
     load = sb.EdgeLoad("right", ty=sb.Harmonic(2e6, 800.0)) + sb.EdgeLoad("right", tx=-5e6)
-    yield from of(sb.transient(bodies.beam(), load, 2e-3, 4e-6, modes=12), "A", 3)
+    beam = bodies.beam.__wrapped__()  # what other cases have left in the kept one moves these numbers by 3e-8
+    yield from of(sb.transient(beam, load, 2e-3, 4e-6, modes=12), "A", 3)
 
 
 def slender():
