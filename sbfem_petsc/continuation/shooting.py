@@ -150,7 +150,7 @@ class Steady:
             return x.array_r.copy()
         finally:
             # also what Python alone still holds: PETSc would only put it aside until all ranks collect
-            free(self.comm, snes, ksp, pc, x, f, matrix)
+            free(self.comm, snes, ksp, pc, x, f, matrix, *in_python)
 
     def _monitor(self, snes: PETSc.SNES, iteration: int, residual: float) -> None:
         self.residuals.append(float(residual))
@@ -227,6 +227,7 @@ class Shooting(Steady):
 
     def solve(self, state: np.ndarray) -> FixedPoint:
         """The fixed point near a state."""
+        require_thread()
         if self.jacobian == "updated" and asked(f"{PREFIX}snes_test_jacobian") is not None:
             self.jacobian = "dense"  # PETSc's test is of the derivative, and not of updates of it
         driven = self.driven

@@ -96,4 +96,4 @@ def test_lost_orthogonality_is_told(monkeypatch):
     monkeypatch.setattr(krylov_step, "ONCE", 10**6)
     monkeypatch.setattr(krylov_step, "SHARE", 1e-3)
     with beam() as body, pytest.raises(sb.SolveError, match="residual|found"):
-        sb.modal(body, 80)
+        sb.modal(body, 100)
