@@ -65,7 +65,7 @@ def test_a_loop_and_power_are_what_is_lost(loads):
     pairs = loads.states[0].model.pairs
     assert place == pytest.approx(1e3 * np.sort(pairs.arc))
     lost = power @ pairs.weight[np.argsort(pairs.arc)] * 7.0
-    # that of tip elements is in the whole alone, and what begins to slip within a state; what lands within one
+    # that of tip elements is in the whole alone, and what begins to slip within a state; what lands in one
     # has slid freely before, which power between two states does not know (4 % here)
     assert 0.5 * loads.friction_loss[-1] < lost < 1.1 * loads.friction_loss[-1]
     for wrong, told in [
