@@ -174,6 +174,11 @@ class LoadHistory(Record):
         """(n, pairs): N, against the changes of the slips."""
         return self._rubbed("friction_force")
 
+    @derived("m", "ways that the pairs have slid since the state before", "time pair", detail=True)
+    def slid(self) -> np.ndarray | None:
+        """(n, pairs): m, what lands from where it lands."""
+        return self._rubbed("slid")
+
     @derived("J", "lost to friction so far", "time")
     def friction_loss(self) -> np.ndarray | None:
         """(n,): J, that inside tip elements included; friction changes linearly from a state to the next."""

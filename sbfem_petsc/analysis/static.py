@@ -296,10 +296,11 @@ def _rubbed(model: Model, found: Equilibrium) -> dict[str, Any]:
     """What faces that rub have beside the others."""
     if found.memory is None:
         return {}
-    pairs = model.contact.pairs
+    pairs, memory = model.contact.pairs, found.memory
     return dict(
-        slip=found.memory.slip[:pairs],
-        friction_force=found.memory.force[:pairs],
+        slip=memory.slip[:pairs],
+        friction_force=memory.force[:pairs],
+        slid=np.abs(memory.slip - memory.kept)[:pairs],
         friction_loss=found.friction_loss,
     )
 

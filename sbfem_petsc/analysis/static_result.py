@@ -106,6 +106,13 @@ class Static(Record):
     friction_force: np.ndarray | None = quantity(
         "N", "friction of the pairs, against the change of their slips", "pair", kinds="f", default=None
     )
+    slid: np.ndarray | None = quantity(
+        "m",
+        "ways that the pairs have slid since the state before, or since rest, what lands from where it lands",
+        "pair",
+        kinds="f",
+        default=None,
+    )
     friction_loss: float | None = quantity(
         "J", "lost to friction since the state before, or since rest", kinds="f", default=None
     )

@@ -51,24 +51,30 @@ def contact_duty(time, contact_force, threshold: float = 0.0) -> ContactDuty:
     )
 
 
-def friction_power(time, slip, friction_force) -> np.ndarray:
+def friction_power(time, slip, friction_force, slid=None) -> np.ndarray:
     """(pairs,): mean power lost to friction over the time, W, of each pair.
 
     `slip` (m) and `friction_force` (N) are (n, pairs), as histories, periods and states over time have them;
-    friction changes linearly from a time to the next. Its sum is that of the pairs alone, without the faces
-    inside tip elements.
+    friction changes linearly from a time to the next. `slid` (m), of the same shape, is how far each pair has
+    slid since the time before, as states of a `load_history` know it; default: the change of its slip, which
+    for a pair that lands in between counts what it did before. Its sum is that of the pairs alone, without
+    the faces inside tip elements.
     """
     at = real_array("friction_power", "time", time, 1, "s")
     slip = real_array("friction_power", "slip", slip, 2, "m")
     force = np.abs(real_array("friction_power", "friction_force", friction_force, 2, "N"))
-    if slip.shape != force.shape or len(slip) != len(at):
+    ways = np.abs(np.diff(slip, axis=0, prepend=slip[:1]))
+    if slid is not None:
+        ways = real_array("friction_power", "slid", slid, 2, "m")
+    if slip.shape != force.shape or len(slip) != len(at) or ways.shape != slip.shape:
+        given = f" and slid of shape {ways.shape}" if slid is not None else ""
         raise ValueError(
-            f"friction_power: {len(at)} times, slip of shape {slip.shape} and friction_force of shape "
-            f"{force.shape} were given; (times, pairs) are expected of both"
+            f"friction_power: {len(at)} times, slip of shape {slip.shape}, friction_force of shape "
+            f"{force.shape}{given} were given; (times, pairs) are expected of each"
         )
     if len(at) < 2 or not at[-1] > at[0]:
         raise ValueError("friction_power: time does not rise from its first value to its last")
-    lost = 0.5 * (force[1:] + force[:-1]) * np.abs(np.diff(slip, axis=0))
+    lost = 0.5 * (force[1:] + force[:-1]) * ways[1:]
     return lost.sum(axis=0) / float(at[-1] - at[0])
 
 

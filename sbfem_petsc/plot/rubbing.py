@@ -161,7 +161,9 @@ def plot_friction_power(
     (axes,) = Sheet.of(ax).panels((1, 1), 2.6)
     for k, (name, motion) in enumerate(_each(motions).items()):
         place, pairs, label, length = _along("plot_friction_power", motion, crack)
-        power = friction_power(*_rubbed("plot_friction_power", motion, window))[pairs] / length
+        slid = motion.slid if isinstance(motion, LoadHistory) else None
+        ways = None if slid is None else slid[_within("plot_friction_power", motion, window)]
+        power = friction_power(*_rubbed("plot_friction_power", motion, window), ways)[pairs] / length
         colour = CYCLE[k % len(CYCLE)]
         axes.plot(place, power, color=colour, marker=".", markersize=3, linewidth=0.9, label=name or "_")
         unit = "W" if label.startswith("pair") else "W/m"
