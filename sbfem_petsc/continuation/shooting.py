@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 import math
 
 import numpy as np
@@ -104,7 +105,7 @@ def _from_fewer_steps(driven: DrivenPeriod, state: np.ndarray) -> FixedPoint | N
         return None
 
 
-class Steady:
+class Steady(abc.ABC):
     """SNES on x(T) - x(0) = 0 (prefix ``shooting_``); subclasses say what that is and how it is linearised.
 
     Attributes
@@ -155,17 +156,19 @@ class Steady:
     def _monitor(self, snes: PETSc.SNES, iteration: int, residual: float) -> None:
         self.residuals.append(float(residual))
 
+    @abc.abstractmethod
     def _operator(
         self, ksp: PETSc.KSP, pc: PETSc.PC, size: int
     ) -> tuple[PETSc.Mat, tuple[PETSc.Mat | PETSc.PC, ...]]:
         """The Jacobian and how it is solved with, and what of it is written in Python."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def _function(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        raise NotImplementedError
+        """f = x(T) - x(0)."""
 
+    @abc.abstractmethod
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, matrix: PETSc.Mat, preconditioner: PETSc.Mat) -> None:
-        raise NotImplementedError
+        """Set what it is at x."""
 
     def _check(self, snes: PETSc.SNES, size: float) -> None:
         reason = snes.getConvergedReason()
