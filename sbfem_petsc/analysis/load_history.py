@@ -295,14 +295,13 @@ def load_history(
 
 def _state_size(model: Model) -> float:
     """Bytes that a static solution keeps on this rank, about: the fields of displacement and forces, by nodes
-    and by unknowns, what belongs to the contact rows, and Python's own; half as much again lies between them
-    where what the solutions took has been given back (measured: .4 to .55).
+    and by unknowns, what belongs to the contact rows, and Python's own.
     """
     nodes, unknowns = (
         len(model.layout.part.nodes),
         model.layout.owned.stop - model.layout.owned.start,
     )
-    return 1.5 * 8.0 * (4 * nodes + 2 * unknowns + 6 * model.contact.pairs) + 6000.0
+    return 8.0 * (4 * nodes + 2 * unknowns + 6 * model.contact.pairs) + 6000.0
 
 
 def _checked(time) -> np.ndarray:
