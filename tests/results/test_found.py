@@ -76,7 +76,7 @@ CURVE = {"states", "steps", "excitation", "reduced_model", "multipliers", "point
 DETAILS = {
     "Static": {"tip_facts", "loads"},
     "Modal": {"auxiliary_inertia"},
-    "LoadHistory": {*ROWS, "states"},
+    "LoadHistory": {*ROWS, "slid", "states"},
     "History": {*ROWS, "states", "energy"},
     "Orbit": {*ROWS, "state", "states"},
     "Branch": {*CURVE, "contact", "iterations", "multiplier_error", "point_subharmonics"},
