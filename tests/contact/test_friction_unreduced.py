@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
 import sbfem_petsc as sb
+from meshing import CrackLine, Plate
 from sbfem_petsc.motion.unreduced import history as unreduced
 from tests.contact.test_friction import square
 from tests.parallel import alone, answer, on_ranks
@@ -103,6 +106,35 @@ def test_against_the_reduced_model(plate):
         obeys(found, 0.2)
     assert max(errors[1]) < 3e-2 and errors[1][-1] < 1e-2
     assert (np.array(errors[1]) < 0.6 * np.array(errors[0])).all()
+
+
+def test_what_lands_sticks_where_it_lands():
+    """The upper half of a plate is thrown up aslant, falls under a pressure, lands between two steps on soft
+    layers and sticks under a friction beyond the coefficient of slips: in closed form. Held where it stood at
+    the step's beginning it slips, its friction is .31 of its pressure, and .15 of its energy is lost.
+    """
+    pressure, compliance, mass, pull = 1e4, 1e-8, 2700.0 * 0.02, 0.5
+    corners, middle = [(0, 0), (0.1, 0), (0.1, 0.04), (0, 0.04)], CrackLine([(0.0, 0.02), (0.1, 0.02)])
+    law = sb.Coulomb(0.3, 0.9, compliance=compliance, tangential_compliance=compliance)
+    rate = 1.0 / math.sqrt(mass * compliance)
+    deepest = math.pi - math.atan(1.0 / (rate * compliance * pressure))
+    with sb.Model(
+        Plate(corners, cracks=[middle]).mesh(order=1),
+        sb.Material(70e9, 0.33, 2700.0),
+        clamped="edge1",
+        supports=[sb.Support("edge3", x=1e3, y=1e3)],
+        contact_laws=law,
+    ) as plate:
+        thrown = (None, lambda x, y: (np.where(y > 0.02, pull, 0.0), np.where(y > 0.02, 1.0, 0.0)))
+        duration, step = 2.0 * mass / pressure + 2.8 * deepest / rate, math.pi / rate / 137
+        load = sb.EdgeLoad("edge3", pressure=pressure)
+        found = sb.transient(plate, load, duration, step, reduction=None, initial=thrown)
+    pressing, along = found.contact_force.sum(axis=1), found.friction_force.sum(axis=1)
+    most = np.argmax(pressing)
+    depth = compliance * pressure * (1.0 - math.cos(deepest)) + math.sin(deepest) / rate
+    assert -along[most] / pressing[most] == pytest.approx(pull * math.sin(deepest) / rate / depth, rel=2e-2)
+    assert found.energy.friction[-1] < 0.01 * 0.5 * mass * 0.1
+    assert np.abs(found.energy.balance).max() < 1e-8 * found.energy.kinetic[0]
 
 
 RANKS = """

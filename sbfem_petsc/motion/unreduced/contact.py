@@ -27,17 +27,26 @@ class StepContact:
     ----------
     state : (c,) int8 array
         Of the rows, from which the next step begins, see `contact.law`.
-    slip : (k,) array
-        Slips at the step's beginning, m: what faces that rub remember.
+    gap : (c,) array
+        At the step's beginning, m, of faces that rub: where they land, and the slips that they remember.
+    kept : (k,) array
+        Slips that rows stuck to or slid from in the last step, m.
     """
 
     def __init__(self, flexibility: np.ndarray, laws: RowLaws, friction: Friction | None = None):
         self.flexibility, self.laws, self.friction = flexibility, laws, friction
         count = len(flexibility)
-        self.state, self.slip = np.zeros(count, dtype=np.int8), np.zeros(count - len(laws))
-        self._factor, self._sets = empty_factor(count), empty_sets(len(self.slip) and count)
+        rubs = count if friction is not None else 0
+        self.state, self.gap = np.zeros(count, dtype=np.int8), np.zeros(rubs)
+        self.kept = self.slip
+        self._factor, self._sets = empty_factor(count), empty_sets(rubs)
         if friction is not None:
             self._rubbing = rubbing_of(friction, flexibility, len(laws))
+
+    @property
+    def slip(self) -> np.ndarray:
+        """(k,): of `gap`."""
+        return self.gap[len(self.laws) :]
 
     def forget(self) -> None:
         """Factorise anew in the next step: a history that goes on depends on its motion and `state` alone."""
@@ -45,7 +54,9 @@ class StepContact:
 
     def open(self, gap: np.ndarray) -> None:
         """No row is in contact."""
-        self.state[:], self._factor.members[-1], self.slip = FREE, 0, gap[len(self.laws) :]
+        self.state[:], self._factor.members[-1] = FREE, 0
+        if self.friction is not None:
+            self.gap, self.kept = gap, gap[len(self.laws) :]
 
     def solve(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Forces and gaps (c,) from the gaps without forces."""
@@ -62,16 +73,19 @@ class StepContact:
     def _rubbed(self, free: np.ndarray, friction: Friction) -> tuple[np.ndarray, np.ndarray]:
         """The same where faces rub; what they remember goes on."""
         force, c, state = np.zeros(len(free)), len(self.laws), self.state.copy()
-        gaps, held = (free, np.append(np.zeros(c), self.slip)), (self.laws.table, self._rubbing, state)
-        if rubbing_forces(self.flexibility, gaps, held, self._sets, force) < 0:
-            memory = Memory.none(self.laws, friction)._replace(slip=self.slip)
+        held, kept = (self.laws.table, self._rubbing, state), self._sets.kept[c:]
+        if rubbing_forces(self.flexibility, (free, self.gap), held, self._sets, force) < 0:
+            memory = Memory.none(self.laws, friction)._replace(
+                slip=self.slip, gap=self.gap[:c], normal=self.state[:c], tangential=self.state[c:]
+            )
             found = solve_friction(self.flexibility, free, self.laws, friction, memory)
-            self._sets.members[-1], force, state = -1, found.force, found.state
-        gap, self.state = self.flexibility @ force + free, state
-        self.slip = np.where(state[c:] == STICKS, self.slip, gap[c:])
-        return force, np.append(self.laws.placed(state[:c], gap[:c]), self.slip)
+            self._sets.members[-1], force, state, kept = -1, found.force, found.state, found.kept
+        gap, self.state, self.kept = self.flexibility @ force + free, state, kept.copy()
+        slip = np.where(state[c:] == STICKS, kept, gap[c:])
+        self.gap = np.append(self.laws.placed(state[:c], gap[:c]), slip)
+        return force, self.gap
 
-    def kept(self, free: np.ndarray, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def held(self, free: np.ndarray, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Forces that keep the gaps of the rows `acting` (c,), and all gaps."""
         force = np.zeros(len(free))
         force[acting] = np.linalg.solve(self.flexibility[np.ix_(acting, acting)], -free[acting])

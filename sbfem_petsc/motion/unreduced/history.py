@@ -123,6 +123,7 @@ class UnreducedIntegrator:
         friction = model.contact.friction
         if friction is not None:
             head["friction"] = np.array([friction.kinetic, friction.static])
+            head["remembered"] = "gaps and slips"
         return Told(head, layout_of(self.pencil))
 
     def first(self) -> History:
@@ -131,7 +132,10 @@ class UnreducedIntegrator:
         amplitudes, sums = self.drive.sums(0, 1)
         gap = march.displacements()[: march.pairs] + march.free_gaps(march.amplitudes)
         gap = gap + march.own_flexibility @ self.force
-        march.contact.slip = gap[len(march.laws) :]
+        if march.contact.friction is not None:
+            count = len(march.laws)  # what touches lands no more
+            touching = march.laws.acting(self.force[:count])
+            march.contact.gap = np.append(np.where(touching, 0.0, gap[:count]), gap[count:])
         march.slope = march.first_slope(sums[0, : self.loads], *np.split(amplitudes[1], [self.loads]))
         rows = _stacked([self._row(0.0, march.slope, self.force, gap)])
         self._none = {name: values[:0] for name, values in rows.items()}
@@ -171,13 +175,13 @@ class UnreducedIntegrator:
         march = self.march
         numbers = [march.stored, *march.work, *march.slope]
         contact = march.contact
-        return np.concatenate([numbers, contact.state, contact.slip, march.u, march.v]).astype(float)
+        return np.concatenate([numbers, contact.state, contact.gap, march.u, march.v]).astype(float)
 
     def restore(self, checkpoint: np.ndarray | OfOtherRanks) -> None:
         """Go on from a checkpoint, bit by bit; from one of another number of ranks to round-off."""
         march = self.march
-        slips = len(march.contact.slip)
-        shared = (1, len(march.work), march.slope.size, march.pairs, slips)
+        gaps = march.contact.gap.size
+        shared = (1, len(march.work), march.slope.size, march.pairs, gaps)
         if isinstance(checkpoint, OfOtherRanks):
             known = sum(shared)
             states = [part[known:].reshape(2, -1).T for part in checkpoint.parts]
@@ -186,11 +190,11 @@ class UnreducedIntegrator:
         else:
             numbers = checkpoint
         sizes = (*shared, march.u.size, march.u.size)
-        stored, work, slope, rows, slip, u, v = np.split(numbers, np.cumsum(sizes)[:-1])
+        stored, work, slope, rows, gap, u, v = np.split(numbers, np.cumsum(sizes)[:-1])
         march.stored, march.work[:], march.slope = float(stored[0]), work, slope
         self.fields.wanted = False  # those of the former run are gone
         march.contact.state[:], march.u[:], march.v[:] = rows, u, v
-        march.contact.slip = slip.copy()
+        march.contact.gap = gap.copy()
         march.settle(fold=False)
 
     def _set_initial(self, units: Sequence[Load], initial: str | Sequence[Callable | None]) -> np.ndarray:

@@ -289,7 +289,7 @@ class UnreducedSteps:
         """One step under load amplitudes whose mean is half of `drive`, and which are `after` at its end,
         prescribed displacements with their rates; contact forces and gaps there.
         """
-        slip, speed, before = self.contact.slip, self.velocities(), self._moved
+        speed, before = self.velocities(), self._moved
         turned, mean = rates - self.rates, 0.5 * (rates + self.rates)
         self.free_gap, self.amplitudes = self.free_gaps(after), after
         solved = self._take(self._driven(drive, turned))
@@ -300,8 +300,8 @@ class UnreducedSteps:
             self._account(gained, drive, applied, turned=turned, mean=mean, change=self._moved - before)
         self.force = solved.force
         stored, self.stored = self.stored, self.stored_in(solved.force)
-        # held over the step, friction takes its full value times the way
-        lost = float(self.force[len(self.laws) :] @ (slip - self.contact.slip))
+        # held over the step, friction takes its full value times the way, of what lands from there on
+        lost = float(self.force[len(self.laws) :] @ (self.contact.kept - self.contact.slip))
         self.work[2:] += lost
         self.work[2] += self.stored - stored
         return solved.force, solved.gap
@@ -411,7 +411,7 @@ class UnreducedSteps:
             else:
                 touched = acting.any()
             if touched:
-                force, gap = self.contact.solve(gap) if acting is None else self.contact.kept(gap, acting)
+                force, gap = self.contact.solve(gap) if acting is None else self.contact.held(gap, acting)
                 self._push(2.0 * force)
                 probes += self.probe_responses @ (2.0 * force)
                 modal = self._modal(modal_force + self.gap_modes.T @ (2.0 * force))
@@ -442,10 +442,10 @@ class UnreducedSteps:
     def first_slope(self, drive: np.ndarray, after: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """See `slope`, of the first step, see `advance`, which is not taken."""
         self.free_gap = self.free_gaps(after)
-        slips = np.append(np.zeros(len(self.laws)), self.contact.slip)
+        gap = self.contact.gap
         turned, mean = rates - self.rates, 0.5 * (rates + self.rates)
         solved = self.solve_step(self._driven(drive, turned))
-        self.contact.open(slips)
+        self.contact.open(gap)
         self.contact.forget()
         change = solved.probes + self.probe_modes @ np.subtract(*solved.modal)
         gained = self.rate * (change / self.step - self.velocities())
