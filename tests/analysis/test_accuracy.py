@@ -210,6 +210,7 @@ def test_accuracy_is_not_for_what_tells_no_errors():
             sb.periodic(coarse_beam(0.002), PUSH, 433.0, accuracy=1e-3, **{name: value})
 
 
+@pytest.mark.long
 def test_curves(tmp_path):
     """Followed once in the modes of their worst end or peak; gone on with from a file in its modes."""
     beam, file = coarse_beam(0.002), str(tmp_path / "curve.journal")

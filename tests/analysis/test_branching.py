@@ -51,7 +51,7 @@ def _doubling(curve):
     return next(item for item in curve.bifurcations if item.kind == "period doubling")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_doubling_with_its_direction_turned_about(curve, orbit):
     """The sign of a Floquet direction means nothing: the same motion, at one of its beginnings."""
     doubling = _doubling(curve)
@@ -153,7 +153,7 @@ def test_subcritical_doubling(tmp_path):
         damping=0.002,
     )
     load = sb.EdgeLoad("right", ty=4e5)
-    curve = sb.frequency_response(model, load, 3427.0, 3428.5)
+    curve = sb.frequency_response(model, load, 3427.0, 3428.5, modes=20)
     found = sb.switch_branch(curve, _doubling(curve))
     branch = sb.frequency_response(model, load, found.frequency, 3436.0, guess=found)
     half = np.abs(branch.subharmonics("A")[:, 1])

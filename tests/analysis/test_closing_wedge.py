@@ -189,7 +189,9 @@ def test_histories_and_steady_states(kind):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("force", [7, 10, 12, 14, 18, 25])
+@pytest.mark.parametrize(
+    "force", [7, 12, 18, *(pytest.param(force, marks=pytest.mark.long) for force in (10, 14, 25))]
+)
 @pytest.mark.filterwarnings("ignore::sbfem_petsc.MeshWarning")
 def test_contact_that_ends_inside_the_element(force):
     """Between 7 and 15 N the paper's notch touches up to somewhere inside the tip's S-element: what is missed

@@ -87,7 +87,9 @@ GMSH_TIPS = {"arc": ["c"], "spline": ["c:1", "c:2"], "branching": ["c:1", "c:2"]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", GMSH_CRACKS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.long] * (k % 2)) for k, name in enumerate(GMSH_CRACKS)]
+)
 def test_uniform_compression_of_gmsh_models(tmp_path, name):
     path = tmp_path / "model.geo"
     path.write_text(GEO % GMSH_CRACKS[name])

@@ -144,6 +144,7 @@ def test_beam(beam, way):
             assert orbit.harmonics("A")[1] == pytest.approx(-1j * exact, rel=1e-6)
 
 
+@pytest.mark.long
 def test_unreduced(beam, tmp_path):
     """The unreduced model decays as the reduced one does, each mode by its own ratio; a history goes on with
     the same damping alone.

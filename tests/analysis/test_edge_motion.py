@@ -146,7 +146,7 @@ def shared():
         }
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_ranks():
     """The same on two."""
     alone, found = shared(), answer(on_ranks(2, PROGRAM))

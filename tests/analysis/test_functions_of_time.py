@@ -76,7 +76,9 @@ def test_pulses_in_a_history(beam):
 
 @pytest.mark.parametrize("steps, aliased", [(None, 1e-6), (600, 2e-4)])
 @pytest.mark.parametrize("frequency", [20.0, pytest.param(70.0, marks=pytest.mark.long)])
-@pytest.mark.parametrize("duty", [0.5, 0.01, pytest.param(0.003, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "duty", [pytest.param(0.5, marks=pytest.mark.long), 0.01, pytest.param(0.003, marks=pytest.mark.long)]
+)
 def test_pulse_trains(beam, frequency, duty, steps, aliased):
     """In closed form: the pulses' harmonics times the modes' receptances, and the pulses themselves times the
     residual flexibility, at every instant, also beside and on the pulses' ends; velocities by the modes'
@@ -162,7 +164,7 @@ def test_two_jumps_given(beam):
         assert found[k] == pytest.approx(exact, abs=1e-12)
 
 
-@pytest.mark.parametrize("band", [0.0, 0.013, 0.13])
+@pytest.mark.parametrize("band", [pytest.param(0.0, marks=pytest.mark.long), 0.013, 0.13])
 @pytest.mark.parametrize("function", [pulses(0.13, 0.05), lambda t: 2.0 + np.sin(TURN * 26.0 * t)])
 def test_a_band_that_does_not_hold(function, band):
     """The function counts: the answer is the one without a band, which was up to 7 % off."""

@@ -229,7 +229,7 @@ def test_unreduced(cracked, contact):
     [
         sb.EdgeLoad("right", ty=sb.Step(1.0)),
         sb.EdgeLoad("right", tx=sb.Step(1.0, time=1e-4)),
-        sb.EdgeLoad("right", tx=1.0),
+        pytest.param(sb.EdgeLoad("right", tx=1.0), marks=pytest.mark.long),
     ],
 )
 def test_cells_too_large_are_told(load):
@@ -250,7 +250,9 @@ def test_cells_too_large_are_told(load):
     assert np.abs(np.interp(time, instants, coarse) - fine).max() > 5e-3 * fine.max()
 
 
-@pytest.mark.parametrize("way", ["reduced model", "unreduced", "steady state"])
+@pytest.mark.parametrize(
+    "way", ["reduced model", "unreduced", pytest.param("steady state", marks=pytest.mark.long)]
+)
 def test_cells_too_large_are_told_however_it_is_computed(way):
     """A reduced model that is handed in, and the model itself, tell what the model's reduction tells; loads
     of a known band move nothing beyond it.

@@ -37,6 +37,7 @@ def of_kind(branch, kind):
     return [b for b in branch.bifurcations if b.kind == kind and abs(abs(b.multiplier) - 1.0) < 0.02]
 
 
+@pytest.mark.long
 def test_predictions_far_out_of_range():
     """Steps of a hundredth of 1e5 would run to factors at which damping is negative; lines turn back where
     they do over a range of 3, and end at its lower end.

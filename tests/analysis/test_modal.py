@@ -96,7 +96,7 @@ def test_free_structure_has_three_rigid_modes():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tolerance, moved", [(1e-4, 3e-7), (1e-5, 6e-8)])
+@pytest.mark.parametrize("tolerance, moved", [(1e-4, 3e-7), pytest.param(1e-5, 6e-8, marks=pytest.mark.long)])
 def test_auxiliary_projection(tolerance, moved):
     """Leaving out auxiliary unknowns that the band does not need moves the frequencies by no more than
     stated.

@@ -62,8 +62,10 @@ def waves(frequency: float) -> sb.Orbit:
     return sb.periodic(rod(), [0.1], frequency / TURN, steps=2048, stability=False)
 
 
-@pytest.mark.parametrize("frequency", [0.5, 1.1])
-@pytest.mark.parametrize("modes", [6, 20])
+@pytest.mark.parametrize(
+    ("modes", "frequency"),
+    [(6, 0.5), (20, 1.1), *(pytest.param(*case, marks=pytest.mark.long) for case in ((6, 1.1), (20, 0.5)))],
+)
 def test_told_beside_true_in_a_rod(modes, frequency):
     """No harmonic is told less than a third of its error, nor the largest ten times too much."""
     found = sb.periodic(rod(modes), [0.1], frequency / TURN, steps=2048, stability=False)
@@ -131,7 +133,9 @@ def test_where_nothing_is_told():
     assert "error of harmonics not found, as twice the steps or more modes lead elsewhere" in repr(lost)
 
 
-@pytest.mark.parametrize(("parameter", "stop"), [("gap", 0.5), ("damping", 3.0)])
+@pytest.mark.parametrize(
+    ("parameter", "stop"), [pytest.param("gap", 0.5, marks=pytest.mark.long), ("damping", 3.0)]
+)
 def test_along_gaps_and_damping(parameter, stop):
     """More modes have the gaps and the damping of the motion whose error is told."""
     curve = sb.load_response(

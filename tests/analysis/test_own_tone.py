@@ -195,6 +195,7 @@ def test_over_damping_and_gap(system, tori):
         sb.quasi_periodic_response(known, 1.0, parameter="gap")
 
 
+@pytest.mark.long
 def test_largest_step(tori):
     """Of the parameter, from a motion to the next one."""
     branch = sb.quasi_periodic_response(

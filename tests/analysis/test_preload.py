@@ -46,9 +46,8 @@ def pressed(preload: float) -> sb.ReducedModel:
     )
 
 
-@pytest.mark.parametrize(
-    "system, little", [(displaced, 0.0), pytest.param(pressed, 10.0, marks=pytest.mark.long)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("system, little", [(displaced, 0.0), (pressed, 10.0)])
 def test_a_curve_does_not_depend_on_the_preload(system, little):
     """Peak, folds and number of points, with a displacement 1e5 times the motion and without."""
     one, other = (

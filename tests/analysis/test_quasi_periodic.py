@@ -11,6 +11,7 @@ import pytest
 import sbfem_petsc as sb
 from sbfem_petsc.continuation.problems import tones
 from sbfem_petsc.continuation.problems.curve import spectral_tail
+from sbfem_petsc.motion.two_tones import tone
 from tests.parallel import alone, answer, on_ranks
 from tests.reference import paper_beam
 from tests.systems import one_mass
@@ -384,6 +385,10 @@ def test_bad_requests(load, frequencies, sentence):
         sb.quasi_periodic(oscillator(1.0), [load], frequencies)
 
 
+def test_no_load_belongs_to_either_tone():
+    assert tone(0) == tone(0.0) == sb.Constant(0.0)
+
+
 def test_lines_beyond_the_samples(found):
     with pytest.raises(ValueError, match=r"line \(1, 11\) is not resolved: 21 samples"):
         found.line(1, 11, "A")
@@ -447,6 +452,7 @@ for name, value in (("torus_ksp_type", "nix"), ("torus_ksp_type", "cg"), ("torus
 """
 
 
+@pytest.mark.long
 def test_options_of_the_linear_systems():
     """Under their prefix. Of a type that does not exist, and of ones that cannot do it: one sentence at once,
     not after tries from other first guesses.

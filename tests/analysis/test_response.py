@@ -480,15 +480,6 @@ def test_response_of_the_beam(case_p):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("force", [500.0, 1500.0])
-def test_curves_of_the_paper(case_p, force):
-    """Complete, without a failed point, the peak rising in frequency with the force."""
-    curve = sb.frequency_response(case_p, sb.PointForce("A", fy=force), 13900.0, 14600.0)
-    assert curve.complete and curve.converged.all()
-    assert curve.peak("A").frequency == pytest.approx({500.0: 14193.8, 1500.0: 14234.5}[force], abs=3.0)
-
-
-@pytest.mark.long
 def test_verdicts_do_not_depend_on_the_grid(case_p):
     """700 N at 512 and 1024 steps: the same bifurcations within 3e-5 (one whose multipliers pass the circle
     at a slope of 1e-6 a hertz moves by 1.5e-5), one for each change of the number of

@@ -234,7 +234,10 @@ def test_uncertainty_is_what_twice_the_steps_change(beam):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("force, frequency", [(300.0, 14176.39), (1500.0, 14163.31), (1500.0, 14254.61)])
+@pytest.mark.parametrize(
+    "force, frequency",
+    [(300.0, 14176.39), *(pytest.param(1500.0, f, marks=pytest.mark.long) for f in (14163.31, 14254.61))],
+)
 def test_multipliers_converge_with_the_steps(beam, force, frequency):
     """|mu| - 1 at 512 steps is within 1 % of that at 4096, and the verdict is the same from 256 on."""
     moduli = [
@@ -459,7 +462,7 @@ def test_excursions_between_two_points(outer, inner, place):
     assert expected is None if place is None else abs(expected - place) < 0.05
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_one_pair_in_the_place_of_another(beam, monkeypatch):
     """Within 3 Hz one pair enters the circle and another one leaves it: steps of 7 Hz pass both unless the
     multipliers themselves are looked at, not their number alone.

@@ -77,12 +77,12 @@ def random_masses(generator, count):
 
 @pytest.mark.long
 def test_uncertainty_of_random_motions():
-    """Sixty that touch, with a largest modulus from 0.8 to 1.2: the error is within twice what is told and
-    that within ten times the error, of all but one or two in which 256 and 512 steps agree by chance; no
+    """Thirty that touch, with a largest modulus from 0.8 to 1.2: the error is within twice what is told and
+    that within ten times the error, of all but one in which 256 and 512 steps agree by chance; no
     verdict is wrong.
     """
     generator, ratios = np.random.default_rng(5), []
-    while len(ratios) < 60:
+    while len(ratios) < 30:
         model, exact, resonance = random_masses(generator, int(generator.integers(1, 3)))
         frequency = resonance * generator.uniform(0.5, 3.0)
         try:
@@ -97,7 +97,7 @@ def test_uncertainty_of_random_motions():
             ratios.append(orbit.multiplier_error / abs(largest - true))
         assert orbit.stable in (None, true < 1.0)
     ratios = np.array(ratios)
-    assert ((ratios >= 0.5) & (ratios <= 10.0)).sum() >= 58
+    assert ((ratios >= 0.5) & (ratios <= 10.0)).sum() >= 29
     assert np.median(ratios) == pytest.approx(1.25, abs=0.05)
 
 

@@ -28,7 +28,7 @@ def relative(found, exact):
     return np.linalg.norm(found - exact) / np.linalg.norm(exact)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_reduced_history_converges_to_the_full_one(model):
     """Both by Newmark at one step: more modes come closer, and what is left is the contact nodes' mass and
     the implicit contact.
@@ -281,7 +281,7 @@ def test_start_at_equilibrium(model):
     np.testing.assert_allclose(history.stress_intensity()[-1], factors, atol=1e-6 * np.abs(factors).max())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_start_from_functions_of_position():
     """A turning body on hardly any springs: kinetic energy of rigid motion, in both models; a bent one: the
     same history.

@@ -34,7 +34,7 @@ def structure(request):
 @pytest.mark.parametrize("count", [1, pytest.param(3, marks=pytest.mark.long)])
 @pytest.mark.parametrize("kind", [Bordered, Dual])
 def test_sequences(structure, kind, count):
-    """53 problems over the three structures, or 630 in the long run, each from the set before or any
+    """27 problems over the three structures, or 315 in the long run, each from the set before or any
     other. Each row is trusted to 1e-9 of the largest, and moves the others.
     """
     model, w = structure
@@ -42,7 +42,7 @@ def test_sequences(structure, kind, count):
     generator, problems, unsolved, states = np.random.default_rng(3), 0, 0, set()
     for seed in range(count):
         start = None
-        for gap in list(gaps(len(w), unit, np.random.default_rng(seed)))[:: 4 if count == 1 else 1]:
+        for gap in list(gaps(len(w), unit, np.random.default_rng(seed)))[:: 8 if count == 1 else 2]:
             with closing(kind(model.statics, model.contact)) as backend:
                 found, _ = active_set(backend, gap, laws, start)
             problems += 1

@@ -131,7 +131,7 @@ print(*(f"{name}:{len(kernel.signatures)}" for name, kernel in kernels.items()))
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_one_signature():
     """Each kernel is compiled for one kind of arrays, whatever the layout of what it is given; in a process
     of its own, for tests call kernels in their own ways.

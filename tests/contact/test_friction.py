@@ -97,7 +97,7 @@ def test_few_rows_against_enumeration(most):
             memory = Memory.of(found, len(friction.rows))
 
 
-@pytest.mark.parametrize("count", [200, pytest.param(1200, marks=pytest.mark.long)])
+@pytest.mark.parametrize("count", [100, pytest.param(600, marks=pytest.mark.long)])
 def test_sequences_of_random_problems(count):
     """Each solution obeys the law, and there is none that is not found, coefficients of 1.5 included."""
     rng = np.random.default_rng(7)
@@ -225,7 +225,9 @@ def test_loads_on_faces_that_stick():
                 assert np.abs(factors[1]) > 0.1 * scale
 
 
-@pytest.mark.parametrize("name, coefficient", [("T", 0.05), ("crossing", 0.8), ("star", 0.3)])
+@pytest.mark.parametrize(
+    "name, coefficient", [pytest.param("T", 0.05, marks=pytest.mark.long), ("crossing", 0.8), ("star", 0.3)]
+)
 def test_cracks_that_meet_in_a_history(name, coefficient):
     """Loads that come, go and change sign: every row obeys the law in each state, and nothing is gained."""
     levels = 1e6 * np.array([0, 1, 0.3, 0.8, 0.1, 0.5, -0.2, 1.5, 0.3])
@@ -246,7 +248,7 @@ def test_cracks_that_meet_in_a_history(name, coefficient):
     assert (np.diff(found.friction_loss) >= 0.0).all()
 
 
-@pytest.mark.parametrize("degrees", [30, 45, 60])
+@pytest.mark.parametrize("degrees", [30, pytest.param(45, marks=pytest.mark.long), 60])
 def test_an_oblique_crack_in_compression(degrees):
     """K_I = 0 and K_II = (tau - mu sigma) sqrt(pi a); the plate of 40 half-lengths has 1.65e-3 more."""
     angle, half, stress = math.radians(degrees), 0.01, 100e6
@@ -295,7 +297,14 @@ def test_slanted_crack_of_geos(slanted):
         assert abs(second) == pytest.approx(44.99492e6, rel=2e-3)
 
 
-@pytest.mark.parametrize("least, lost", [(0.0, 33379.77), (0.1, 32596.24), (0.2, 30245.68), (0.3, 26328.07)])
+@pytest.mark.parametrize(
+    "least, lost",
+    [
+        (0.0, 33379.77),
+        *(pytest.param(*case, marks=pytest.mark.long) for case in ((0.1, 32596.24), (0.2, 30245.68))),
+        (0.3, 26328.07),
+    ],
+)
 def test_walshs_loop(slanted, least, lost):
     """Loaded, unloaded to a share of the load, and loaded again: the loss of a cycle; back-slip from .652704
     of the peak.

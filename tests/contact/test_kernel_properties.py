@@ -117,12 +117,15 @@ def test_kernel(kind):
     assert seen == {FREE, PRESSED, PULLED}
 
 
+@pytest.mark.parametrize(
+    "part", [slice(8), pytest.param(slice(8, None), marks=pytest.mark.long)], ids=["", "more"]
+)
 @pytest.mark.parametrize("kind", KINDS)
-def test_exchange_of_the_condensed_problem(kind):
+def test_exchange_of_the_condensed_problem(kind, part):
     """The same conditions, from the states of the problem before and from none, by full exchanges and by
     single ones alone.
     """
-    for w, laws, sequence in sequences(kind):
+    for w, laws, sequence in [*sequences(kind)][part]:
         state = np.zeros(len(w), dtype=np.int8)
         for k, gap in enumerate(sequence):
             start, maximum = (state if k % 3 else None), (1 if k % 5 == 0 else 200)

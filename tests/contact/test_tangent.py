@@ -241,7 +241,7 @@ def test_located_switches_do_not_jump():
     assert jumps(whole).max() > 0.2 and jumps(located).max() < 2e-3 * jumps(whole).max()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_jacobian_test_of_petsc():
     """-shooting_snes_test_jacobian, PETSc's own differences, on a notched beam: every ratio it prints is
     below 1e-6.

@@ -60,7 +60,7 @@ def passed(chain: sb.ReducedModel, force: float, start: float, stop: float, **as
         # .4 % wide, a pair is 8e-5 inside the unit circle at the point behind it
         pytest.param(1057, (0.0905, 0.0925), 256, 2 * ["Neimark-Sacker"], marks=pytest.mark.long),
         # .7 % wide, at its begin a multiplier jumps from -.7 to -1.3
-        (1069, (0.0905, 0.0946), 256, 2 * ["period doubling"]),
+        pytest.param(1069, (0.0905, 0.0946), 256, 2 * ["period doubling"], marks=pytest.mark.long),
     ],
 )
 def test_as_of_dense_points(seed, around, steps, expected):

@@ -268,18 +268,22 @@ def imported(*, in_functions: bool = True) -> dict[str, set[str]]:
         for path in (ROOT / package).rglob("*.py")
     }
 
-    def used(name: str, node: ast.AST):
-        if isinstance(node, ast.FunctionDef) and not in_functions:
-            return
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            ours = name.split(".") + ["__init__"] * (files[name].name == "__init__.py")
-            above = ".".join(ours[: -node.level]) if node.level else ""
-            base = ".".join(part for part in (above, node.module) if part)
-            yield from (whole if (whole := f"{base}.{alias.name}") in files else base for alias in node.names)
-        for child in ast.iter_child_nodes(node):
-            yield from used(name, child)
+    def used(name: str, tree: ast.AST):
+        waiting = [tree]
+        while waiting:
+            node = waiting.pop()
+            if isinstance(node, ast.FunctionDef) and not in_functions:
+                continue
+            if isinstance(node, ast.Import):
+                yield from (alias.name for alias in node.names)
+            elif isinstance(node, ast.ImportFrom):
+                ours = name.split(".") + ["__init__"] * (files[name].name == "__init__.py")
+                above = ".".join(ours[: -node.level]) if node.level else ""
+                base = ".".join(part for part in (above, node.module) if part)
+                whole = (f"{base}.{alias.name}" for alias in node.names)
+                yield from (one if one in files else base for one in whole)
+            # expressions hold no imports
+            waiting += [child for child in ast.iter_child_nodes(node) if not isinstance(child, ast.expr)]
 
     return {
         name: {other for other in used(name, parsed(path)) if other in files} - {name}

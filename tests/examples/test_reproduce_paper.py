@@ -390,6 +390,9 @@ def test_whole_report(fast, tmp_path):
     assert not_met == NOT_MET and all(
         claim["holds"] for part in parts.values() for claim in part["claims"] if claim["source"] == "check"
     )
+    curves = parts["fig11"]["numbers"]
+    assert all(curves[f"{force} N"]["converged"] for force in (300, 500, 700, 1500))
+    assert curves["over_damping"]["1500 N, 0.002"]["complete"]
     assert (
         parts["eq25"]["numbers"]["paper, Mcf = 0"]["excess"] > 0.05
         and parts["eq25"]["numbers"]["paper, Mcf = 0"]["stopped"]

@@ -297,7 +297,9 @@ def random_deck(random) -> tuple[str, dict[str, set], dict[str, int]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize(
+    "seed", [pytest.param(seed, marks=[pytest.mark.long] * (seed > 3)) for seed in range(12)]
+)
 def test_random_decks(tmp_path, seed):
     text, sets, materials = random_deck(np.random.default_rng(seed))
     mesh = read(tmp_path, text)

@@ -105,7 +105,9 @@ def wide(path, **options):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("unit", STEP_UNITS)
+@pytest.mark.parametrize(
+    "unit", [1.0, 0.0254, *(pytest.param(unit, marks=pytest.mark.long) for unit in (1e-3, 1e-2))]
+)
 def test_units_of_step_files(folder, unit):
     """200 of the unit that each says; a scale is the length of that unit, and said where it is another."""
     text = (folder / "plate.step").read_text()

@@ -32,8 +32,14 @@ def drawn(folder, **changes):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
-    [{}, {"g": 0.0502}, {"roller": "left", "block": "right"}, {"y": 0.01}, {"x": 0.2}, {"f": 0.03, "g": 0.3}],
-    ids=["apart", "nearly alike", "other names", "gap", "beside each other in part", "coarse block"],
+    [
+        pytest.param({}, id="apart"),
+        pytest.param({"g": 0.0502}, id="nearly alike", marks=pytest.mark.long),
+        pytest.param({"roller": "left", "block": "right"}, id="other names", marks=pytest.mark.long),
+        pytest.param({"y": 0.01}, id="gap"),
+        pytest.param({"x": 0.2}, id="beside each other in part"),
+        pytest.param({"f": 0.03, "g": 0.3}, id="coarse block", marks=pytest.mark.long),
+    ],
 )
 def test_roller_on_a_block(tmp_path, changes):
     """Every pair's nodes lie above each other, on the circle and on the line; the gap is their distance along

@@ -224,7 +224,7 @@ def refused(path, says):
 
 @needs_landlock
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.long] * (k % 3 > 0)) for k, n in enumerate(HOSTILE)]
+    "name", [pytest.param(n, marks=[pytest.mark.long] * (k % 6 > 0)) for k, n in enumerate(HOSTILE)]
 )
 def test_scripts(folder, name):
     """Refused in one sentence by what they try, whatever words they use."""
@@ -283,7 +283,15 @@ def test_a_script_that_is_trusted(folder, version, monkeypatch):
         read_gmsh(path, trust="yes")
 
 
-@pytest.mark.parametrize("ending", [".msh", ".step", ".brep", ".iges", ".inp", ".vtk", ".vtu"])
+@pytest.mark.parametrize(
+    "ending",
+    [
+        ".msh",
+        ".step",
+        ".vtu",
+        *(pytest.param(e, marks=pytest.mark.long) for e in (".brep", ".iges", ".inp", ".vtk")),
+    ],
+)
 def test_data_without_landlock(tmp_path, ending, monkeypatch):
     """Read in the clean process, as with it."""
     meshio, gmsh = pytest.importorskip("meshio"), pytest.importorskip("gmsh")
@@ -645,6 +653,7 @@ if comm.rank == 0:
 """
 
 
+@pytest.mark.long
 @needs_landlock
 def test_two_ranks(folder):
     """Rank 0 alone opens the file, in a process that does not take itself for a rank; what is wrong with it

@@ -163,7 +163,7 @@ def test_amplitude_at_a_fold(curves):
     assert [item.after for item in in_order(curve)] == sorted(item.after for item in curve.bifurcations)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_pictures(curves, orbits, tmp_path):
     pictures = [
         plot_branches(curves, "two", forces={"stop": 0.1, "no stop": 0.1}, title="oscillator", every=True),

@@ -115,8 +115,8 @@ def test_recorded_history_is_the_same(model, whole, tmp_path):
     close(sb.transient(model, LOAD, file=path, resume=True, **RUN), whole)  # nothing left to do
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("kind", [signal.SIGKILL, signal.SIGINT])
 def test_killed_and_restarted(model, whole, tmp_path, kind):
     path = tmp_path / "h.h5"
     run = in_session([sys.executable, "-c", PROGRAM, str(path), "wait", "new"], preexec_fn=interruptible)

@@ -328,7 +328,7 @@ def test_doctor():
     assert done.code == (1 if found["faults"] else 0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_petsc_options(tmp_path):
     """Words after -- reach the solves; one that no solve has asked for is told."""
     path = written(

@@ -73,8 +73,12 @@ def test_a_folder_of_the_users_is_refused(command, case, parts, replace, tmp_pat
 
 @pytest.mark.parametrize(
     ("name", "replace"),
-    [(name, ()) for name in ("notes.txt", "analyses/notes.txt", "pictures/mine.png", "mine/a.txt", "run2")]
-    + [(name, ("--replace",)) for name in ("notes.txt", "analyses/notes.txt")],
+    [(name, ()) for name in ("analyses/notes.txt", "mine/a.txt")]
+    + [pytest.param(name, (), marks=pytest.mark.long) for name in ("notes.txt", "pictures/mine.png", "run2")]
+    + [
+        ("notes.txt", ("--replace",)),
+        pytest.param("analyses/notes.txt", ("--replace",), marks=pytest.mark.long),
+    ],
 )
 def test_what_is_added_is_refused(folder, name, replace):
     """Also where it stands among what a run has made; away again, the run goes on."""

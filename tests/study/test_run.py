@@ -203,7 +203,7 @@ def test_interrupted_and_resumed(tmp_path, monkeypatch):
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["run"]["complete"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_killed_and_resumed(folder, summary, tmp_path):
     """kill -9 after the first analysis: nothing is lost, and the numbers are those of an undisturbed run."""
     path, out = written(tmp_path), tmp_path / "out"
@@ -344,7 +344,7 @@ stress_at = { inside = [0.03, 0.009], end = "C" }
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_further_analyses(tmp_path, model):
     """Two tones, slow loads and stresses at places, against the Python interface."""
     text = CASE[: CASE.index("[analyses.frequencies]")] + FURTHER + '[output]\npoints = ["A"]\n'

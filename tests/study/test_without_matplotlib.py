@@ -25,7 +25,7 @@ for words in sys.argv[1:]:
 MISSING = "pictures need matplotlib"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_command(tmp_path):
     """Cases run, with a line that tells of the pictures, and have their report; pictures alone are refused
     with the package that is missing.

@@ -153,7 +153,10 @@ LAWS = {
     ("close", "name", "number"),
     [("joined", name, 0) for name in LAWS]
     + [pytest.param("joined", name, k, marks=pytest.mark.long) for name in LAWS for k in (1, 2)]
-    + [("factorised anew", name, k % 3) for k, name in enumerate(LAWS)],
+    + [
+        pytest.param("factorised anew", name, k % 3, marks=[pytest.mark.long] * (k > 0))
+        for k, name in enumerate(LAWS)
+    ],
 )
 def test_bordered_contact(monkeypatch, close, name, number):
     """Factorisations with the active rows, and rows that join and leave them, against the flexibility of all

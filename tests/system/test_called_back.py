@@ -111,12 +111,12 @@ Operator mult 1
 NAMES = {"error": "ArithmeticError", "Ctrl-C": "KeyboardInterrupt"}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     "ranks, kinds",
     [
         (1, ["error"]),
-        pytest.param(2, ["Ctrl-C"], marks=pytest.mark.long),
+        (2, ["Ctrl-C"]),
     ],
 )
 def test_errors_inside_calls(ranks, kinds):

@@ -296,7 +296,7 @@ main(["report", *sys.argv[2:]])
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     "ranks, number, former",
     [

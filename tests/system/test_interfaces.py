@@ -101,7 +101,7 @@ def test_what_is_told_of_a_crack_along_an_interface(sign, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("reduction", ["modes", pytest.param(None, marks=pytest.mark.long)])
-@pytest.mark.parametrize("name", ["along", "ending"])
+@pytest.mark.parametrize("name", ["along", pytest.param("ending", marks=pytest.mark.long)])
 def test_what_is_told_of_tips_in_motions(name, reduction, tmp_path):
     """As of static solutions: in the print of histories, steady states and load histories, and in what is
     read back of their files.

@@ -51,7 +51,13 @@ class Watched(KrylovStep):
 
 
 @pytest.mark.parametrize(
-    "model, count", [(beam, 40), (free_plate, 60), (clamped_square, 16), (clamped_square, 60)]
+    "model, count",
+    [
+        (beam, 40),
+        pytest.param(free_plate, 60, marks=pytest.mark.long),
+        (clamped_square, 16),
+        (clamped_square, 60),
+    ],
 )
 def test_nearly_orthogonal_is_enough(monkeypatch, model, count):
     """The vectors are orthogonal to 1e-15 / SHARE**ONCE = 1.5e-11, the frequencies those of SLEPc's own

@@ -118,8 +118,8 @@ def test_loads_beyond_the_mesh_warn(frequency):
     assert all(one.filename == __file__ for one in ours)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("frequency", [6e4, pytest.param(1e5, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("frequency", [6e4, 1e5])
 def test_warnings_of_loads_state_the_error(frequency):
     """Traction on the end of a plain beam of 100 x 10 mm: the sentence's error is that of two meshes within a
     factor of ten.

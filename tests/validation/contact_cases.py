@@ -210,6 +210,7 @@ LINES = {
     "slip, whatever "
     "the path of the crack. Default meshes; differences of displacements at the far corner, of K relative to "
     "p sqrt(pi 40 mm).",
+    long=True,
 )
 def uniform_compression() -> Iterator[Row]:
     strain = -0.7 * PRESSURE / 70e9
