@@ -259,7 +259,6 @@ class Journal:
             os.lseek(self._file, 0, os.SEEK_SET)
             self._count, self._id = 0, os.urandom(8).hex()
             write(self._file, [MAGIC, *packed({**head, "id": self._id})])
-            self._count = 0
         self.checkpoint({})  # from here on a state that is missing has been lost
 
     def append(self, frame: Mapping[str, Any]) -> None:

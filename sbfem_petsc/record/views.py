@@ -118,9 +118,10 @@ class Views:
         stem, ending = os.path.splitext(checked_path("table", "path", path))
         tables = self.tables()
         first = next((axis for axis in tables if axis != NONE), NONE)
-        files = {axis: f"{stem}{'' if axis == first else f'_{axis}'}{ending}" for axis in tables}
-        for axis, columns in tables.items():
-            write_table(files[axis], columns)
+        # that at `path` itself before the others: an error names what was asked for
+        files = {axis: f"{stem}_{axis}{ending}" for axis in tables} | {first: f"{stem}{ending}"}
+        for axis in sorted(tables, key=lambda axis: axis != first):
+            write_table(files[axis], tables[axis])
         return list(files.values())
 
     def to_xarray(self) -> Any:

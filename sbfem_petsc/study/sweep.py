@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import flag, instance, integer, path, shown
-from ..errors import OutOfMemory, SolveError
+from ..errors import OutOfMemory, SolveError, UnknownName
 from ..progress import Watch, watch_for
 from ..ranks.capacity import PlannedFile, require_disk
 from ..ranks.parallel import agreed, alone, checked_communicator, collective
@@ -363,5 +363,5 @@ class _Sweeping:
 
 
 def _reason(error: Exception) -> str:
-    expected = isinstance(error, (ValueError, KeyError, SolveError))
+    expected = isinstance(error, (ValueError, UnknownName, SolveError))
     return str(error) if expected else f"{type(error).__name__}: {error}"

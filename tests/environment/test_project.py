@@ -312,18 +312,31 @@ def test_no_circles():
         rooms.setdefault(room, set()).update({tuple(o.split(".")[:2]) for o in others} - {room})
     for graph in (modules, rooms):
         graphlib.TopologicalSorter(graph).prepare()  # CycleError names a circle
-    drawing = (ROOT / "CONTRIBUTING.md").read_text().split("\nsbfem_petsc/\n")[1].split("```")[0]
-    order = re.findall(r"^    (\w+)/", drawing, re.M)
-    assert all((ROOT / "sbfem_petsc" / room).is_dir() for room in order)
-    assert order[:4] == ["selement", "record", "contact", "system"] and order[-1] == "cli"
-    upwards = [
-        (name, other)
-        for name, others in modules.items()
-        for other in others
-        if all(module.split(".")[1:2] and module.split(".")[1] in order for module in (name, other))
-        and order.index(other.split(".")[1]) > order.index(name.split(".")[1])
+    drawing = (ROOT / "CONTRIBUTING.md").read_text().split("```")[1]
+    sections = {part.split("/")[0]: part for part in re.split(r"\n(?=\S)", drawing)}
+    order = [
+        (package, room) for package in PACKAGES for room in re.findall(r"\n    (\w+)/", sections[package])
     ]
+    there = {
+        path.relative_to(ROOT).parts[:2] for package in PACKAGES for path in ROOT.glob(f"{package}/*/*.py")
+    }
+    assert len(order) == len(set(order)) and set(order) == there - {("sbfem_petsc", "ranks")}
+    place = {room: k for k, room in enumerate(order)}
+    upwards = {
+        (room, other)
+        for room, others in rooms.items()
+        for other in others
+        if room in place and other in place and place[other] > place[room]
+    }
     assert not upwards
+    # beside the rooms stands what they use, and the program that begins with the last one
+    beside = {
+        (room[-1], other[-1])
+        for room, others in rooms.items()
+        for other in others & place.keys()
+        if room not in place and room[0] == "sbfem_petsc"
+    }
+    assert beside == {("loads", "signals"), ("__main__", "cli")}
 
 
 # Neither is imported while a thread of ours may wait for it: under an MPI launcher alone, before all else.

@@ -52,6 +52,9 @@ def test_parts_and_phases_give_the_motion(found, tmp_path):
     )
     magnitude, phase = (np.array(told_of["harmonics"]["mouth"][name]) for name in ("magnitude", "phase"))
     np.testing.assert_allclose(magnitude * np.exp(1j * phase), 2.0 * HARMONICS, rtol=1e-15)
+    number_first = Found([labelled("frequency", 3.0, "Hz"), labelled("gap", np.arange(3.0), dims="time")])
+    with pytest.raises(ValueError, match="none/drive.csv' cannot be written"):
+        number_first.to_csv(tmp_path / "none/drive.csv")
 
 
 def test_it_is_read_as_it_was_written(found, tmp_path):

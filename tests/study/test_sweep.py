@@ -324,8 +324,10 @@ def test_two_ranks(found, tmp_path):
             np.testing.assert_allclose(again.values[name], values, atol=1e-6 * np.abs(values).max())
 
 
-def test_failed_rows(tmp_path):
-    """A notch that leaves the beam: its row keeps the reason, the others their numbers; exit code 1."""
+def test_failed_rows(tmp_path, monkeypatch):
+    """A notch that leaves the beam: its row keeps the reason, the others their numbers; exit code 3. What
+    is no sentence, as a key that a program misses, bears its kind.
+    """
     text = (
         CASE
         + '\n[sweep]\nanalyses = ["frequencies"]\n[sweep.parameters]\n"geometry.notches[0].x" = [0.05, 0.2]\n'
@@ -336,6 +338,8 @@ def test_failed_rows(tmp_path):
     assert found.reasons[0] == "" and "geometry.notches[0]" in found.reasons[1] and "0.2" in found.reasons[1]
     values = found.values["frequencies/frequencies"]
     assert np.isfinite(values[0]).all() and np.isnan(values[1]).all()
+    monkeypatch.setattr(Structure, "solve", lambda *_, **__: {}["lost"])
+    assert sb.sweep(str(tmp_path / "case.toml"), {"loads.push.fy": [1.0]}).reasons == ["KeyError: 'lost'"]
 
 
 @pytest.mark.slow
