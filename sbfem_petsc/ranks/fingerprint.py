@@ -114,6 +114,10 @@ class _Collected:
             self.add(own(value))
         elif isinstance(value, np.ndarray):
             self._add_array(value)
+        elif hasattr(value, "tocsr"):  # of SciPy, which notes in a matrix what it has found out of it
+            entries = value.tocsr(copy=True)
+            entries.sum_duplicates()
+            self.add((entries.shape, entries.indptr, entries.indices, entries.data))
         elif isinstance(value, os.PathLike):
             self.word("path", os.fspath(value))
         elif isinstance(value, Mapping):

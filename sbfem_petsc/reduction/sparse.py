@@ -35,7 +35,7 @@ SHIFT, SAME = 1e-9, 1e-4
 # Unknowns of a node, or half as many of a shell's.
 WIDTHS = (3, 2)
 # Right-hand sides at a time: more of them share a pass over the factor, fewer make a smaller space.
-WIDTH = 8
+WIDTH = 12
 
 
 def sparse_modes(
@@ -223,16 +223,17 @@ class _Columns:
         return [told[k % self.comm.size][k // self.comm.size] for k in range(len(sums))]
 
     def _negative(self, own: float, factor: float, other: sparse.csr_matrix) -> int | None:
-        pc, added = self.ksp.getPC(), _matrix(other)
-        try:
-            if pc.getFactorSolverType() == "mumps" and _within(other, self.csr):  # its order stays
+        pc = self.ksp.getPC()
+        if pc.getFactorSolverType() == "mumps" and _within(other, self.csr):  # its order stays
+            added = _matrix(other)
+            try:
                 self.matrix.scale(own)
                 self.matrix.axpy(factor, added, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-                with solving("modal"):
-                    factorise(pc, pc.setUp, count_pivots)
-                return pivot_signs(pc, "modal")[0]
-        finally:
-            added.destroy()
+            finally:
+                added.destroy()
+            with solving("modal"):
+                factorise(pc, pc.setUp, count_pivots)
+            return pivot_signs(pc, "modal")[0]
         made = _matrix(sparse.csr_matrix(own * self.csr + factor * other))
         try:
             return negative_eigenvalues(made, "modal")
@@ -331,8 +332,12 @@ def _require_mass(negative: int | None) -> None:
 
 def _matrix(matrix: sparse.csr_matrix) -> PETSc.Mat:
     """A matrix of this rank's alone, with the number of a node's unknowns where all have as many."""
-    indices = (matrix.indptr.astype(PETSc.IntType), matrix.indices.astype(PETSc.IntType))
-    result = PETSc.Mat().createAIJ(matrix.shape, csr=(*indices, matrix.data), comm=MPI.COMM_SELF)
+    matrix = matrix.sorted_indices()  # a copy, for PETSc takes these arrays as its own
+    indices = (
+        matrix.indptr.astype(PETSc.IntType, copy=False),
+        matrix.indices.astype(PETSc.IntType, copy=False),
+    )
+    result = PETSc.Mat().createAIJWithArrays(matrix.shape, (*indices, matrix.data), comm=MPI.COMM_SELF)
     result.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     result.setBlockSize(next((width for width in WIDTHS if _of_nodes(matrix, width)), 1))
     return result

@@ -7,6 +7,7 @@ from fractions import Fraction
 import numba
 import numpy as np
 import pytest
+from scipy import sparse
 from scipy.interpolate import CubicSpline
 
 import sbfem_petsc as sb
@@ -128,6 +129,7 @@ DIFFERENT = {
     "complex numbers": (1.0 + 1.0j, 1.0 + 2.0j),
     "large integers": (10**400, 10**400 + 1),
     "sets": ({1, 2}, {1, 3}),
+    "sparse matrices": (sparse.eye(2).tocsr(), 2.0 * sparse.eye(2).tocsr()),
     "classes": (Called, Slotted),
     "generators": (np.random.default_rng(1), np.random.default_rng(2)),
     "signals": (
@@ -150,7 +152,15 @@ def test_a_global_value_that_is_read(monkeypatch):
     assert not before.same(fingerprint(reads_a_global), 1e-9)
 
 
+def unit(looked_at):
+    """A sparse matrix, which may have been asked for its order."""
+    matrix = sparse.csr_matrix((np.ones(2), np.arange(2), np.arange(3)))
+    assert not looked_at or matrix.has_canonical_format
+    return matrix
+
+
 SAME = {
+    "sparse matrices, one of which notes its order": (unit(False), unit(True)),
     "functions made again": (within(1.0), within(1.0)),
     "objects made again": (Called(1.0), Called(1.0)),
     "objects of classes made again": (of_a_class(1.0), of_a_class(1.0)),
