@@ -194,6 +194,7 @@ def test_what_is_given_rules():
     assert len(found.time) == 64
 
 
+@pytest.mark.long
 def test_of_a_reduced_model_only_steps_grow():
     """Both modes of two masses that meet a stop: the steps, until the true error is what is asked for."""
     found = sb.periodic(two_masses(), [0.2], 0.109, accuracy=1e-3, stability=False)
@@ -275,6 +276,7 @@ def test_two_tones(monkeypatch):
         sb.quasi_periodic(beam, load, frequencies, modes=6, steps=192, accuracy=1e-3, stability=False)
 
 
+@pytest.mark.long
 def test_as_many_steps_as_by_default_are_not_begun_with_again():
     """Of a curve that begins in 256 steps and needs twice as many, 512: the default."""
     mass = one_mass(1.0, 3e-4, stiffness=0.02)

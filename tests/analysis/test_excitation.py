@@ -99,7 +99,7 @@ def test_one_oscillator_through_resonance():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize("backwards", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_frequency_response_without_contact(backwards):
     """Every point against the closed form, with a preload; the resonances are among the points that are
     chosen.

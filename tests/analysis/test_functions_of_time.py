@@ -51,6 +51,7 @@ def test_steps_of_a_tone(frequency, least):
     assert found.intervals == 2048 or least * frequency <= found.intervals < 4 * 320 * frequency
 
 
+@pytest.mark.long
 def test_tone(beam):
     """As the same harmonic load, which is exact to (2 pi / 320)^2 / 12 of its forced part."""
     frequency = 251.4

@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -359,3 +360,18 @@ def test_bad_input(curve):
         sb.locus(curve, fold, 0.5, 2.0, parameter="force")
     with pytest.raises(TypeError, match="bifurcation"):
         sb.locus(curve, 3, 0.5, 2.0)
+
+
+def test_a_line_through_the_same_motion_at_another_frequency():
+    """Passes a bifurcation where both are near."""
+    item = SimpleNamespace(kind="fold", state=np.ones(2), own_value=1.0)
+    branch = SimpleNamespace(value=np.array([0.9, 1.1]), period=SimpleNamespace(size=np.linalg.norm))
+
+    def passes(frequency, state=1.0):
+        states = np.full((2, 2), state)
+        line = SimpleNamespace(
+            kind="fold", value=np.array([0.9, 1.1]), frequency=2 * [frequency], states=states
+        )
+        return _passes(line, item, branch)
+
+    assert passes(1.0) and not passes(1.05) and not passes(1.0, 2.0)

@@ -309,7 +309,7 @@ def test_few_samples_are_told():
     assert not any("multiples" in str(item.message) for item in told)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_samples_that_do_not_resolve_the_motion():
     """Two masses and a stop that touch in some periods, f2 three eighths of f1: with the default 21 samples
     lines beside those of `periodic` over the common period (f2, f1, 2 f1) are off by 3, 18 and 13 %, which is
@@ -491,7 +491,8 @@ if MPI.COMM_WORLD.rank == 0:
 """
 
 
-@pytest.mark.parametrize("ranks", [1, pytest.param(3, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("ranks", [1, 3])
 def test_motions_that_are_not_isolated(ranks):
     """An undamped mode at twice the slower tone may vibrate freely besides: no motion is as good as another,
     and none is told.

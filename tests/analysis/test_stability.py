@@ -78,7 +78,7 @@ def test_linear_multipliers():
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_dense_and_krylov(beam):
     """SLEPc's LAPACK against numpy on the same matrix (1e-9, eigenvalues near the unit circle are well
     conditioned), and the largest by products alone.
@@ -532,8 +532,8 @@ def test_neighbouring_bifurcations_are_told_apart(name):
     np.testing.assert_allclose(places, expected, atol=2e-4)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["two masses", pytest.param("beam", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["two masses", "beam"])
 def test_located_by_brents_method(name, beam, monkeypatch):
     """SciPy's root finder on the same test functions, to a millionth of the way between two points: what is
     located is as near to it as is said. The beam's have kinks, where another multiplier comes to be the

@@ -71,7 +71,9 @@ def test_default_mesh_burst():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("frequency, duration", [(30.0, 0.07), (3000.0, 0.005)])
+@pytest.mark.parametrize(
+    "frequency, duration", [pytest.param(30.0, 0.07, marks=pytest.mark.long), (3000.0, 0.005)]
+)
 def test_default_step(frequency, duration):
     """However slow the load, contact is resolved: 3e-4 against a step 8 times finer; at 30 Hz a step by the
     load alone, 15 times as long, is at 5e-3.

@@ -235,13 +235,10 @@ for name, call in calls.items():
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     "when, kind, told",
-    [
-        ("loaded", "OutOfMemory", "raise it (ulimit -v)"),
-        pytest.param("new", "ImportError", "ulimit -v", marks=pytest.mark.long),
-    ],
+    [("loaded", "OutOfMemory", "raise it (ulimit -v)"), ("new", "ImportError", "ulimit -v")],
 )
 def test_hardly_any_address_space(when, kind, told):
     """A sentence from each analysis, where the compiler would end in errors of its own or the process."""

@@ -319,7 +319,11 @@ def test_rigid_slider(ratio, stuck):
 
 @pytest.mark.parametrize(
     "ratio, tip, stuck, lost",
-    [(0.95, 0.07605, 0.6139 + SHORT, 38.82), (0.85, 0.0858, 0.5847, 42.61), (0.7, 0.07827, 0.951, 0.0235)],
+    [
+        (0.95, 0.07605, 0.6139 + SHORT, 38.82),
+        pytest.param(0.85, 0.0858, 0.5847, 42.61, marks=pytest.mark.long),
+        pytest.param(0.7, 0.07827, 0.951, 0.0235, marks=pytest.mark.long),
+    ],
 )
 def test_cantilever_with_a_slider(ratio, tip, stuck, lost):
     """F8: the history settles on the steady state. Of 17 modes 14 are kept, and the flexibility of the others

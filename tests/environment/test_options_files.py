@@ -30,7 +30,7 @@ def of_a_stranger(tmp_path, text):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("program", PROGRAMS)
+@pytest.mark.parametrize("program", ["program", pytest.param("command with options", marks=pytest.mark.long)])
 def test_no_options_file_is_read(program, tmp_path):
     """-log_view writes a file: those of the two directories do not; PETSC_OPTIONS, the user's own, holds."""
     home, here, spare = of_a_stranger(
@@ -106,7 +106,7 @@ LIBRARIES = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", LIBRARIES)
+@pytest.mark.parametrize("name", ["matplotlib", pytest.param("numba", marks=pytest.mark.long)])
 def test_no_settings_of_libraries_are_read(name, tmp_path):
     """Those of a stranger's folder would have code run by Matplotlib and the kept code of numba read there;
     the working directory is the same afterwards.

@@ -89,7 +89,7 @@ def built(tmp_path_factory):
     return folder
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_wheel_and_sdist(built):
     """Both hold every module, say that it is typed, and bear the version."""
     import sbfem_petsc

@@ -123,7 +123,7 @@ def test_units_of_step_files(folder, unit):
     assert f"its unit is {unit:g} m, as the file says, and scale={other:g} makes the body" in said
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_units_of_iges_files(folder):
     """In inches by their header: the numbers are the same."""
     path = folder / "inches.iges"

@@ -340,8 +340,8 @@ def test_geometry_that_gmsh_would_hang_on(tmp_path):
     "last",
     [
         'Physical Surface("a")={1}; Physical Curve("left")={4};',
-        'If (1) Physical Curve("left")={4}; EndIf',
-        'EndIf Physical Curve("left")={4};',
+        pytest.param('If (1) Physical Curve("left")={4}; EndIf', marks=pytest.mark.long),
+        pytest.param('EndIf Physical Curve("left")={4};', marks=pytest.mark.long),
     ],
 )
 def test_a_last_line_without_end_of_which_gmsh_drops_statements(tmp_path, last):

@@ -324,6 +324,7 @@ def test_warned(tmp_path, name):
     assert len(caught) == 1 and caught[0].filename == __file__ and str(path) in str(caught[0].message)
 
 
+@pytest.mark.long
 def test_models_whose_size_hints_at_another_unit(tmp_path):
     """Above 20 m unless scale says that it is meant, below 1 mm whatever it says."""
     path = tmp_path / "model.geo"

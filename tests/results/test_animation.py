@@ -73,7 +73,7 @@ def test_contact_inside_the_tip_element(tmp_path):
     assert orbit.field(peak).tip_forces[0][: len(inside)] == pytest.approx(inside)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_one_file_of_all_instants(moved, tmp_path):
     """VTK itself reads times, cells and values of the VTU files of the same instants."""
     pyvista = pytest.importorskip("pyvista")

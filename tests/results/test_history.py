@@ -348,7 +348,7 @@ def test_a_frame_and_a_state_half_written(model, whole, small_chunks, tmp_path):
     assert sorted(os.listdir(tmp_path)) == ["h.h5", "h.h5.state"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_error_of_rank_0_on_both_ranks(tmp_path):
     """Both ranks end, neither by the other's abort, and the sentence is printed once."""
     done = on_ranks(2, PROGRAM, str(tmp_path / "missing" / "h.h5"), "go", "new", check=False, timeout=300)

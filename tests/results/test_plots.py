@@ -75,6 +75,7 @@ def test_colours_by_displacement_and_given_magnification(solved, tmp_path):
     assert image.imread(save_picture(axes, tmp_path / "crack.png")).shape[1] == 1440
 
 
+@pytest.mark.long
 def test_a_pulled_bar_as_a_whole(tmp_path):
     """E u / L in one colour everywhere, the sides where they are moved to; compression is the other end of
     the scale.

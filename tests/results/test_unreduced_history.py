@@ -104,7 +104,7 @@ def stopped(fraction):
     return tell
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_recorded_history_is_the_same(model, whole, tmp_path):
     path = tmp_path / "h.h5"
     close(sb.transient(model, LOAD, file=path, **RUN), whole)

@@ -301,8 +301,8 @@ def test_texts_of_a_strangers_file_stay_texts(folder, tmp_path):
     assert said.code == 2 and r"no\x1b[2Jwhere.h5" in said.err and "\x1b" not in said.err
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("missing", ["petsc4py", pytest.param("mpi4py", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("missing", ["petsc4py", "mpi4py"])
 def test_package_that_is_missing(missing, tmp_path):
     """One sentence with a remedy, no traceback; `doctor` lists what is there."""
     (tmp_path / f"{missing}.py").write_text(f"raise ModuleNotFoundError('none here', name={missing!r})")

@@ -137,6 +137,7 @@ def test_run_and_sweep_do_not_mix(folder):
     assert contents(folder / "out") == before
 
 
+@pytest.mark.long
 def test_an_index_that_is_cut_off_or_lies(folder):
     """A line that a kill has cut off is none, and names that lead elsewhere are none."""
     index = folder / "out" / INDEX

@@ -159,7 +159,7 @@ def test_nothing_is_repeated(folder, monkeypatch):
     assert {k: v for k, v in first.items() if k != "run"} == {k: v for k, v in second.items() if k != "run"}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_another_case_is_refused(folder, tmp_path):
     out = tmp_path / "out"
     shutil.copytree(folder / "out", out)
@@ -615,6 +615,7 @@ def test_branches(tmp_path):
     model.destroy()
 
 
+@pytest.mark.long
 def test_a_held_point_and_no_notes(tmp_path):
     """A point that does not move has no picture of harmonics, the next one has; tips of a sharp crack, whose
     K_I and K_II need no words, leave the tables whole.

@@ -434,6 +434,7 @@ def test_rows_by_eight_processes(tmp_path):
     assert values(out) == values(one) and values(out)[1] == 80 * [""]
 
 
+@pytest.mark.long
 def test_some_of_the_rows(tmp_path):
     """They alone are computed, and counted; the others are left to a call without a range."""
     path, out = written(tmp_path, CASE + SWEEP), tmp_path / "out"

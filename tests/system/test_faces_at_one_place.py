@@ -59,6 +59,7 @@ def test_the_sides_differ():
         history.stress((0.1, 0.0))
 
 
+@pytest.mark.long
 def test_faces_apart():
     """Of faces with a gap between them each point belongs to one."""
     mesh = Beam(0.2, 0.02, [VNotch(0.08, 0.01, opening=1.0)]).mesh(order=3)

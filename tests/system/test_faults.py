@@ -263,14 +263,8 @@ def test_flipped_bits_and_cut_ends(kind, files, tmp_path):
             read(copy)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "kind, share",
-    [
-        ("run", 0.5),
-        pytest.param("sweep", 0.5, marks=pytest.mark.long),
-    ],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("kind, share", [("run", 0.5), ("sweep", 0.5)])
 def test_report_on_a_full_disk(kind, share, files, tmp_path):
     """One sentence with exit code 2, and the former report as it was; with room again a whole one."""
     page = tmp_path / "report.html"

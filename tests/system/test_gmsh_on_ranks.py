@@ -21,7 +21,7 @@ if comm.rank == 0:
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_ranks(tmp_path):
     square = 'SetFactory("OpenCASCADE");\nRectangle(1) = {0, 0, 0, 1, 1};\nMesh.MeshSizeMax = 0.3;\n'
     (tmp_path / "good.geo").write_text(square + 'Physical Surface("steel") = {1};\n')

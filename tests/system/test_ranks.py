@@ -220,7 +220,7 @@ def test_exit_beside_a_barrier_of_the_program():
     assert done.returncode == 3, done.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_error_known_to_all_is_printed_once():
     done = run("sb.modal(structure(), 0)")
     assert done.returncode == 1

@@ -195,6 +195,7 @@ def _clear(point: tuple[float, float], piece) -> float:
     "Bowie's problem as tabulated by Paris and Sih (1965), to about 1 %: F of K_I = F sigma sqrt(pi L), "
     "hole of "
     "radius R, cracks of length L, wide plate in tension.",
+    long=True,
 )
 def cracks_at_a_hole() -> Iterator[Row]:
     published = {0.2: 2.41, 0.5: 1.83, 1.0: 1.45}

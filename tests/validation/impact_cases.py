@@ -91,6 +91,7 @@ def bouncing_bar() -> Iterator[Row]:
 @case(
     "Rod on a wall",
     "code_aster SDNV100: L = 0.2 m, E = 2e11 Pa, rho = 8000 kg/m3, 100 m/s, gap 2 mm: one-dimensional waves.",
+    long=True,
 )
 def rod_on_a_wall() -> Iterator[Row]:
     found = Bar(0.2, 2e11, 8000.0, 2e-3, elements=800, modes=400).run(-100.0, 1.6e-4, 5e-9)
