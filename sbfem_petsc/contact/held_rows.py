@@ -19,8 +19,9 @@ from .pivoting import add_rows, products
 
 # Exchanges before sweeps.
 MAXIMUM = 40
-# Pivots, relative to a row's own flexibility, that are none.
-_LEAST = 1e-9
+# Pivots, relative to a row's own flexibility, that are none, and by which rounding is multiplied: rows around
+# a node of several pairs, where cracks turn or meet, have ones of their slack.
+_LEAST, _SMALL = 1e-11, 1e-5
 
 
 class Rubbing(NamedTuple):
@@ -165,6 +166,31 @@ def pulled(flexibility: np.ndarray, rubbing: Rubbing, state: np.ndarray, rows: t
 
 
 @inner_loops
+def _sharpened(flexibility: np.ndarray, rubbing: Rubbing, row: int, sets: Sets) -> float:
+    """The pivot of a row that joins, after what the inverse leaves of the solutions for its column, `right`,
+    and for its row, behind the inverse's last one, has been solved for again: a small pivot multiplies it.
+    """
+    inverse, known, members, right, left = sets.inverse, sets.known, sets.members, sets.right, sets.solved
+    last = members[known.size]
+    for a in range(last):
+        left[a] = sets.free[a]
+        for b in range(last):
+            left[a] -= pulled(flexibility, rubbing, known, (members[a], members[b])) * right[b]
+    for a in range(last):
+        for b in range(last):
+            right[a] += inverse[a, b] * left[b]
+    for b in range(last):
+        left[b] = pulled(flexibility, rubbing, known, (row, members[b]))
+        for a in range(last):
+            left[b] -= inverse[last, a] * pulled(flexibility, rubbing, known, (members[a], members[b]))
+    add_rows(inverse, sets.every, left, last, (last, last), inverse[last])
+    own = pulled(flexibility, rubbing, known, (row, row))
+    for a in range(last):
+        own -= inverse[last, a] * sets.free[a]
+    return own
+
+
+@inner_loops
 def _hold(flexibility: np.ndarray, rubbing: Rubbing, row: int, sets: Sets) -> bool:
     """Border the inverse by a row that joins; whether it is regular."""
     inverse, known, members, right, free = sets.inverse, sets.known, sets.members, sets.right, sets.free
@@ -175,12 +201,14 @@ def _hold(flexibility: np.ndarray, rubbing: Rubbing, row: int, sets: Sets) -> bo
         free[a] = pulled(flexibility, rubbing, known, (members[a], row))
         inverse[last, a] = 0.0
     add_rows(inverse, sets.every, right, last, (last, last), inverse[last])
-    own = pulled(flexibility, rubbing, known, (row, row))
+    own, whole = pulled(flexibility, rubbing, known, (row, row)), flexibility[row, row]
     for a in range(last):
         own -= inverse[last, a] * free[a]
-    if not abs(own) > _LEAST * flexibility[row, row]:
+    if not abs(own) > _LEAST * whole:
         return False
     products(inverse, free, last, (last, last), right)
+    if abs(own) < _SMALL * whole:
+        own = _sharpened(flexibility, rubbing, row, sets)
     scale = 1.0 / own
     for a in range(last):
         share = right[a] * scale

@@ -206,6 +206,23 @@ def test_faces_that_stick_carry_a_uniform_stress(name):
         assert sum(found.reactions.values()) == pytest.approx([0.0, 1.6e6 * SIDE], abs=1e-6 * 1.6e6 * SIDE)
 
 
+@pytest.mark.parametrize("name", ["kink", pytest.param("crossing", marks=pytest.mark.long)])
+def test_faces_that_stick_around_a_node_stay_at_rest(name):
+    """Around a node of several pairs gaps and slips are more than there are motions: steps hold them all, and
+    where they stood. Forces are those of statics but for rounding over the slack of such rows, 1e-7.
+    """
+    load = [sb.EdgeLoad(f"edge{side}", pressure=value) for side, value in ((2, 1e6), (4, 1e6), (3, 1.6e6))]
+    with square(LINES[name], sb.Coulomb(0.3), order=2, size=0.03) as model:
+        expected = sb.static(model, load)
+        found = sb.transient(model, load, 8e-6, 2e-6, modes=8, initial="equilibrium")
+        at_rest = np.broadcast_to(expected.displacement("P"), (5, 2))
+        assert found.displacement("P") == pytest.approx(at_rest, rel=1e-11)
+        assert np.abs(found.slip).max() < 1e-12 * np.abs(at_rest).max()
+        largest = expected.contact_force.max()
+        assert np.abs(found.contact_force - expected.contact_force).max() < 1e-4 * largest
+        assert np.abs(found.friction_force - expected.friction_force).max() < 1e-4 * largest
+
+
 def test_loads_on_faces_that_stick():
     """Opposite tractions along the faces that friction holds, the ones inside tip elements included, move
     nothing; three times as large they slip.

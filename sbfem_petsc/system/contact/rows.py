@@ -203,8 +203,9 @@ def _signed(layout: Layout, directions: np.ndarray) -> np.ndarray:
 
 # Components of a unit normal below this are those of rounding.
 _ROUND_OFF = 1e-9
-# Slack of rows that depend on each other, in units of what the body gives way.
-_SLACK = 1e-9
+# Slack of rows that depend on each other, in units of what the body gives way: rounding is some 1e-14 of it,
+# and both are multiplied by its inverse where compiled steps hold such rows one by one.
+_SLACK = 1e-7
 _NOTHING = (np.empty(0, dtype=np.int64), np.empty((0, 1), dtype=np.int64), np.empty((0, 1)))
 
 
