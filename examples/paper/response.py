@@ -66,7 +66,7 @@ def shape(bench: Bench, force: float, damping: float, contact: bool = True) -> t
     if not contact:
         return frequency, amplitude
     near, fine = bench.once(("near", force, damping), lambda: near_peak(bench, force, damping, found))
-    below, above = frequency < NEAR[0], frequency > NEAR[-1]
+    below, above = frequency < near[0], frequency > near[-1]
     return tuple(
         np.concatenate([values[below], close, values[above]])
         for values, close in ((frequency, near), (amplitude, fine))
@@ -74,15 +74,15 @@ def shape(bench: Bench, force: float, damping: float, contact: bool = True) -> t
 
 
 def near_peak(bench: Bench, force: float, damping: float, found) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies and amplitudes around the peak, each steady state from the nearest one that is known.
+    """Frequencies and amplitudes around the peak, as far as asymmetry looks, each steady state from the
+    nearest one that is known.
 
     Where Newton's method does not converge from there the curve's own points stand alone.
     """
-    kept = [
-        found.orbit(int(k))
-        for k in np.flatnonzero((found.frequency >= NEAR[0]) & (found.frequency <= NEAR[-1]))
-    ]
-    for frequency in NEAR:
+    wanted = NEAR[np.abs(NEAR - found.peak("A").frequency) < REACH + 10.0]
+    inside = (found.frequency >= wanted[0]) & (found.frequency <= wanted[-1])
+    kept = [found.orbit(int(k)) for k in np.flatnonzero(inside)]
+    for frequency in wanted:
         nearest = min(kept, key=lambda o: abs(o.frequency - frequency))
         try:
             kept.append(

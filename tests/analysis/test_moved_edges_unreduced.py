@@ -125,10 +125,10 @@ def test_begun_at_rest():
 
 @pytest.mark.parametrize("terms", [0, 1, 3])
 def test_weight_at_rest(terms):
-    """From equilibrium under a weight nothing moves: the insides of S-elements are at rest, too, where
-    displacements and stresses are those of statics.
+    """From equilibrium under a weight and a force nothing moves: the insides of S-elements are at rest, too,
+    where displacements and stresses are those of statics.
     """
-    model, weight = cracked(terms=terms), sb.SupportMotion(ay=1e3)
+    model, weight = cracked(terms=terms), sb.PointForce("A", fy=10.0) + sb.SupportMotion(ay=1e3)
     resting = sb.static(model, weight)
     found = sb.transient(model, weight, 1e-4, 1e-5, modes=6, reduction=None, initial="equilibrium")
     for point in found.points:
