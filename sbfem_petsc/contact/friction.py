@@ -24,12 +24,12 @@ from .law import FREE, PRESSED, PULLED, ROUND_OFF, ContactLaw, RowLaws
 
 # States of a tangential row: apart as FREE, sticking, slipping under friction along t and against it.
 STICKS, ALONG, AGAINST = 1, 2, 3
-# Exchanges before Lemke's method, and the rounding of forces, relative to the largest.
-_MAXIMUM, _ROUNDING = 40, 1e-12
+# Here and in kernels (`rubbing`): exchanges before other methods; rounding of forces, of the largest.
+MAXIMUM, ROUNDING = 40, 1e-12
 # Sweeps of Gauss-Seidel before the next exchanges, and how often.
-_SWEEPS, _ROUNDS = 20, 20
+SWEEPS, ROUNDS = 20, 20
 # How often it is told where rows land, from the states that this leads to.
-_LANDINGS = 3
+LANDINGS = 3
 # Smallest pivot of Lemke's tableau, whose rows are scaled.
 _LEAST = 1e-11
 
@@ -159,7 +159,7 @@ def solve_friction(
     """
     problem = _Problem(flexibility, free_gap, laws, friction, memory.slip)
     states, exchanges = (laws.following(memory.normal, *problem.nothing), memory.tangential), 0
-    for left in reversed(range(_LANDINGS + 1)):
+    for left in reversed(range(LANDINGS + 1)):
         (force, gap, state), more = problem.solved(*problem.joined(*states))
         exchanges += more
         landed = problem.landed(memory, state) if left else None
@@ -196,7 +196,7 @@ class _Problem:
         """Forces, gaps and states that fit together, from some, and the exchanges."""
         found, exchanges = self.exchanged(normal, tangential)
         force = np.zeros(len(self.free))
-        for _ in range(_ROUNDS):
+        for _ in range(ROUNDS):
             if found is not None:
                 break
             found, more = self.exchanged(*self.swept(force))
@@ -268,7 +268,7 @@ class _Problem:
     ) -> tuple[np.ndarray, np.ndarray]:
         """States that rows go on to. What both sticking and slipping meet by rounding stays as it is."""
         (normal, tangential), c = states, self.count
-        pull = _ROUNDING * np.abs(force).max(initial=0.0)
+        pull = ROUNDING * np.abs(force).max(initial=0.0)
         rounding = 10.0 * ROUND_OFF * (np.abs(self.w) @ np.abs(force) + np.abs(self.free))
         following = self.laws.following(normal, force[:c], gap[:c], pull, rounding[:c])
         bound = self.friction.static * np.maximum(force[self.friction.rows], 0.0) + pull
@@ -283,7 +283,7 @@ class _Problem:
     ) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray] | None, int]:
         """Forces, gaps and states, None where sets repeat, and the exchanges."""
         states, seen = (normal, tangential), set[bytes]()
-        for exchange in range(1, _MAXIMUM + 1):
+        for exchange in range(1, MAXIMUM + 1):
             found = self._solved(*states)
             if found is None:
                 return None, exchange
@@ -306,7 +306,7 @@ class _Problem:
         beside = dict(zip(self.friction.rows[self.rubs], np.flatnonzero(self.rubs)))
         normal, tangential = np.zeros(c, dtype=np.int8), np.zeros(len(self.slip), dtype=np.int8)
         gap = w @ force + self.free
-        for _ in range(_SWEEPS):
+        for _ in range(SWEEPS):
             for i in np.flatnonzero(self.flexible):
                 k = beside.get(i)
                 rows = [i] if k is None else [i, c + k]

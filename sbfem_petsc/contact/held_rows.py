@@ -13,12 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from .compiled import inner_loops
-from .friction import AGAINST, ALONG, STICKS, Friction
+from .friction import AGAINST, ALONG, MAXIMUM, STICKS, Friction
 from .law import FREE
 from .pivoting import add_rows, products
 
-# Exchanges before sweeps.
-MAXIMUM = 40
 # Pivots, relative to a row's own flexibility, that are none, and by which rounding is multiplied: rows around
 # a node of several pairs, where cracks turn or meet, have ones of their slack.
 _LEAST, _SMALL = 1e-11, 1e-5

@@ -11,15 +11,11 @@ from __future__ import annotations
 import numpy as np
 
 from .compiled import compiled_apart, inner_loops, inner_sums
-from .friction import AGAINST, ALONG, STICKS
-from .held_rows import MAXIMUM, Rubbing, Sets, follow, pull_of
+from .friction import AGAINST, ALONG, LANDINGS, MAXIMUM, ROUNDING, ROUNDS, STICKS, SWEEPS
+from .held_rows import Rubbing, Sets, follow, pull_of
 from .law import FREE, PRESSED, PULLED, ROUND_OFF, Table
 from .pivoting import Factor, add_rows, caught, contact_forces, products
 
-# Sweeps before the next exchanges, and how often; rounding of forces.
-_SWEEPS, _ROUNDS, _ROUNDING = 20, 20, 1e-12
-# How often it is told where rows land, from the states that this leads to.
-_LANDINGS = 3
 # What may be left of the gaps that are kept, relative to the largest gap without forces or by a row's own
 # force, and how often it is solved for again.
 _LEFT, _REFINED = 1e-13, 2
@@ -172,7 +168,7 @@ def _exchange(
     largest, changed = 0.0, 0
     for i in range(force.size):
         largest = max(largest, abs(force[i]))
-    sets.right[sets.right.size - 1] = _ROUNDING * largest
+    sets.right[sets.right.size - 1] = ROUNDING * largest
     for i in range(force.size):
         if i < rubbing.beside.size:
             following[i] = _normal(flexibility, gap[0], laws, (state[i], i), sets, force)
@@ -316,14 +312,14 @@ def _settle(
     state, n, exchanges, without = held[2], gap[0].size, 0, (gap[0], sets.kept)
     for i in range(n):
         sets.swept[i] = 0.0
-    for attempt in range(_ROUNDS + 1):
+    for attempt in range(ROUNDS + 1):
         if attempt > 0:
             sets.told[0] = -1  # what a sweep lets land is not told
             for i in range(n):
                 sets.free[i] = gap[0][i]
                 for j in range(n):
                     sets.free[i] += flexibility[i, j] * sets.swept[j]
-            for _ in range(_SWEEPS):
+            for _ in range(SWEEPS):
                 _sweep(flexibility, without, held, sets)
         done = 0
         while done < MAXIMUM and not _repeats(state, sets.seen, done):
@@ -391,7 +387,7 @@ def rubbing_forces(
     for i in range(state.size):
         sets.begun[i], sets.kept[i] = state[i], gap[1][i]
     sets.told[state.size] = 0
-    for attempt in range(_LANDINGS + 1):
+    for attempt in range(LANDINGS + 1):
         if attempt > 0 and not _land(flexibility, gap, held, sets, force, attempt):
             break
         more = _settle(flexibility, gap, held, sets, force, attempt == 0)

@@ -43,7 +43,7 @@ def test_histories_against_all_states_tried(modes, monkeypatch):
     """Each state of a history follows from the one before; displacements, energies and losses are those of
     the matrices themselves, whatever number of modes is kept. Rows stick where they stood before.
     """
-    monkeypatch.setattr(friction_module, "_LANDINGS", 0)
+    monkeypatch.setattr(friction_module, "LANDINGS", 0)
     rng, seen = np.random.default_rng(modes), set()
     for _ in range(12):
         coefficients = rng.uniform(0.1, 0.8, 2)
