@@ -221,9 +221,9 @@ def guard(chunk: np.ndarray, ledger: Ledger, time: np.ndarray) -> None:
     """Stop where contact has fed or taken energy beside what is lost to friction: what it does in steps that
     switch is the integration's error.
     """
-    total, external, contact = chunk[0] + chunk[1], np.abs(chunk[2]), np.abs(chunk[4])
+    external, contact = np.abs(chunk[2]), np.abs(chunk[4])
     ledger.supplied = max(ledger.supplied, float(external.max()))
-    if not np.isfinite(total).all() or contact[-1] > WORK_LIMIT * ledger.supplied:
+    if not np.isfinite(chunk[:2]).all() or contact[-1] > WORK_LIMIT * ledger.supplied:
         raise failed_solve(
             f"transient: by t = {time[-1]:.6g} s the contact forces have done work of {chunk[4, -1]:.3g} "
             f"J beside {ledger.supplied:.3g} J supplied: "

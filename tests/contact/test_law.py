@@ -466,6 +466,11 @@ def test_guard():
     for work in (-0.5, 0.5):
         with pytest.raises(sb.SolveError, match=f"contact forces have done work of {work:g} J"):
             guard(chunk(work), Ledger(), time)
+    for part in (0, 1):  # motions or stresses beyond the range of numbers
+        beyond = chunk(0.0)
+        beyond[part, 0] = np.inf
+        with pytest.raises(sb.SolveError, match="the history is wrong"):
+            guard(beyond, Ledger(), time)
 
 
 class Cubic(ContactLaw):
