@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from sbfem_petsc.continuation.events import FINE, _arrived
 
 
 def stopped_chain(seed: int) -> tuple[sb.ReducedModel, float]:
@@ -99,3 +100,13 @@ def test_a_fold_beside_a_corner():
     np.testing.assert_allclose([item.multiplier for item in folds], np.ones(4), atol=1e-4)
     for item, side in zip(folds, (1.0, -1.0, 1.0, -1.0)):
         assert (side * (item.own_value - curve.value[item.after - 1 : item.after + 1]) >= 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("heights", "arrived"), [((-10.0, 10.0), True), ((-10.0, 0.0), False), ((0.0, 10.0), False)]
+)
+def test_a_zero_is_near_where_the_lines_to_either_side_say_so(heights, arrived):
+    """Of one that hardly rises from the place on it may be anywhere."""
+    expected = {0.0: heights[0], 1.0: 0.1 * FINE, 2.0: heights[1]}
+    known = dict.fromkeys(expected)
+    assert _arrived(known, dict.fromkeys(known, 1.0), expected, 1.0, lambda *_: True) == arrived
