@@ -12,7 +12,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq, minimize_scalar, root
 
 import sbfem_petsc as sb
-from sbfem_petsc.continuation.problems.free import FreeSystem
+from sbfem_petsc.continuation.problems.free import FreeMotions, FreeSystem
 from tests.reference import paper_beam
 from tests.systems import beside_another, coarse_beam
 
@@ -680,3 +680,9 @@ def test_a_branch_cut_short():
     with pytest.raises(sb.SolveError, match="ends at .* J after 3 points, before 1 J: 3 points") as caught:
         sb.backbone(one_mass(), 1, 4e-4, 1.0, points=3)
     assert len(caught.value.backbone.energy) == 3 and not caught.value.backbone.complete
+
+
+def test_what_a_motion_from_rest_has():
+    """Displacements of the modes, no velocities; its frequency, no damping."""
+    motions = FreeMotions(FreeSystem(beside_another(0.01, 3.5), 0, 64))
+    assert motions.free.tolist() == [True, True, False, False, True, False]
