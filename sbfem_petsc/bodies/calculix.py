@@ -24,8 +24,8 @@ REFUSED |= {"*CONTACT PAIR", "*CYCLIC SYMMETRY MODEL", "*DISTRIBUTING COUPLING",
 # Solid elements by VTK's names, whose nodes stand in the same order.
 SOLIDS = {"C3D4": "tetra", "C3D10": "tetra10", "C3D6": "wedge", "C3D15": "wedge15"}
 SOLIDS |= {"C3D8": "hexahedron", "C3D20": "hexahedron20"}
-# Decks that include decks that include decks.
-DEEPEST = 20
+# Decks that include decks that include decks; more than any label of a node.
+DEEPEST, FAR = 20, 2**31
 
 
 def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
@@ -61,16 +61,16 @@ def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
     stiffness, mass = (_matrix(f"{stem}.{ending}", len(unknowns)) for ending in ("sti", "mas"))
     if stiffness.nnz != mass.nnz:
         raise ValueError(
-            f"{OWNER}: {stem}.sti has {stiffness.nnz} entries and {stem}.mas {mass.nnz}, and CalculiX writes "
-            "as many; one is cut, or of another run"
+            f"{OWNER}: {stem}.sti has {stiffness.nnz} entries, .mas not as many; one is cut or of another run"
         )
     free = set(map(tuple, unknowns.tolist()))
-    pairs = {(node, d) for node, _ in free for d in range(3)}
-    if lost := min(pairs - free - deck.held, default=None):
+    solid = {a for cells in deck.elements.values() for a in cells.ravel().tolist()}
+    if lost := min({(a, d) for a in solid for d in range(3)} - free - deck.held, default=None):
         raise ValueError(
             f"{OWNER}: node {lost[0]} has no unknown along {AXES[lost[1]]} in {stem}.dof, and no *BOUNDARY "
             f"of {stem}.inp holds it; are they of one run?"
         )
+    _require_order(stem, mass, unknowns, deck)
     given: dict[str, Any] = {"sets": deck.sets, "fixed": deck.held - free, "elements": deck.elements}
     return FiniteElementModel(mass, stiffness, unknowns, deck.nodes, units=units, **given)
 
@@ -194,6 +194,19 @@ def _matrix(file: str, count: int) -> sparse.coo_matrix:
             "were expected, the unknowns of .dof; it is cut, or of another run"
         )
     return sparse.coo_matrix((value, place.astype(np.int64) - 1), (count, count))
+
+
+def _require_order(stem: str, mass: sparse.coo_matrix, unknowns: np.ndarray, deck: Deck) -> None:
+    """ValueError unless a mass couples no directions, and nodes that share an element, as .dof names them."""
+    one, other = (unknowns[rows] for rows in mass.nonzero())
+    share = [(a[:, None] * FAR + a[..., None]).ravel() for a in deck.elements.values()]
+    met = np.isin(one[:, 0] * FAR + other[:, 0], np.concatenate([[-1], *share]))
+    if (wrong := ~met | (one[:, 1] != other[:, 1])).any():
+        (a, d), (b, e) = one[wrong.argmax()] + [0, 1], other[wrong.argmax()] + [0, 1]
+        raise ValueError(
+            f"{OWNER}: as {stem}.dof has it, {stem}.mas couples {a}.{d} and {b}.{e}, which no element does; "
+            "is it of another run, or in another order?"
+        )
 
 
 def _read(file: str, owner: str = OWNER) -> str:

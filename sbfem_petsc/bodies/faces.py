@@ -82,7 +82,7 @@ def normal_of(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     vector = np.linalg.svd(x - x.mean(axis=0))[2][2]
     towards = (y.mean(axis=0) - x.mean(axis=0)) @ vector
     if len(x) < 3 or abs(towards) < 1e-9 * np.ptp(x, axis=0).max():
-        raise ValueError("contact: coincident faces do not tell their side; give the normal, left to right")
+        raise ValueError("contact: coincident faces do not tell their side, nor does a wall; give a normal")
     return vector * np.sign(towards)
 
 
@@ -92,7 +92,9 @@ def moving_pairs(
     """The pairs of left nodes whose gaps a displacement moves."""
     moves, slides = (abs(part).max(axis=1).toarray().ravel() > ROUNDING for part in (rows, slips))
     if not moves.any():
-        raise ValueError("contact: all nodes of the faces are held; no displacement moves a gap")
+        raise ValueError(
+            "contact: no displacement moves a gap: all nodes are held, or both faces have the same"
+        )
     if (slides & ~moves).any():
         raise ValueError(
             f"contact: law = {law!r} rubs, and node {one[(slides & ~moves).argmax()]} is held across the "

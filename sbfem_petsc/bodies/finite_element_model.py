@@ -77,7 +77,7 @@ class FiniteElementModel:
         self.stiffness = _matrix("stiffness", stiffness, stiff)
         if self.mass.shape != self.stiffness.shape:
             raise ValueError(
-                f"FiniteElementModel: mass has shape {self.mass.shape}, {self.stiffness.shape} was expected"
+                f"{OWNER}: mass has shape {self.mass.shape}, not {self.stiffness.shape} as stiffness"
             )
         self.unknowns = _labels("unknowns", unknowns, self.mass.shape[0])
         if not isinstance(nodes, Mapping) or not nodes:
@@ -213,8 +213,6 @@ class FiniteElementModel:
         x = self.places[[self._node[a] for a in one]]
         other = None if right is None else self._face("right", right)
         self._warn_of_corners(one)
-        if normal is None and other is None:
-            raise ValueError("contact: a wall needs a normal, from the body to the wall")
         y = x if other is None else self.places[[self._node[a] for a in other]]
         vector = normal_of(x, y) if normal is None else _vector("contact", "normal", normal)
         self._require_outward(one, vector)
@@ -381,17 +379,14 @@ def _labels(name: str, given: Any, count: int) -> np.ndarray:
     pairs = real_array(OWNER, name, given, (count, 2))
     whole = np.array(_whole(OWNER, name, pairs.ravel())).reshape(count, 2)
     if (whole[:, 1] < 0).any() or (whole[:, 1] > 5).any():
-        raise ValueError(
-            f"FiniteElementModel: {name} must be pairs of a node's label and a direction, 0 to 5"
-        )
+        raise ValueError(f"{OWNER}: {name} must be pairs of a node's label and a direction, 0 to 5")
     return whole
 
 
 def _sets(given: Any, nodes: Mapping[int, int]) -> dict[str, tuple[int, ...]]:
     """Labels by name, of nodes that there are."""
-    sets = instance(OWNER, "sets", given, Mapping, "a dict of names to labels")
-    names_of(OWNER, "sets", list(sets))
-    found = {name: _whole(OWNER, f"sets[{name!r}]", labels) for name, labels in sets.items()}
+    names_of(OWNER, "sets", list(instance(OWNER, "sets", given, Mapping, "a dict of names to labels")))
+    found = {name: _whole(OWNER, f"sets[{name!r}]", labels) for name, labels in given.items()}
     for name, labels in found.items():
         require_known(OWNER, f"set {name!r}", labels, nodes)
     return found

@@ -82,6 +82,8 @@ def test_calculix_itself(job):
     assert np.abs((found.mass - right.mass).toarray()).max() < 1e-9 * abs(right.mass).max()
 
 
+# Rows of the file of unknowns by other nodes.
+TURNED = "".join(f"{n}.{d}\n" for n in (*range(23, 33), *range(3, 11), *range(13, 21)) for d in (1, 2, 3))
 # The file that is changed, what is found in it and what takes its place, and the sentence.
 WRONG = [
     ("sti", None, "", r"blocks.sti: there is no such file; .* writes .sti, .mas and .dof"),
@@ -90,8 +92,8 @@ WRONG = [
     ("inp", None, "", r"blocks.inp: there is no such file"),
     ("sti", r"\s\S+\n\Z", "\n", r"blocks.sti is cut, or no matrix"),
     ("sti", r"(.* 78 .*\n)+\Z", "", r"has rows 1 to 77, whole numbers from 1 to 78 were expected"),
-    ("sti", r".*\n\Z", "", r"as many; one is cut, or of another run"),
-    ("mas", r"\A.*\n", "", r"as many; one is cut, or of another run"),
+    ("sti", r".*\n\Z", "", r"as many; one is cut or of another run"),
+    ("mas", r"\A.*\n", "", r"as many; one is cut or of another run"),
     ("sti", r"\A(.*\n)*", "", r"blocks.sti has rows 0 to 0"),
     ("sti", r"\A1 1", "0 1", r"blocks.sti has rows 0 to 78"),
     ("sti", r"\A1 1", "1.5 1", r"blocks.sti has rows 1 to 78, whole numbers"),
@@ -102,6 +104,14 @@ WRONG = [
     ("dof", r"\A3.1", "3.7", r"'3.7' is no node.direction"),
     ("dof", r"\A3.1", "999.1", r"node 999 is not in the deck; elements that CalculiX expands"),
     ("dof", r"\A3.1", "1.1", r"node 3 has no unknown along x"),
+    ("dof", r"\A3.1\n3.2", "3.2\n3.1", r"blocks.mas couples 3.2 and 4.1, which no element does"),
+    (
+        "dof",
+        r"\A(?s:.*)",
+        TURNED,
+        r"couples 25.1 and 27.1, which",
+    ),
+    ("inp", r"\*BOUNDARY\n.*", "", r"node 1 has no unknown along x in .*, and no \*BOUNDARY"),
     ("inp", r"CLAMP, 1", "NOWHERE, 1", r"line 19: 'NOWHERE, 1, 3' is no line of \*BOUNDARY"),
     ("inp", r"\*STEP", "*EQUATION\n2\n3,1,1.,5,1,-1.\n*STEP", r"has \*EQUATION, which changes"),
     ("inp", r"\*STEP", "*tie, name=a\n*STEP", r"has \*TIE, which changes"),

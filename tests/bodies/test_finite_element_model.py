@@ -259,7 +259,7 @@ def test_wrong_models(parts, change, sentence):
         (lambda b: b.at((0.04, 0.0, 0.01), "z"), "2 nodes lie at"),
         (lambda b: b.contact("LEFT", "RIGHT"), "do not tell their side"),
         (lambda b: b.contact("LEFT", [5, 6], normal="x"), "have no partner"),
-        (lambda b: b.contact("LEFT"), "a wall needs a normal"),
+        (lambda b: b.contact("LEFT"), "nor does a wall; give a normal"),
         (lambda b: b.contact("LEFT", normal="x", gap=[1e-6]), r"gap has shape \(1,\), \(2,\) was expected"),
         (lambda b: b.contact("LEFT", normal="x", gap=-1e-6), "overlap"),
         (lambda b: b.contact("LEFT", normal="x", offset=1e-6), "at a wall"),

@@ -37,7 +37,7 @@ class CaseError(ValueError):
         line = problem.line or nearest_line(self.lines, problem.path)
         place = f"{self.file}, line {line}" if line else self.file
         item = f"{written(problem.path)} " if problem.path else ""
-        return f"{place}: {item}{problem.text}."
+        return f"{place}: {item}{problem.text}{'' if problem.text.endswith('?') else '.'}"
 
 
 def nearest_line(lines: Mapping[Path, int], path: Path) -> int | None:
