@@ -48,6 +48,7 @@ __all__ = [
     "factorise",
     "finite",
     "free",
+    "freeing",
     "pivot_signs",
     "make_ksp",
     "negative_eigenvalues",
@@ -147,8 +148,7 @@ def negative_eigenvalues(matrix: PETSc.Mat, what: str) -> int | None:
     comm = matrix.comm.tompi4py()
     if direct_solver(comm)[1] != "mumps":
         return None
-    pc = PETSc.PC().create(comm)
-    try:
+    with freeing(comm, PETSc.PC().create(comm)) as (pc,):
         pc.setOptionsPrefix("modal_inertia_")
         pc.setOperators(matrix)
         pc.setType(PETSc.PC.Type.CHOLESKY)
@@ -159,8 +159,6 @@ def negative_eigenvalues(matrix: PETSc.Mat, what: str) -> int | None:
             factorise(pc, pc.setUp, count_pivots)
         negative = pivot_signs(pc, what)[0]
         pc.getFactorMatrix().destroy()  # before its owner, which would otherwise leave MUMPS' memory behind
-    finally:
-        free(comm, pc)
     return negative
 
 
@@ -352,6 +350,15 @@ def free(comm: MPI.Comm, *items: Any) -> None:
         item.destroy()
 
 
+@contextlib.contextmanager
+def freeing(comm: MPI.Comm, *items: Any) -> Iterator[tuple[Any, ...]]:
+    """Context that gives PETSc objects and destroys them at its end, see `free`."""
+    try:
+        yield items
+    finally:
+        free(comm, *items)
+
+
 def collect(comm: MPI.Comm) -> None:
     """Destroy the objects that Python has let go of, which PETSc keeps until all ranks ask for that.
     Collective.
@@ -368,18 +375,16 @@ def dense_columns(matrix: PETSc.Mat, columns: np.ndarray) -> PETSc.Mat:
     return result
 
 
-def block_solve(ksp: PETSc.KSP, right: PETSc.Mat, result: np.ndarray) -> np.ndarray:
-    """The factor of a direct solver that has solved before applied to a block of right-hand sides, into
-    `result` (owned, k), in Fortran's order. Collective.
+def block_solve(ksp: PETSc.KSP, right: PETSc.Mat) -> np.ndarray:
+    """(owned, k): the factor of a direct solver that has solved before applied to a block of right-hand
+    sides, which are freed. Collective.
     """
-    factor = ksp.getPC().getFactorMatrix()
+    factor, matrix = ksp.getPC().getFactorMatrix(), ksp.getOperators()[0]
     if ksp.getPC().getFactorSolverType() == "mumps":
         factor.setMumpsIcntl(27, _MUMPS_BLOCK)
-    found = dense_columns(ksp.getOperators()[0], result)
-    try:
+    result = np.empty((matrix.getLocalSize()[0], right.getSize()[1]), order="F")
+    with freeing(matrix.comm.tompi4py(), dense_columns(matrix, result), right) as (found, _):
         factor.matSolve(right, found)
-    finally:
-        free(found.comm.tompi4py(), found)
     return result
 
 

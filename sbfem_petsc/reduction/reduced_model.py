@@ -17,7 +17,7 @@ from ..contact.friction import Friction, refuse_friction
 from ..contact.law import RowLaws
 from ..errors import failed_solve
 from ..loads import Load
-from ..petsc import MPI, free, require_thread
+from ..petsc import MPI
 from ..record.record import Record, derived, described, quantity
 from ..system.fields.sampling import Field
 from ..system.fields.tip_facts import TipFacts
@@ -297,18 +297,10 @@ class ReducedModel(Record):
             return Field(self.body.nodal(self.whole(q[None], amplitudes[None], force[None])[0]))
         model, found = self._model("field"), self.modal
         assert found is not None
-        require_thread()
-        right = model.stiffness.createVecRight()
-        solution = right.duplicate()
-        try:
-            columns = model.load_columns(self.loads)
-            right.array = columns.forces @ amplitudes
-            model.contact.rows.add_to(right, force)
-            model.solver.solve(right, solution, "field")
-            static = (self.load_modes @ amplitudes + force @ self.gap.modes) / self.omega**2
-            owned = solution.array_r + found.shapes @ (q - static)
-        finally:
-            free(model.comm, right, solution)
+        columns = model.load_columns(self.loads)
+        pulled = columns.forces @ amplitudes + model.contact.rows.forces(force)
+        static = (self.load_modes @ amplitudes + force @ self.gap.modes) / self.omega**2
+        owned = model.solver.columns(pulled, "field") + found.shapes @ (q - static)
         loads = {number: forces @ amplitudes for number, forces in columns.tip_forces.items()}
         nodal = model.nodal(owned)
         if columns.lift is not None:

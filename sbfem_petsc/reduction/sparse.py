@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import warnings
+from contextlib import closing
 
 import numpy as np
 from scipy import linalg, sparse
 
 from meshing.warnings import SolverWarning
 
-from ..errors import SolveError, caller_level, on_all_ranks
+from ..errors import SolveError, failed_solve, warn, wrong_input
 from ..petsc import (
     MPI,
     PETSc,
     count_pivots,
     factorise,
+    freeing,
     make_ksp,
     negative_eigenvalues,
     pivot_signs,
@@ -70,37 +71,29 @@ def sparse_modes(
     for shift in (0.0, SHIFT * ratio):  # the latter with rigid-body motions
         definite = sparse.csr_matrix(stiffness + shift * mass) if shift else stiffness
         for doubled in range(4):
-            solver = _Columns(comm, definite, "modal_st_")
-            try:
+            with closing(_Columns(comm, definite, "modal_st_")) as solver:
                 if not solver.factorised(sure=shift > 0.0):
                     break
                 found = _solved(solver, (mass, heavy, stiffness), columns, (count, WIDTH << doubled), shift)
-            finally:
-                solver.free()
             if found is None:
                 break
             known, below, result = found
             if below is None:
-                warnings.warn(
+                warn(
                     "reduce_matrices: this PETSc has no MUMPS, which counts eigenvalues: whether modes are "
                     "missing, or a matrix is indefinite, is not known; use one with MUMPS",
                     SolverWarning,
-                    stacklevel=caller_level(),
                 )
             if below is None or below <= known:
                 return result
         else:
-            raise on_all_ranks(
-                SolveError(
-                    f"modal: {below} eigenvalues lie below the last of {count}, but {known} were found; keep "
-                    "another number of modes"
-                )
+            raise failed_solve(
+                f"modal: {below} eigenvalues lie below the last of {count}, but {known} were found; keep "
+                "another number of modes"
             )
-    raise on_all_ranks(
-        SolveError(
-            f"modal: the stiffness is singular to working precision even with {shift:.3g} of the mass "
-            "added: its entries lie too far apart; hold the body, or make what is near rigid softer"
-        )
+    raise failed_solve(
+        f"modal: the stiffness is singular to working precision even with {shift:.3g} of the mass "
+        "added: its entries lie too far apart; hold the body, or make what is near rigid softer"
     )
 
 
@@ -162,13 +155,10 @@ def _pinned(comm: MPI.Comm, stiffness: sparse.csr_matrix, rigid: np.ndarray, rig
     loose[pins] = 0.0
     held = sparse.diags(loose) @ stiffness @ sparse.diags(loose)
     held = sparse.csr_matrix(held + sparse.diags((1.0 - loose) * stiffness.diagonal()))
-    solver = _Columns(comm, held, "modal_pinned_")
-    try:
+    with closing(_Columns(comm, held, "modal_pinned_")) as solver:
         if not solver.factorised(sure=False):  # more motions without energy than modes that show them
             raise _not_held(rigid.shape[1])
         return solver.own(np.asfortranarray(loose[:, None] * right))
-    finally:
-        solver.free()
 
 
 class _Columns:
@@ -202,13 +192,9 @@ class _Columns:
         self, mass: sparse.csr_matrix, count: int, width: int
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """See `lowest_by_slepc`, with some more modes as further vectors of multiple ones. Collective."""
-        inertia = _matrix(mass)
-        try:
-            with collective(self.comm):
-                wanted = min(count + width, mass.shape[0])
-                return lowest_by_slepc(self.ksp, inertia, mass, count, wanted)
-        finally:
-            inertia.destroy()
+        with freeing(MPI.COMM_SELF, _matrix(mass)) as (inertia,), collective(self.comm):
+            wanted = min(count + width, mass.shape[0])
+            return lowest_by_slepc(self.ksp, inertia, mass, count, wanted)
 
     def negative(self, *sums: tuple[float, float, sparse.csr_matrix]) -> list[int | None]:
         """Negative eigenvalues of sums, each so much of the matrix, all of it first if at all, and so much of
@@ -225,22 +211,16 @@ class _Columns:
     def _negative(self, own: float, factor: float, other: sparse.csr_matrix) -> int | None:
         pc = self.ksp.getPC()
         if pc.getFactorSolverType() == "mumps" and _within(other, self.csr):  # its order stays
-            added = _matrix(other)
-            try:
+            with freeing(MPI.COMM_SELF, _matrix(other)) as (added,):
                 self.matrix.scale(own)
                 self.matrix.axpy(factor, added, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-            finally:
-                added.destroy()
             with solving("modal"):
                 factorise(pc, pc.setUp, count_pivots)
             return pivot_signs(pc, "modal")[0]
-        made = _matrix(sparse.csr_matrix(own * self.csr + factor * other))
-        try:
+        with freeing(MPI.COMM_SELF, _matrix(sparse.csr_matrix(own * self.csr + factor * other))) as (made,):
             return negative_eigenvalues(made, "modal")
-        finally:
-            made.destroy()
 
-    def free(self) -> None:
+    def close(self) -> None:
         """Destroy what PETSc has of it."""
         self.ksp.destroy()
         self.matrix.destroy()
@@ -269,22 +249,18 @@ def _lowest(
     sides at a time.
     """
     if shift and by_options():
-        raise on_all_ranks(
-            SolveError(
-                "modal: -modal_eps_ options are for bodies that are held: of others rigid motions take the "
-                "digits of what SLEPc finds; leave these options out, or hold the body"
-            )
+        raise failed_solve(
+            "modal: -modal_eps_ options are for bodies that are held: of others rigid motions take the "
+            "digits of what SLEPc finds; leave these options out, or hold the body"
         )
     if by_options():
         inverse, vectors, inertia = solver.by_slepc(mass, count, width)
         again = solver.of_all(inertia) / inverse
         missed = float(np.sqrt(((again - vectors) * (mass @ (again - vectors))).sum(axis=0)).max())
         if not missed <= RESIDUAL:
-            raise on_all_ranks(
-                SolveError(
-                    f"modal: SLEPc's modes miss their equations by {missed:.1g}, above {RESIDUAL:g}; "
-                    "lower -modal_eps_tol, raise -modal_eps_ncv, or leave -modal_eps_ options out"
-                )
+            raise failed_solve(
+                f"modal: SLEPc's modes miss their equations by {missed:.1g}, above {RESIDUAL:g}; "
+                "lower -modal_eps_tol, raise -modal_eps_ncv, or leave -modal_eps_ options out"
             )
     else:
         inverse, vectors, inertia = lowest(solver.comm, solver.shared, mass, count, width)
@@ -323,10 +299,8 @@ def _within(one: sparse.csr_matrix, other: sparse.csr_matrix) -> bool:
 def _require_mass(negative: int | None) -> None:
     """ValueError where a mass has negative eigenvalues."""
     if negative:
-        raise on_all_ranks(
-            ValueError(
-                f"reduce_matrices: mass is indefinite ({negative} negative eigenvalues); a mass is at least 0"
-            )
+        raise wrong_input(
+            f"reduce_matrices: mass is indefinite ({negative} negative eigenvalues); a mass is at least 0"
         )
 
 
@@ -357,13 +331,11 @@ def _of_nodes(matrix: sparse.csr_matrix, width: int) -> bool:
 
 
 def _indefinite(why: str) -> Exception:
-    return on_all_ranks(ValueError(f"reduce_matrices: stiffness is indefinite ({why})"))
+    return wrong_input(f"reduce_matrices: stiffness is indefinite ({why})")
 
 
 def _not_held(count: int) -> Exception:
-    return on_all_ranks(
-        ValueError(
-            f"reduce_matrices: stiffness admits motions that take no energy beside the lowest {count} modes; "
-            "keep more modes than there are rigid-body motions, hold the system, or give dense matrices"
-        )
+    return wrong_input(
+        f"reduce_matrices: stiffness admits motions that take no energy beside the lowest {count} modes; "
+        "keep more modes than there are rigid-body motions, hold the system, or give dense matrices"
     )

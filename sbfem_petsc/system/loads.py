@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..loads import Load, as_loads
-from ..petsc import PETSc, free, require_thread
+from ..petsc import require_thread
 from ..ranks.parallel import collective
 from ..selement.basis import tabulated
 from .contact.rows import Contact, rows_on
@@ -100,13 +100,10 @@ class NodalForces:
     ----------
     stiffness : Stiffness
     tips : Tips
-    vector : PETSc.Vec or None
-        Over the displacement unknowns; the forces are added to it. None: for checks of places only.
     """
 
-    def __init__(self, stiffness: Stiffness, tips: Tips, vector: PETSc.Vec | None):
+    def __init__(self, stiffness: Stiffness, tips: Tips):
         self._layout, self._elements, self._tips = stiffness.layout, stiffness.elements, tips
-        self._vector = vector
         self.points, self.edge_sets = self._layout.points, self._layout.edge_sets
         self.supports = stiffness.supports
         # forces of the traction modes of the tips that this rank holds, and on its nodes
@@ -176,12 +173,7 @@ class NodalForces:
 
     def _add(self, nodes: np.ndarray, forces: np.ndarray) -> None:
         """Forces (..., 2) or flat on rows of this rank's nodes."""
-        nodes, forces = nodes.ravel(), forces.reshape(-1, 2)
-        np.add.at(self.nodal, nodes, forces)
-        unknowns, values = self._layout.part.unknowns[nodes].ravel(), forces.ravel()
-        keep = unknowns >= 0
-        assert self._vector is not None
-        self._vector.setValues(unknowns[keep].astype(PETSc.IntType), values[keep], addv=True)
+        np.add.at(self.nodal, nodes.ravel(), forces.reshape(-1, 2))
 
 
 def load_columns(stiffness: Stiffness, contact: Contact, tips: Tips, loads: Sequence[Load]) -> LoadColumns:
@@ -190,21 +182,15 @@ def load_columns(stiffness: Stiffness, contact: Contact, tips: Tips, loads: Sequ
     layout, elements = stiffness.layout, stiffness.elements
     columns, collected, nodal, lifts = [], [], [], []
     accelerations = np.zeros((2, len(loads)))
-    vector = stiffness.matrix.createVecRight()
-    try:
-        for k, load in enumerate(loads):
-            vector.set(0.0)
-            assembler = NodalForces(stiffness, tips, vector)
-            for item in as_loads(load).parts:
-                item.assemble(assembler)
-            vector.assemble()
-            lifts.append(assembler.lift)
-            columns.append(vector.array_r.copy())
-            collected.append(assembler.tip_forces)
-            nodal.append(assembler.nodal)
-            accelerations[:, k] = assembler.acceleration
-    finally:
-        free(layout.comm, vector)
+    for k, load in enumerate(loads):
+        assembler = NodalForces(stiffness, tips)
+        for item in as_loads(load).parts:
+            item.assemble(assembler)
+        lifts.append(assembler.lift)
+        columns.append(layout.summed(assembler.nodal))
+        collected.append(assembler.tip_forces)
+        nodal.append(assembler.nodal)
+        accelerations[:, k] = assembler.acceleration
     tip_forces: dict[int, np.ndarray] = {}
     count, factors = len(columns), tips.intensities
     gaps, intensities, flexibility = (

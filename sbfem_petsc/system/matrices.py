@@ -41,11 +41,8 @@ def matrices(stiffness: Stiffness, contact: Contact) -> Matrices:
     """See `Structure.matrices`."""
     if stiffness.layout.comm.size > 1:
         raise wrong_input("Model.matrices: the model is on several ranks; make it on one")
-    pencil = Pencil(stiffness, 1.0, 0.0)
-    try:
+    with Pencil(stiffness, 1.0, 0.0) as pencil:
         whole, mass = (_in_scipy(matrix) for matrix in (pencil.stiffness, pencil.mass))
-    finally:
-        pencil.destroy()
     rows = contact.rows.matrix
     gaps = sparse.csr_matrix((rows.data, rows.indices, rows.indptr), shape=(rows.shape[0], whole.shape[0]))
     return Matrices(whole, mass, gaps, contact.initial, contact.flexibility)

@@ -256,7 +256,7 @@ class Structure:
     def checked_loads(self, load: Any, constant: bool = True) -> Loads:
         """The loads, each with an existing place and finite components, or signals unless `constant`."""
         loads = as_loads(load)
-        places = NodalForces(self.statics, self.tips, None)
+        places = NodalForces(self.statics, self.tips)
         for item in loads.parts:
             item.check(places, constant)
         return loads

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
-from ...petsc import MPI, PETSc, block_solve, check_ksp, dense_columns, direct_solver, free, make_ksp
+from ...petsc import MPI, PETSc, block_solve, check_ksp, dense_columns, direct_solver, free, freeing, make_ksp
 from ...ranks.capacity import give_back
 from ..solve.assembly import from_rows
 from ..solve.stiffness import Stiffness
@@ -205,8 +205,7 @@ class _Factorised:
     def _solve(self, forces: np.ndarray, gaps: np.ndarray) -> tuple[np.ndarray, float]:
         """This rank's part of the solution, and its residual relative to the right-hand side."""
         right, solution = self._matrix.createVecs()
-        residual = right.duplicate()
-        try:
+        with freeing(self._comm, right.duplicate(), right, solution) as (residual, *_):
             right.array[: self._owned] = forces
             if self._comm.rank == self._last:
                 right.array[self._owned :] = self._scale * gaps
@@ -215,8 +214,6 @@ class _Factorised:
             self._matrix.mult(solution, residual)
             residual.axpy(-1.0, right)
             return solution.array_r.copy(), residual.norm() / max(right.norm(), np.finfo(float).tiny)
-        finally:
-            free(self._comm, right, solution, residual)
 
     def _respond(self, rows: np.ndarray) -> None:
         """Answers of the factor to the further borders of some rows."""
@@ -233,12 +230,7 @@ class _Factorised:
                     columns[self._owned :, k] = -(self._scale**2) * own[k]
         for start in range(0, len(rows), _BLOCK):
             some = np.asfortranarray(columns[:, start : start + _BLOCK])
-            given = dense_columns(self._matrix, some)
-            try:
-                solved = block_solve(self._ksp, given, np.empty(some.shape, order="F"))
-            finally:
-                free(self._comm, given)
-            gaps, forces = self._parts(solved)
+            gaps, forces = self._parts(block_solve(self._ksp, dense_columns(self._matrix, some)))
             self._gaps = np.concatenate([self._gaps, gaps], axis=1)
             self._forces = np.concatenate([self._forces, forces], axis=1)
         self._rows = np.concatenate([self._rows, rows])

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...petsc import PETSc, asked, check_ksp, configure, free, scripted
+from ...petsc import PETSc, asked, check_ksp, configure, free, freeing, scripted
 from ..solve.stiffness import Stiffness
 from .rows import Contact
 
@@ -51,7 +51,6 @@ class Dual:
         self._vector = PETSc.Vec().createMPI(count, comm=comm)
         self._own = slice(*self._vector.getOwnershipRange())
         self._all, self._copy = PETSc.Scatter.toAll(self._vector)
-        self._right, self._solution = stiffness.matrix.createVecs()
         self._active = np.zeros(count, dtype=bool)
         size = (self._vector.getSizes(), self._vector.getSizes())
         self._matrix = PETSc.Mat().createPython(size, context=self, comm=comm)
@@ -80,8 +79,7 @@ class Dual:
     def closed(self, active: np.ndarray, gap: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """To the tolerance of now."""
         self._active = active
-        right, found = self._vector.duplicate(), self._vector.duplicate()
-        try:
+        with freeing(self._comm, self._vector.duplicate(), self._vector.duplicate()) as (right, found):
             right.array = np.where(active, -gap, 0.0)[self._own]
             found.array = np.where(active, force, 0.0)[self._own]
             self._ksp.setTolerances(rtol=self._tolerance, divtol=_FAR, max_it=2000)
@@ -89,8 +87,6 @@ class Dual:
                 self._ksp.solve(right, found)
             check_ksp(self._ksp, "static contact")
             force = self._everywhere(found)
-        finally:
-            free(self._comm, right, found)
         return force, self._moved(force)
 
     def sharpen(self) -> bool:
@@ -100,10 +96,8 @@ class Dual:
 
     def _moved(self, force: np.ndarray) -> np.ndarray:
         """W force, (c,), on all ranks."""
-        self._right.set(0.0)
-        self._rows.add_to(self._right, force)
-        self._solver.solve(self._right, self._solution, "static contact")
-        return self._rows(self._solution.array_r) + self._contact.flexibility @ force
+        moved = self._solver.columns(self._rows.forces(force), "static contact")
+        return self._rows(moved) + self._contact.flexibility @ force
 
     def _everywhere(self, vector: PETSc.Vec) -> np.ndarray:
         self._all.scatter(vector, self._copy)
@@ -118,5 +112,4 @@ class Dual:
     def close(self) -> None:
         """Free PETSc's objects."""
         self._matrix.setType(PETSc.Mat.Type.AIJ)
-        items = (self._ksp, self._matrix, self._all, self._copy, self._vector)
-        free(self._comm, *items, self._right, self._solution)
+        free(self._comm, self._ksp, self._matrix, self._all, self._copy, self._vector)

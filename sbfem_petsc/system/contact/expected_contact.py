@@ -11,7 +11,7 @@ from scipy import sparse
 
 from meshing.gll import gll_nodes
 
-from ...petsc import PETSc, free, make_ksp
+from ...petsc import PETSc, freeing, make_ksp
 from ...selement.coefficients import edge_nodes
 from ..elements.elements import Elements
 from ..solve.assembly import from_rows
@@ -41,8 +41,10 @@ def expected_contact(
     coarse.setOption(PETSc.Mat.Option.SPD, True)
     ksp = make_ksp(coarse, "static_coarse_")
     field, right = along.createVecs(side="left"), coarse.createVecRight()
-    solution = right.duplicate()
-    try:
+    with freeing(stiffness.layout.comm, right.duplicate(), ksp, coarse, along, field, right) as (
+        solution,
+        *_,
+    ):
         field.array = forces
         size = field.norm()
         along.multTranspose(field, right)
@@ -52,8 +54,6 @@ def expected_contact(
         # what a poor guess does is another factorisation
         found = ksp.getConvergedReason() > 0 and np.isfinite(field.norm()) and state.any()
         return state if found and not stiffness.refinement.needed(size, field.norm()) else None
-    finally:
-        free(stiffness.layout.comm, ksp, coarse, along, field, right, solution)
 
 
 def _along_edges(elements: Elements) -> PETSc.Mat:

@@ -111,6 +111,11 @@ class Refinement:
         """
         return self.scale * solution > NEEDED * right
 
+    def needed_by(self, right: np.ndarray, solution: np.ndarray) -> bool:
+        """The same of right-hand sides (owned,) or (owned, c) and their solutions. Collective."""
+        sums = np.sqrt(np.stack([self._dot(part, part) for part in (right, solution)]))
+        return any(self.needed(*pair) for pair in sums.reshape(2, -1).T)
+
     @property
     def operator(self) -> ElementStiffness:
         if self._operator is None:

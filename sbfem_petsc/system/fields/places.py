@@ -4,7 +4,6 @@ forces.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,7 +14,7 @@ from scipy import sparse
 from meshing.warnings import PlaceWarning
 
 from ...checks import integer, real, shown
-from ...errors import caller_level
+from ...errors import warn
 from ...petsc import MPI
 from ...ranks.parallel import collective
 from ...selement.coefficients import edge_nodes
@@ -258,13 +257,12 @@ def _warn_of_faces(tips: Tips, points: list[tuple[float, float]], held: list) ->
         return
     first = min(found)
     others = f" and {len(found) - 1} more" if len(found) > 1 else ""
-    warnings.warn(
+    warn(
         f"the point ({points[first][0]:g}, {points[first][1]:g}) m{others} lies where both faces of "
         f"{tips.layout.cracks[found[first]].name} are: displacement and stress are those of one side, "
         "that of the S-element with the lower number; ask 1e-6 of the crack's length beside it for the "
         "side you mean",
         PlaceWarning,
-        stacklevel=caller_level(),
     )
 
 

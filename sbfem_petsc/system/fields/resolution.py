@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.polynomial import legendre
 from meshing.gll import gll_nodes, lagrange_values
 from meshing.warnings import MeshWarning
 
-from ...errors import caller_level, listed
+from ...errors import listed, warn
 from ...selement.coefficients import edge_nodes
 from ...selement.sectors import Sectors
 from ...selement.solution import SElement, solve_selement
@@ -117,12 +116,11 @@ def warn_of_band(owner: str, found: Modal, ratios: np.ndarray, highest: float) -
         return
     statics, top = found.model.statics, float(found.frequencies[-1])
     if top < 2.0 * highest:
-        warnings.warn(
+        warn(
             f"{owner}: the load has frequencies up to {highest:.4g} Hz, and the highest of the "
             f"{len(found.frequencies)} modes is at {top:.4g} Hz, less than twice as high: what the others do "
             f"at {highest:.4g} Hz is missing; ask for more modes, or smaller cells, which have more",
             MeshWarning,
-            stacklevel=caller_level(),
         )
     near = np.flatnonzero(found.frequencies <= 1.2 * highest)[-LOOKED_AT:]
     if not len(near) or not needs_look(statics.elements, 2.0 * float(found.frequencies[near[-1]])):
@@ -161,13 +159,12 @@ def warn_of_jumps(
     statics, most = found.model.statics, shares.max(axis=0, initial=0.0)
     missing = 1.0 - shares.sum(axis=1).min(initial=1.0)
     if missing > WARNED_MISSING and not whole:
-        warnings.warn(
+        warn(
             f"{owner}: a load jumps, or has no known highest frequency, and {missing:.1g} of the "
             f"displacement under it is that of modes above the {len(most)} computed ones, which end at "
             f"{found.frequencies[-1]:.4g} Hz: it follows the load at once instead of swinging; ask for more "
             "modes",
             MeshWarning,
-            stacklevel=caller_level(),
         )
     moved = np.flatnonzero(most > WARNED_AMPLITUDE)
     if not len(moved) or not needs_look(statics.elements, 2.0 * float(found.frequencies[moved[-1]])):
@@ -196,13 +193,12 @@ def warn_of_tips(owner: str, tips: Tips) -> None:
     if errors.max(initial=0.0) <= WARNED_FACTOR:
         return
     worst = int(np.argmax(errors))
-    warnings.warn(
+    warn(
         f"{owner}: around the tip {tips.intensities.names[worst]} the stresses of the anisotropic material "
         f"change too fast for edges of order {order}: K_I and K_II are off by about {errors[worst]:.1g} of "
         f"themselves, stresses next to the tip by more; take a higher order (order={order + 2} or more "
         "in mesh), or accuracy= of static",
         MeshWarning,
-        stacklevel=caller_level(),
     )
 
 
@@ -240,7 +236,7 @@ def _warn(what: str, statics: Stiffness, frequency: float) -> None:
             f". Supports on single points ({listed(points)}) may be the reason as well: a body gives way to "
             "a point without limit as cells shrink; hold short edges instead"
         )
-    warnings.warn(f"{what}: {why}", MeshWarning, stacklevel=caller_level())
+    warn(f"{what}: {why}", MeshWarning)
 
 
 def _kept_errors(found: Modal, modes: Sequence[int]) -> np.ndarray:

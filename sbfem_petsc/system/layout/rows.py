@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import sparse
 
-from ...petsc import MPI, PETSc
+from ...petsc import MPI
 from ..solve.assembly import Triples, route
 
 
@@ -103,9 +103,9 @@ class Rows:
         self.comm.Allreduce(MPI.IN_PLACE, result)
         return result
 
-    def add_to(self, vector: PETSc.Vec, weights: np.ndarray) -> None:
-        """vector += rows^T weights."""
-        vector.array[:] += self._transposed @ weights
+    def forces(self, weights: np.ndarray) -> np.ndarray:
+        """(owned,): rows^T weights."""
+        return self._transposed @ weights
 
     def columns(self, chosen: slice | np.ndarray) -> np.ndarray:
         """(owned, k) dense transposes of some rows."""

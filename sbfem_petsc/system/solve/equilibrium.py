@@ -12,7 +12,7 @@ import numpy as np
 
 from ...contact.complementarity import Complementarity, active_set, solve_complementarity
 from ...contact.friction import Memory, solve_friction
-from ...petsc import free, stage
+from ...petsc import freeing, stage
 from ..contact import bordered_contact, dual_contact
 from ..contact.expected_contact import expected_contact
 from ..contact.rows import Contact
@@ -119,39 +119,31 @@ def _from_free_gaps(
     """The linear solution, what contact does to its gaps, and the solution with the contact forces."""
     stiffness, operator, tips = owners
     solver = stiffness.solver
-    right, solution = stiffness.matrix.createVecs()
-    try:
-        right.array = load.forces[:, 0]
-        solver.solve(right, solution, "static")
-        gap = operator.rows(solution.array_r) + load.gaps[:, 0] + operator.initial
-        result: Complementarity | None = None
-        laws, friction, lost = operator.laws, operator.friction, 0.0
-        touching = closing and laws.touched(gap[: len(laws)]).any()
-        if friction is not None:
-            former = Memory.none(laws, friction) if memory is None else memory
-            if touching:
-                result = solve_friction(
-                    operator.compliance(stiffness, tips).gaps, gap, laws, friction, former
-                )
-        elif touching:
-            # bordered matrices have the round-off of the assembled stiffness
-            refined = stiffness.refinement.needed(right.norm(), solution.norm())
-            if not refined:
-                result = _without_flexibility(stiffness, operator, gap)
-            if result is None:
-                result = solve_complementarity(operator.compliance(stiffness, tips).gaps, gap, laws)
+    right = load.forces[:, 0]
+    owned = solver.columns(right, "static")
+    gap = operator.rows(owned) + load.gaps[:, 0] + operator.initial
+    result: Complementarity | None = None
+    laws, friction, lost = operator.laws, operator.friction, 0.0
+    touching = closing and laws.touched(gap[: len(laws)]).any()
+    if friction is not None:
+        former = Memory.none(laws, friction) if memory is None else memory
+        if touching:
+            result = solve_friction(operator.compliance(stiffness, tips).gaps, gap, laws, friction, former)
+    elif touching:
+        # bordered matrices have the round-off of the assembled stiffness
+        refined = stiffness.refinement.needed_by(right, owned)
+        if not refined:
+            result = _without_flexibility(stiffness, operator, gap)
         if result is None:
-            slip = np.empty(0) if friction is None else former.slip
-            result = Complementarity(np.zeros(len(gap)), gap, np.zeros(len(gap), dtype=np.int8), 0, slip)
-        else:
-            operator.rows.add_to(right, result.force)
-            solver.solve(right, solution, "static")
-        if friction is not None:
-            memory = Memory.of(result, len(laws))
-            lost = memory.lost_since(former, friction)
-        owned = solution.array_r.copy()
-    finally:
-        free(stiffness.layout.comm, right, solution)
+            result = solve_complementarity(operator.compliance(stiffness, tips).gaps, gap, laws)
+    if result is None:
+        slip = np.empty(0) if friction is None else former.slip
+        result = Complementarity(np.zeros(len(gap)), gap, np.zeros(len(gap), dtype=np.int8), 0, slip)
+    else:
+        owned = solver.columns(right + operator.rows.forces(result.force), "static")
+    if friction is not None:
+        memory = Memory.of(result, len(laws))
+        lost = memory.lost_since(former, friction)
     return _Found(owned, result, True, None if friction is None else memory, lost)
 
 
@@ -177,19 +169,16 @@ def _at_once(stiffness: Stiffness, contact: Contact, load: LoadColumns) -> _Foun
 def _imbalance(stiffness: Stiffness, contact: Contact, load: LoadColumns, found: _Found) -> float:
     """How well forces are in balance, see `Equilibrium.residual`."""
     solution, right = stiffness.matrix.createVecs()
-    residual = right.duplicate()
-    try:
+    with freeing(stiffness.layout.comm, right.duplicate(), right, solution) as (residual, *_):
         right.array, solution.array = load.forces[:, 0], found.owned
         scale = right.norm()
-        contact.rows.add_to(right, found.result.force)
+        right.array += contact.rows.forces(found.result.force)
         stiffness.matrix.mult(solution, residual)
         residual.axpy(-1.0, right)
         if found.refined and stiffness.refinement.needed(right.norm(), solution.norm()):
             # the product with the assembled stiffness is round-off; what refinement still moves tells
             return stiffness.refinement.correction
         return float(residual.norm() / scale) if scale > 0 else 0.0
-    finally:
-        free(stiffness.layout.comm, solution, right, residual)
 
 
 @stage("Contact")

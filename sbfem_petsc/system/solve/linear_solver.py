@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
-from ...petsc import MPI, PETSc, block_solve, check_ksp, dense_columns, free
+from ...petsc import MPI, PETSc, block_solve, check_ksp, dense_columns, freeing, set_up
+from ..elements.element_stiffness import Refinement
 from ..layout.rows import Rows
 
 
@@ -17,85 +18,99 @@ class LinearSolver:
     ksp : PETSc.KSP
     matrix : PETSc.Mat
         Its operator. Whoever has made them frees them.
+    refinement : Refinement, optional
+        Of solutions whose digits the round-off of the matrix would reach.
 
     Attributes
     ----------
     direct : bool
         Whether it is a factor and nothing else: products of a factor with a block of columns read it once.
+    factorised : bool
+        Whether the KSP is set up.
     most : int
         Most iterations of a solve so far.
     """
 
-    def __init__(self, ksp: PETSc.KSP, matrix: PETSc.Mat):
-        self.ksp, self.matrix = ksp, matrix
+    def __init__(self, ksp: PETSc.KSP, matrix: PETSc.Mat, refinement: Refinement | None = None):
+        self.ksp, self.matrix, self.refinement = ksp, matrix, refinement
         self.direct = ksp.getType() == "preonly" and ksp.getPC().getType() in ("cholesky", "lu")
-        self.most = 0
+        self.factorised, self.most = True, 0
         self._comm = self.matrix.comm.tompi4py()
         self._checked = False
 
     def solve(self, right: PETSc.Vec, solution: PETSc.Vec, what: str) -> None:
         """Solve for one vector; `what` names the solve in its error."""
-        self.ksp.solve(right, solution)
-        check_ksp(self.ksp, what)
-        self.most = max(self.most, self.ksp.getIterationNumber())
+        self._solve(right, solution, what)
+        if self.refinement is None or not self.refinement.needed(right.norm(), solution.norm()):
+            return
+        with freeing(self._comm, right.duplicate(), solution.duplicate()) as (change, spare):
+
+            def again(residual: np.ndarray) -> np.ndarray:
+                change.array = residual
+                self._solve(change, spare, what)
+                return spare.array_r.copy()
+
+            solution.array = self.refinement.refine(right.array_r.copy(), solution.array_r.copy(), again)
 
     def columns(self, right: np.ndarray, what: str) -> np.ndarray:
-        """Solve for (owned, k) columns, (owned, k)."""
-        result = np.empty(right.shape, order="F")
-        if self.direct and right.shape[1] > 1:
-            self._check(what)
-            given = dense_columns(self.matrix, np.asfortranarray(right))
-            try:
-                return block_solve(self.ksp, given, result)
-            finally:
-                free(self._comm, given)
-        source, target = self.matrix.createVecs()
-        try:
-            for k in range(right.shape[1]):
-                source.array = right[:, k]
-                self.solve(source, target, what)
-                result[:, k] = target.array_r
-        finally:
-            free(self._comm, source, target)
-        return result
+        """Solve for (owned, k) columns, (owned, k), or for one (owned,)."""
+        if right.ndim == 1:
+            return self.columns(right[:, None], what)[:, 0]
+        return self._refined(right, self._columns(right, what), what)
 
     def of_rows(self, rows: Rows, chosen: slice, what: str) -> np.ndarray:
         """Solve for the transposes of some rows, (owned, k). Collective.
 
         MUMPS passes over the zeros of right-hand sides that rank 0 has without them.
         """
-        if not self.direct:
+        if not self.direct or self.ksp.getPC().getFactorSolverType() != "mumps":
             return self.columns(rows.columns(chosen), what)
         self._check(what)
-        some = rows.matrix[chosen].tocsr()
-        result = np.empty((self.matrix.getLocalSize()[0], some.shape[0]), order="F")
-        if self.ksp.getPC().getFactorSolverType() != "mumps":
-            given = turned = dense_columns(self.matrix, rows.columns(chosen))
-        else:
-            first, size = self.matrix.getOwnershipRange()[0], self.matrix.getSize()[0]
-            whole, (count, width) = _on_first_rank(rows.comm, some, first, size)
-            given = PETSc.Mat().createAIJ(
-                ((count, None), (width, size)),
-                csr=(whole.indptr.astype(PETSc.IntType), whole.indices.astype(PETSc.IntType), whole.data),
-                comm=self.matrix.comm,
-            )
-            turned = PETSc.Mat().createTranspose(given)
-        try:
-            return block_solve(self.ksp, turned, result)
-        finally:
-            free(rows.comm, turned, *([given] if turned is not given else []))
+        first, size = self.matrix.getOwnershipRange()[0], self.matrix.getSize()[0]
+        whole, (count, width) = _on_first_rank(rows.comm, rows.matrix[chosen].tocsr(), first, size)
+        given = PETSc.Mat().createAIJ(
+            ((count, None), (width, size)),
+            csr=(whole.indptr.astype(PETSc.IntType), whole.indices.astype(PETSc.IntType), whole.data),
+            comm=self.matrix.comm,
+        )
+        with freeing(rows.comm, given):
+            found = block_solve(self.ksp, PETSc.Mat().createTranspose(given))
+        return found if self.refinement is None else self._refined(rows.columns(chosen), found, what)
+
+    def _solve(self, right: PETSc.Vec, solution: PETSc.Vec, what: str) -> None:
+        """Without refinement."""
+        if not self.factorised:
+            set_up(self.ksp)
+            self.factorised = True
+        self.ksp.solve(right, solution)
+        check_ksp(self.ksp, what)
+        self.most = max(self.most, self.ksp.getIterationNumber())
+
+    def _columns(self, right: np.ndarray, what: str) -> np.ndarray:
+        """Without refinement."""
+        if self.direct and right.shape[1] > 1:
+            self._check(what)
+            return block_solve(self.ksp, dense_columns(self.matrix, np.asfortranarray(right)))
+        result = np.empty(right.shape, order="F")
+        with freeing(self._comm, *self.matrix.createVecs()) as (source, target):
+            for k in range(right.shape[1]):
+                source.array = right[:, k]
+                self._solve(source, target, what)
+                result[:, k] = target.array_r
+        return result
+
+    def _refined(self, right: np.ndarray, solution: np.ndarray, what: str) -> np.ndarray:
+        if self.refinement is None or not self.refinement.needed_by(right, solution):
+            return solution
+        return self.refinement.refine(right, solution, lambda residual: self._columns(residual, what))
 
     def _check(self, what: str) -> None:
         """One solve through the KSP: it factorises, and its reason tells a factorisation that failed."""
-        if self._checked:
-            return
-        source, target = self.matrix.createVecs()
-        try:
-            source.set(1.0)
-            self.solve(source, target, what)
-        finally:
-            free(self._comm, source, target)
-        self._checked = True
+        if not self._checked:
+            with freeing(self._comm, *self.matrix.createVecs()) as (source, target):
+                source.set(1.0)
+                self._solve(source, target, what)
+            self._checked = True
 
 
 def _on_first_rank(

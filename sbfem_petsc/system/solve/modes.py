@@ -8,8 +8,19 @@ from typing import NamedTuple
 import numpy as np
 
 from ...errors import failed_solve, wrong_input
-from ...petsc import MPI, PETSc, SLEPc, configure, free, scripted, solver_name, solving, stage, stepping
-from ...ranks.capacity import give_back
+from ...petsc import (
+    MPI,
+    PETSc,
+    SLEPc,
+    configure,
+    free,
+    freeing,
+    scripted,
+    solver_name,
+    solving,
+    stage,
+    stepping,
+)
 from ..elements.element_stiffness import NEEDED
 from ..elements.elements import Elements
 from .demand import require_modes
@@ -76,12 +87,8 @@ def lowest_modes(
     require_modes(stiffness.elements, count, _basis(count, 0), auxiliary_tolerance == 0.0)
     highest = top_of_band(stiffness.elements, count)
     while True:
-        pencil = Pencil(stiffness, highest, auxiliary_tolerance)
-        try:
+        with Pencil(stiffness, highest, auxiliary_tolerance) as pencil:
             found = _solve_lowest(pencil, count, verify)
-        finally:
-            pencil.destroy()
-            give_back(stiffness.layout.count)
         reached = 2.0 * math.pi * float(found.frequencies[-1])
         if reached <= highest:
             return found
@@ -92,12 +99,8 @@ def lowest_modes(
 def modes_below(stiffness: Stiffness, frequency: float) -> int | None:
     """Number of modes below a frequency, Hz; None where the direct solver does not tell it. Collective."""
     omega = 2.0 * math.pi * frequency
-    pencil = Pencil(stiffness, omega, TOLERANCE)
-    try:
+    with Pencil(stiffness, omega, TOLERANCE) as pencil:
         return pencil.eigenvalues_below(omega**2)
-    finally:
-        pencil.destroy()
-        give_back(stiffness.layout.count)
 
 
 def _basis(count: int, attempt: int) -> int:
@@ -150,10 +153,8 @@ def modes_in_band(
     middle = float(ends.mean())
     require_modes(stiffness.elements, 8, _basis(8, 0))
     # half as high again: what is left out has its largest effect at the top, where frequencies are asked for
-    pencil = Pencil(stiffness, 1.5 * float(np.sqrt(ends[1])), auxiliary_tolerance)
-    count, most = 8, pencil.unknowns // 2
-    try:
-        expected = None
+    with Pencil(stiffness, 1.5 * float(np.sqrt(ends[1])), auxiliary_tolerance) as pencil:
+        count, most, expected = 8, pencil.unknowns // 2, None
         below = pencil.eigenvalues_below(ends[1]) if verify else None
         if below is not None:
             lower = pencil.eigenvalues_below(ends[0]) if ends[0] > 0.0 else 0
@@ -177,8 +178,6 @@ def modes_in_band(
             if reached and (expected is None or near.sum() >= expected):
                 return found.selected(keep)
             count = min(2 * count, most)
-    finally:
-        pencil.destroy()
     raise failed_solve(
         f"modal: the band of {low:g} to {high:g} Hz holds {expected} frequencies, but the eigensolver "
         f"found {len(keep)}; raise -modal_eps_ncv or tighten -modal_eps_tol"
@@ -329,29 +328,23 @@ def _products(matrix: PETSc.Mat, columns: np.ndarray) -> np.ndarray:
 
     One by one: PETSc 3.18 crashes in products of matrices kept by halves with blocks of columns.
     """
-    right, left = matrix.createVecs()
     result = np.empty_like(columns)
-    for k, column in enumerate(columns.T):
-        right.array = column
-        matrix.mult(right, left)
-        result[:, k] = left.array_r
-    right.destroy()
-    left.destroy()
+    with freeing(matrix.comm.tompi4py(), *matrix.createVecs()) as (right, left):
+        for k, column in enumerate(columns.T):
+            right.array = column
+            matrix.mult(right, left)
+            result[:, k] = left.array_r
     return result
 
 
 def _change(pencil: Pencil, solve: CondensedSolve, shape: np.ndarray, forces: np.ndarray) -> float:
     """||K^-1 f - x|| / ||x|| of a mode x and its forces f = w2 M x. Collective."""
-    left, right = pencil.stiffness.createVecs()
-    try:
+    comm = pencil.layout.comm
+    with freeing(comm, *pencil.stiffness.createVecs()) as (left, right):
         right.array = forces
         solve.apply(None, right, left)
         left.array -= shape
-        size = math.sqrt(float(pencil.layout.comm.allreduce(shape @ shape)))
-        return left.norm() / size
-    finally:
-        left.destroy()
-        right.destroy()
+        return left.norm() / math.sqrt(float(comm.allreduce(shape @ shape)))
 
 
 def _inner(comm: MPI.Comm, one: np.ndarray, other: np.ndarray) -> np.ndarray:

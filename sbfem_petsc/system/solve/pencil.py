@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...petsc import PETSc, dense_columns, direct_solver, free, make_ksp, negative_eigenvalues
+from ...petsc import PETSc, dense_columns, direct_solver, free, freeing, make_ksp, negative_eigenvalues
 from ...ranks.capacity import give_back
 from ...ranks.parallel import alone
 from ...selement.dense import cholesky, lower_solve, symmetric_eigen
@@ -202,18 +202,22 @@ class Pencil:
         """
         if direct_solver(self.layout.comm)[1] != "mumps":  # before a matrix is made for it
             return None
-        matrix = self.condensed(shift)
-        try:
+        with freeing(self.layout.comm, self.condensed(shift)) as (matrix,):
             negative = negative_eigenvalues(matrix, "modal")
-        finally:
-            free(self.layout.comm, matrix)
         own = int((self.auxiliary_diagonal(shift) < 0.0).sum())
         return None if negative is None else negative + self.layout.comm.allreduce(own)
+
+    def __enter__(self) -> Pencil:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.destroy()
 
     def destroy(self) -> None:
         """Free the PETSc matrices."""
         made = (self.stiffness, self.mass, self._coupling)
         free(self.layout.comm, *(matrix for matrix in made if matrix is not None))
+        give_back(self.layout.count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -395,10 +399,10 @@ class CondensedSolve:
             self.ksp = copy.copy(solver.ksp)  # the stiffness is factorised
         else:
             self.ksp = make_ksp(self.matrix, prefix, definite)
-        self._solver = LinearSolver(self.ksp, self.matrix)
         # without a shift the lowest modes of slender structures need more digits than the assembled stiffness
         # has
         self.refinement = pencil.statics.refinement if shift == 0.0 else None
+        self._solver = LinearSolver(self.ksp, self.matrix, self.refinement)
         self.diagonal = pencil.auxiliary_diagonal(shift)
         self.right, self.left = self.matrix.createVecs()
         if shift != 0.0:
@@ -413,10 +417,7 @@ class CondensedSolve:
         if self.shift != 0.0:
             self.auxiliary.array = self.shift * scaled
             self.pencil.coupling.multAdd(self.auxiliary, self.right, self.right)
-        self._solve()
-        if self.refinement and self.refinement.needed(self.right.norm(), self.left.norm()):
-            given, found = self.right.array_r.copy(), self.left.array_r.copy()
-            self.left.array = self.refinement.refine(given, found, self._again)
+        self._solver.solve(self.right, self.left, self.what)
         if self.shift != 0.0:
             self.pencil.coupling.multTranspose(self.left, self.auxiliary)
             scaled = scaled + self.shift * self.auxiliary.array_r / self.diagonal
@@ -435,14 +436,6 @@ class CondensedSolve:
                 self.pencil.coupling.multTranspose(self.left, self.auxiliary)
                 found[len(upper) :, k] = self.shift * self.auxiliary.array_r / self.diagonal
         return found
-
-    def _solve(self) -> None:
-        self._solver.solve(self.right, self.left, self.what)
-
-    def _again(self, residual: np.ndarray) -> np.ndarray:
-        self.right.array = residual
-        self._solve()
-        return self.left.array_r.copy()
 
     def release(self) -> None:
         """Free the PETSc objects and let go of the pencil: PETSc may keep this context longer than it is of
