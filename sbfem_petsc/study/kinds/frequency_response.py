@@ -13,7 +13,7 @@ from ...options import item
 from ...record.about import Quantity
 from ...record.found import Found, column, labelled, of_points
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
-from .kind import Drawn, Kind, Loaded, Run
+from .kind import Drawn, Loaded, Reducible, Run
 
 # Of a resonance: where `Branch.peak` has it, unit, and what it is.
 _PEAK = {
@@ -26,36 +26,18 @@ _PEAK = {
 }
 
 
-class Curve(Kind):
+class Curve(Reducible):
     """A kind whose result is a response curve."""
 
-    reduced: bool = item(True, text="false: the unreduced model")
+    of_reduced = {"accuracy": (None,), "stability": (None, False)}
     rubs = True
     running = saved = True
     details = ("harmonics",)
     captions = {"curve": "response curve"}
 
-    def contradictions(self) -> Iterator[tuple[str, str]]:
-        """What curves of the unreduced model have not, too."""
-        yield from super().contradictions()
-        if self.reduced:
-            return
-        asked: Any = self  # options of the curves themselves
-        if asked.accuracy is not None:
-            yield "accuracy", "is for the reduced model; leave out reduced = false or accuracy"
-        if asked.stability:
-            yield "stability", "= true is for the reduced model; leave out reduced = false or stability"
-        if getattr(asked, "parameter", "load") != "load":
-            yield "parameter", f'= "{asked.parameter}" is for the reduced model; leave out reduced = false'
-
     @property
     def frictionless(self) -> str | None:
         return None if self.reduced else " of the unreduced model"
-
-    @property
-    def reduction(self) -> str | None:
-        """Argument of the function."""
-        return "modes" if self.reduced else None
 
     def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
         unstable = float(result.unstable.sum()) if result.stability_known else math.nan
@@ -85,7 +67,7 @@ class Curve(Kind):
             )
 
 
-class FrequencyResponse(FrequencyResponseOptions, Curve, Loaded):
+class FrequencyResponse(Curve, FrequencyResponseOptions, Loaded):
     """Steady states over the forcing frequency, through folds; the linear response without contact."""
 
     kind: Literal["frequency_response"] = item(text="response curve over the frequency")

@@ -4,6 +4,7 @@ estimates do with it.
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -294,6 +295,33 @@ class Loaded(Kind):
     def acting(self, case: Given) -> Any:
         """The loads."""
         return objects.load(case, self.load, self.factor)
+
+
+class Reducible(Kind):
+    """A kind whose model may be unreduced.
+
+    Attributes
+    ----------
+    of_reduced : dict of str to tuple
+        Options that are for the reduced model, and the values that the unreduced one takes of them.
+    """
+
+    reduced: bool = item(True, text="false: the unreduced model")
+    of_reduced: ClassVar[dict[str, tuple[Any, ...]]] = {"accuracy": (None,)}
+
+    @property
+    def reduction(self) -> str | None:
+        """Argument of the function."""
+        return "modes" if self.reduced else None
+
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """What the unreduced model has not, too."""
+        yield from super().contradictions()
+        for name, taken in () if self.reduced else self.of_reduced.items():
+            value = getattr(self, name)
+            if value not in taken:
+                words = f"= {json.dumps(value)} is for the reduced model; leave out reduced = false or {name}"
+                yield name, words
 
 
 class TwoTones(Kind):

@@ -16,13 +16,14 @@ from .kind import LOAD, PERIODIC, Run
 from .periodic import common_period
 
 
-class LoadResponse(LoadResponseOptions, Curve):
+class LoadResponse(Curve, LoadResponseOptions):
     """Steady states at a fixed frequency over a factor on the oscillating loads, the damping or the gaps."""
 
     kind: Literal["load_response"] = item(text="response curve over the load")
     load: Names = item(text=LOAD)
     loads_in = ("load",)
     signals = PERIODIC
+    of_reduced = Curve.of_reduced | {"parameter": ("load",)}
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Branch:
         options = self.of(LoadResponseOptions)

@@ -19,7 +19,20 @@ from ..case import objects
 from ..case.objects import located
 from ..case.tables import Path
 from ..costs import MULTIPLIERS, Cost, Size
-from .kind import PERIODIC, RUBBING, Drawn, Kind, Loaded, Run, Values, Wanted, along, peak_contact, recorded
+from .kind import (
+    PERIODIC,
+    RUBBING,
+    Drawn,
+    Kind,
+    Loaded,
+    Reducible,
+    Run,
+    Values,
+    Wanted,
+    along,
+    peak_contact,
+    recorded,
+)
 
 # Harmonics of each point in a row of a sweep, and in a report.
 ROW_HARMONICS, SHOWN = 21, 11
@@ -88,40 +101,28 @@ class Steady(Kind):
         yield heading, [(k, *(float(values[k]) for values in levels.values())) for k in orders]
 
 
-class Periodic(PeriodicOptions, Steady, Loaded):
+class Periodic(Reducible, PeriodicOptions, Steady, Loaded):
     """The steady state under periodic loads by shooting; numbers in the load are amplitudes of
     sin(2 pi frequency t)."""
 
     kind: Literal["periodic"] = item(text="steady state")
-    reduced: bool = item(True, text="false: the unreduced model")
     rubs = True
+    of_reduced = {
+        "segments": (1,),
+        "tolerance": (None,),
+        "accuracy": (None,),
+        "stability": (None, False),
+        "jacobian": ("auto", "matrix-free"),
+    }
 
     @property
     def frictionless(self) -> str | None:
         parts = {" of the unreduced model": not self.reduced, " in segments": self.segments > 1}
         return next((part for part, asked in parts.items() if asked), None)
 
-    def contradictions(self) -> Iterator[tuple[str, str]]:
-        """What the unreduced model has not, too."""
-        yield from super().contradictions()
-        if self.reduced:
-            return
-        if self.segments > 1:
-            yield "segments", "is for the reduced model; leave out reduced = false or segments"
-        if self.tolerance is not None:
-            yield "tolerance", "is for the reduced model; leave out reduced = false, or give steps"
-        if self.accuracy is not None:
-            yield "accuracy", "is for the reduced model; leave out reduced = false or accuracy"
-        if self.stability:
-            yield "stability", "= true is for the reduced model; leave out reduced = false or stability"
-        if self.jacobian not in ("auto", "matrix-free"):
-            yield "jacobian", f'= "{self.jacobian}" is for the reduced model; leave out reduced = false'
-
     def solve(self, case: Any, model: Any, run: Run) -> sb.Orbit:
-        reduction = "modes" if self.reduced else None
-        return sb.periodic(
-            model, self.acting(case), **self.of(PeriodicOptions), reduction=reduction, progress=run.progress
-        )
+        options = {**self.of(PeriodicOptions), "reduction": self.reduction}
+        return sb.periodic(model, self.acting(case), **options, progress=run.progress)
 
     def tones(self, case: Any, path: Path) -> None:
         periods = common_period(self, case, path)

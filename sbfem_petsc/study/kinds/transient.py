@@ -15,27 +15,20 @@ from ...options import item
 from ...record.about import Quantity
 from ...record.found import labelled, of_points
 from ..costs import Cost, Size
-from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted, along, peak_contact, recorded
+from .kind import RUBBING, Drawn, Loaded, Reducible, Run, Values, Wanted, along, peak_contact, recorded
 
 
-class Transient(TransientOptions, Loaded):
+class Transient(Reducible, TransientOptions, Loaded):
     """A time history with contact; numbers in the load are constants from t = 0."""
 
     kind: Literal["transient"] = item(text="time history")
     initial: Literal["rest", "equilibrium"] = item(
         "rest", text="at rest, or in static equilibrium with the loads at t = 0"
     )
-    reduced: bool = item(True, text="false: the unreduced model")
     moving = rubs = True
     details = ("contact_force", "slip", "friction_force", "velocity", "acceleration", "energy")
     running = True
     captions = RUBBING
-
-    def contradictions(self) -> Iterator[tuple[str, str]]:
-        """What is of the reduced model alone."""
-        yield from super().contradictions()
-        if self.accuracy is not None and not self.reduced:
-            yield "accuracy", "is for the reduced model; leave out reduced = false or accuracy"
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.History:
         return sb.transient(
@@ -43,7 +36,7 @@ class Transient(TransientOptions, Loaded):
             self.acting(case),
             **self.of(TransientOptions),
             initial=self.initial,
-            reduction="modes" if self.reduced else None,
+            reduction=self.reduction,
             **run.kept,
         )
 
