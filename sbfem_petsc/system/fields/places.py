@@ -30,6 +30,8 @@ from .tips import Tips
 
 # How near to a frequency of an S-element whose boundary is held, relatively, a mode counts as its own.
 _ALONE = 1e-9
+# Components of a place: two of displacement, three of stress.
+_ALL = 5
 _NONE = (np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0))
 
 
@@ -76,6 +78,16 @@ class PlaceRows:
         if self.inertia is None:
             return values
         return values + self.rows.comm.allreduce(self.inertia.of_modes(shapes, omega))
+
+    def some(self, chosen: np.ndarray) -> PlaceRows:
+        """Some of them."""
+        inertia, held = self.inertia, self.held
+        if inertia is not None:
+            parts = {"fields": inertia.fields[chosen], "body_force": inertia.body_force[chosen]}
+            inertia = replace(inertia, **parts)
+        faces = {number: form[chosen] for number, form in self.faces.items()}
+        held = None if held is None else held[chosen]
+        return PlaceRows(self.rows[chosen], self.contact[chosen], faces, inertia, held)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,14 +140,8 @@ def checked_place(owner: str, place: Any) -> tuple[float, float]:
     TypeError, ValueError
         If it is something else.
     """
-    if (
-        isinstance(place, str)
-        or not hasattr(place, "__len__")
-        or getattr(place, "ndim", 1) == 0
-        or len(place) != 2
-    ):
-        raise TypeError(f"{owner}: {shown(place)} must be the name of a point or coordinates (x, y) in m")
-    if isinstance(place, Mapping):
+    sized = hasattr(place, "__len__") and getattr(place, "ndim", 1) > 0
+    if isinstance(place, (str, Mapping)) or not sized or len(place) != 2:
         raise TypeError(f"{owner}: {shown(place)} must be the name of a point or coordinates (x, y) in m")
     x, y = place
     return real(owner, "x of the point", x, "m"), real(owner, "y of the point", y, "m")
@@ -172,20 +178,17 @@ def places(
     PlaceWarning
         On rank 0, if a point lies where the faces of a crack coincide.
     """
-    elements, layout = tips.elements, tips.layout
-    comm, other = layout.comm, layout.held if moved else None
+    elements, layout, comm = tips.elements, tips.layout, tips.layout.comm
+    layouts = [layout, layout.held] if moved else [layout]
     held = _held(elements, points)
     _warn_of_faces(tips, points, held)
     tractions = {faces.number: faces for faces in tips.faces}
     numbers = {int(tip.element): number for number, tip in enumerate(layout.tip_elements)}
     count, size = len(points), tips.count
-    kinds: list[PlaceRows] = []
-    local: tuple[dict, dict] = ({}, {})
-    lifted: tuple[dict, dict] = ({}, {})
-    contact = (np.zeros((2 * count, size)), np.zeros((3 * count, size)))
-    face_forms: tuple[dict, dict] = ({}, {})
-    for k, home in held:
-        element, group, member, located = home
+    local: list[dict[int, tuple[np.ndarray, np.ndarray]]] = [{} for _ in layouts]
+    every, contact = np.arange(_ALL * count).reshape(-1, _ALL), np.zeros((_ALL * count, size))
+    face_forms: dict[int, np.ndarray] = {}
+    for k, (element, group, member, located) in held:
         material = elements.materials[group.material]
         faces = tractions.get(numbers.get(element, -1))
         forms = point_operators(
@@ -195,33 +198,23 @@ def places(
             closed=group.closed,
             tractions=None if faces is None else faces.tractions,
         ).turned(group.rotations[member])
-        nodes = group.nodes[member]
-        unknowns = layout.part.unknowns[nodes].ravel()
-        behind = other.part.unknowns[nodes].ravel() if other is not None else None
-        scales = (1.0, material.modulus / float(group.sizes[member]))
-        for kind, (form, scale) in enumerate(zip((forms.displacement[0], forms.stress[0]), scales)):
-            first = (2 + kind) * k
-            for row in range(2 + kind):
-                values = scale * form[row, : forms.unknowns]
-                local[kind][first + row] = (unknowns, values)
-                if behind is not None:
-                    lifted[kind][first + row] = (behind, values)
-            if faces is not None:
-                columns = scale * form[:, forms.unknowns :] / faces.stiffness
-                faces.place(contact[kind][first : first + 2 + kind], columns)
-                table = face_forms[kind].setdefault(
-                    faces.number, np.zeros(((2 + kind) * count, columns.shape[1]))
-                )
-                table[first : first + 2 + kind] = columns
-    for kind in (0, 1):
-        rows = Rows.gathered(comm, layout.ranges, flat_entries(local[kind]), (2 + kind) * count)
-        held_rows = None
-        if other is not None:
-            held_rows = Rows.gathered(comm, other.ranges, flat_entries(lifted[kind]), len(rows))
-        kinds.append(PlaceRows(rows, comm.allreduce(contact[kind]), face_forms[kind], held=held_rows))
-    if inertia:
-        kinds = [replace(rows, inertia=part) for rows, part in zip(kinds, _inertial(elements, held, count))]
-    return Places(*kinds)
+        stress = material.modulus / float(group.sizes[member]) * forms.stress[0]
+        form, nodes = np.concatenate([forms.displacement[0], stress]), group.nodes[member]
+        for numbered, of in zip(local, layouts):
+            unknowns = of.part.unknowns[nodes].ravel()
+            numbered |= {row: (unknowns, own[: forms.unknowns]) for row, own in zip(every[k], form)}
+        if faces is not None:
+            columns = form[:, forms.unknowns :] / faces.stiffness
+            faces.place(contact[every[k, 0] : every[k, 0] + _ALL], columns)
+            table = face_forms.setdefault(faces.number, np.zeros((_ALL * count, columns.shape[1])))
+            table[every[k]] = columns
+    rows, *of_held = (
+        Rows.gathered(comm, of.ranges, flat_entries(numbered), _ALL * count)
+        for numbered, of in zip(local, layouts)
+    )
+    own = _inertial(elements, held, every) if inertia else None
+    found = PlaceRows(rows, comm.allreduce(contact), face_forms, own, *of_held)
+    return Places(found.some(every[:, :2].ravel()), found.some(every[:, 2:].ravel()))
 
 
 def _held(elements: Elements, points: list[tuple[float, float]]) -> list[tuple[int, tuple]]:
@@ -284,8 +277,8 @@ def _coinciding_faces(tips: Tips, element: int, group: Group, member: int, locat
     return None
 
 
-def _inertial(elements: Elements, held: list, count: int) -> list[Inertial]:
-    """Of displacement and stress at places of which this rank holds some. Collective."""
+def _inertial(elements: Elements, held: list, every: np.ndarray) -> Inertial:
+    """Of displacement and stress, rows (points, 5), at places of which this rank holds some. Collective."""
     layout, moving = elements.layout, elements.moving
     comm = layout.comm
     order = {id(group): number for number, group in enumerate(elements.groups)}
@@ -297,8 +290,7 @@ def _inertial(elements: Elements, held: list, count: int) -> list[Inertial]:
     first, total = int(before[comm.rank]), int(before[-1])
     coupling: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     stretch, squared, slices = np.zeros(total), np.zeros(total), {}
-    entries: tuple[list, list] = ([], [])  # rows, columns and values of the fields
-    body = (np.zeros((2 * count, 2)), np.zeros((3 * count, 2)))
+    entries, body = [_NONE], np.zeros((every.size, 2))  # rows, columns and values of the fields
     for places, size in zip(inside.values(), sizes):
         _, (_, group, member, _) = places[0]
         group = moving[order[id(group)]].select(np.array([member]))
@@ -313,20 +305,15 @@ def _inertial(elements: Elements, held: list, count: int) -> list[Inertial]:
         located = Located(*map(np.concatenate, zip(*(home[3] for _, home in places))))
         forms = inertial_operators(solution, elements.terms, located).turned(group.rotations[0])
         unit = elements.materials[group.material].modulus / float(group.sizes[0])
-        for kind, (form, factor) in enumerate(zip((forms.displacement, forms.stress), (1.0, unit))):
-            for (k, _), part in zip(places, factor * form):
-                rows = (2 + kind) * k + np.arange(2 + kind)
-                entries[kind].append((np.repeat(rows, size), np.tile(own, 2 + kind), part[:, :size].ravel()))
-                body[kind][rows] = scale * part[:, size:] @ group.rotations[0]
+        for (k, _), part in zip(places, np.concatenate([forms.displacement, unit * forms.stress], axis=1)):
+            entries.append((np.repeat(every[k], size), np.tile(own, _ALL), part[:, :size].ravel()))
+            body[every[k]] = scale * part[:, size:] @ group.rotations[0]
         first += size
     rows = Rows.gathered(comm, layout.ranges, flat_entries(coupling), total)
     stretch, squared = comm.allreduce(stretch), comm.allreduce(squared)
-    found = []
-    for kind in (0, 1):
-        at, own, values = (np.concatenate([*parts]) for parts in zip(_NONE, *entries[kind]))
-        fields = sparse.coo_matrix((values, (at, own)), shape=((2 + kind) * count, total)).tocsr()
-        found.append(Inertial(rows, stretch, squared, fields, body[kind], slices))
-    return found
+    at, which, values = (np.concatenate([*parts]) for parts in zip(*entries))
+    fields = sparse.coo_matrix((values, (at, which)), shape=(every.size, total)).tocsr()
+    return Inertial(rows, stretch, squared, fields, body, slices)
 
 
 def _home(elements: Elements, point: np.ndarray) -> tuple[int, Any, int, Located] | None:
