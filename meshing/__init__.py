@@ -4,8 +4,7 @@ cracks and holes, and gmsh models.
 
 from __future__ import annotations
 
-import importlib
-from typing import Any
+from .lazily import loaded
 
 _HOME = {
     "Beam": "beam",
@@ -24,14 +23,4 @@ _HOME = {
 
 __all__ = [*_HOME]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = loaded(__name__, _HOME)

@@ -6,7 +6,6 @@ Names are loaded when first used, so that a program can read its command line an
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
 import os
 
@@ -36,6 +35,7 @@ if any(name in os.environ for name in _LAUNCHED):
     abort.install()
 
 # Of another package: a thread that imports a module of this one waits for this file, which would wait for it.
+from meshing.lazily import loaded  # noqa: E402
 from meshing.processor import name_kernels  # noqa: E402
 
 name_kernels()
@@ -131,15 +131,4 @@ _HOME = {
 
 __all__ = ["__version__", *_HOME]
 
-
-def __getattr__(name: str):
-    if name not in _HOME:
-        raise AttributeError(f"module 'sbfem_petsc' has no attribute {name!r}")
-    home = _HOME[name] if _HOME[name].startswith("meshing.") else f"{__name__}.{_HOME[name]}"
-    value = getattr(importlib.import_module(home), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = loaded(__name__, _HOME)

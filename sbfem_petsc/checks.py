@@ -11,29 +11,8 @@ import numpy as np
 
 from meshing.input_checks import ANY, Bounds, choice, flag, integer, path, positive, real, shown, text
 
-__all__ = [
-    "ANY",
-    "Bounds",
-    "callback",
-    "choice",
-    "flag",
-    "frequency",
-    "index_of",
-    "instance",
-    "instances",
-    "integer",
-    "names_of",
-    "numbers_of",
-    "optional_integer",
-    "path",
-    "positive",
-    "progress",
-    "real",
-    "real_array",
-    "refuse_masked",
-    "shown",
-    "text",
-]
+# what is passed on
+__all__ = ["ANY", "Bounds", "choice", "flag", "integer", "path", "positive", "real", "shown", "text"]
 
 
 def frequency(owner: str, name: str, value: Any) -> float:

@@ -32,34 +32,7 @@ _MUMPS_BLOCK = 64
 # Workspace beyond what MUMPS expects to need, per cent, where its own 20 are too little.
 _WORKSPACE = (100, 400, 1600)
 
-__all__ = [
-    "MPI",
-    "PETSc",
-    "SLEPc",
-    "all_asked",
-    "asked",
-    "block_solve",
-    "check_ksp",
-    "collect",
-    "configure",
-    "count_pivots",
-    "dense_columns",
-    "direct_solver",
-    "factorise",
-    "finite",
-    "free",
-    "freeing",
-    "pivot_signs",
-    "make_ksp",
-    "negative_eigenvalues",
-    "scripted",
-    "set_up",
-    "solver_name",
-    "solving",
-    "stage",
-    "stepping",
-    "version_line",
-]
+__all__ = ["MPI", "PETSc", "SLEPc"]  # what is passed on
 
 # The thread that PETSc, which keeps no order between threads, works for, and what guards a change of it.
 _at_work: list[threading.Thread] = []

@@ -7,8 +7,7 @@ given times: u(t) = Re sum c_k exp(i 2 pi f_k t), c_0 the mean.
 
 from __future__ import annotations
 
-import importlib
-from typing import Any
+from meshing.lazily import loaded
 
 _HOME = {
     "ContactDuty": "detection",
@@ -32,14 +31,4 @@ _HOME = {
 
 __all__ = [*_HOME]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = loaded(__name__, _HOME)
