@@ -6,21 +6,17 @@ from __future__ import annotations
 
 from .lazily import loaded
 
+# Public names by the module they stand in.
 _HOME = {
-    "Beam": "beam",
-    "BoundaryMesh": "boundary_mesh",
-    "ContactPairs": "mesh_arrays",
-    "Crack": "mesh_arrays",
-    "CrackLine": "shapes.features",
-    "GmshWarning": "warnings",
-    "Hole": "shapes.features",
-    "Plate": "plate",
-    "Tip": "mesh_arrays",
-    "UnitWarning": "warnings",
-    "VNotch": "shapes.features",
-    "read_gmsh": "gmsh.reader",
+    "beam": ("Beam",),
+    "boundary_mesh": ("BoundaryMesh",),
+    "mesh_arrays": ("ContactPairs", "Crack", "Tip"),
+    "shapes.features": ("CrackLine", "Hole", "VNotch"),
+    "warnings": ("GmshWarning", "UnitWarning"),
+    "plate": ("Plate",),
+    "gmsh.reader": ("read_gmsh",),
 }
 
-__all__ = [*_HOME]
+__all__ = [name for names in _HOME.values() for name in names]
 
 __getattr__, __dir__ = loaded(__name__, _HOME)

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import importlib
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 
-def loaded(package: str, home: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """`__getattr__` and `__dir__` of a package, by the modules of it or of `meshing` that have its names."""
-    face = vars(sys.modules[package])
+def loaded(
+    package: str, names: Mapping[str, Sequence[str]]
+) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """`__getattr__` and `__dir__` of a package, from its names by the modules of it or of `meshing` in which
+    they stand.
+    """
+    face, home = vars(sys.modules[package]), {name: place for place, own in names.items() for name in own}
 
     def value(name: str) -> Any:
         if name not in home:

@@ -9,26 +9,30 @@ from __future__ import annotations
 
 from meshing.lazily import loaded
 
+# Public names by the module they stand in.
 _HOME = {
-    "ContactDuty": "detection",
-    "Sidebands": "lines",
-    "Spectrum": "spectra",
-    "Subharmonics": "lines",
-    "beta": "lines",
-    "coherent_record": "record",
-    "contact_duty": "detection",
-    "detection_probability": "detection",
-    "frequency_shift": "detection",
-    "friction_power": "detection",
-    "gamma": "lines",
-    "harmonic_ratios": "lines",
-    "harmonics": "lines",
-    "sidebands": "lines",
-    "spectrum": "spectra",
-    "subharmonics": "lines",
-    "tones": "lines",
+    "detection": (
+        "ContactDuty",
+        "contact_duty",
+        "detection_probability",
+        "frequency_shift",
+        "friction_power",
+    ),
+    "lines": (
+        "Sidebands",
+        "Subharmonics",
+        "beta",
+        "gamma",
+        "harmonic_ratios",
+        "harmonics",
+        "sidebands",
+        "subharmonics",
+        "tones",
+    ),
+    "spectra": ("Spectrum", "spectrum"),
+    "record": ("coherent_record",),
 }
 
-__all__ = [*_HOME]
+__all__ = [name for names in _HOME.values() for name in names]
 
 __getattr__, __dir__ = loaded(__name__, _HOME)

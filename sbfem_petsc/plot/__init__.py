@@ -15,7 +15,7 @@ except ImportError as error:  # pragma: no cover - depends on the machine
     ) from error
 
 # Public names by the module they stand in.
-_NAMES = {
+_HOME = {
     "animation": ("animate_crack",),
     "basins": ("plot_basins",),
     "bodies": ("plot_field",),
@@ -32,8 +32,6 @@ _NAMES = {
     "sweeps": ("plot_swept",),
     "tones": ("plot_backbone", "plot_lines", "plot_quasi_periodic", "plot_sidebands"),
 }
-_HOME = {name: module for module, names in _NAMES.items() for name in names}
-
-__all__ = sorted(_HOME)
+__all__ = sorted(name for names in _HOME.values() for name in names)
 
 __getattr__, __dir__ = loaded(__name__, _HOME)
