@@ -45,7 +45,7 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
     size = structure.size(case)
     outer = facts.get("boundary_unknowns", facts["unknowns"])
     costs = {name: kind.cost(size) for name, kind in case.tables.analyses.items()}
-    structure.destroy()
+    structure.close()
     for name, kind in case.tables.analyses.items():
         unreduced = facts["unknowns"] if not getattr(kind, "reduced", True) else 0
         matrices = model_memory(kind.kind, outer, ranks=comm.size, unreduced=unreduced)

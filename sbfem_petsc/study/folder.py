@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import time
+from collections.abc import Iterator
 from typing import Any
 
 import sbfem_petsc as sb
 
 from ..output_folder import HeldFolder, make_folder
+from ..ranks.parallel import alone, collective
 from ..record.files import SCHEMA
 from .case.case import Case
 from .storage import read_json, write_json
@@ -108,3 +111,21 @@ class Folder:
     def close(self) -> None:
         """Leave the folder to others."""
         self.held.close()
+
+
+@contextlib.contextmanager
+def held_folder(
+    path: str, case: Case, what: str, replace: bool, comm: Any, *, shared: bool = False
+) -> Iterator[Folder | None]:
+    """The folder of a run or a sweep while it is under way, on rank 0. Collective."""
+    folder: Folder | None = None
+    with collective(comm):
+        if comm.rank == 0:
+            folder = Folder(path, case, what, replace, shared=shared)
+    try:
+        yield folder
+    finally:
+        if folder is not None:
+            folder.close()
+        if not alone(comm):
+            comm.Barrier()  # nobody's folder goes while others read it

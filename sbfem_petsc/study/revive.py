@@ -171,7 +171,7 @@ def _again(
         @functools.cache
         def structure() -> Structure:
             made = Structure(case, comm)
-            stack.callback(made.destroy)
+            stack.callback(made.close)
             return made
 
         yield case, structure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import time
@@ -24,7 +25,7 @@ from . import pictures
 from .case.case import Case, read_case
 from .case.objects import located
 from .case.problems import CaseError
-from .folder import PARTS, RESULT, Folder
+from .folder import PARTS, RESULT, Folder, held_folder
 from .kinds.kind import Kind
 from .storage import case_in, new_results, results_in, write_case, write_json
 from .structure import Structure
@@ -98,19 +99,14 @@ def run_case(
         checked = case if isinstance(case, Case) else read_case(case)
         checked.check_tones()
     path = check_output_folder(os.fspath(output), comm)
-    folder: Folder | None = None
-    with collective(comm):
-        if comm.rank == 0:
-            folder = Folder(path, checked, "run", replace)
-    try:
-        return _Run(checked, path, folder, comm, watch).all()
-    finally:
-        if folder is not None:
-            folder.close()
+    with held_folder(path, checked, "run", replace, comm) as folder:
+        with _Run(checked, path, folder, comm, watch) as run:
+            return run.all()
 
 
-class _Run:
+class _Run(contextlib.ExitStack):
     def __init__(self, case: Case, path: str, folder: Folder | None, comm: Any, watch: Watch):
+        super().__init__()
         self.case, self.path, self.folder, self.comm, self.watch = case, path, folder, comm, watch
         self.structure: Structure | None = None
         self.failed: dict[str, str] = {}
@@ -128,15 +124,11 @@ class _Run:
         for name in names:
             if name not in pending:
                 self.watch.say(f"{name}: finished before")
-        try:
-            summary = None if pending else self._write()
-            for k, name in enumerate(pending):
-                self._one(name, f"[{k + 1}/{len(pending)}] {name}")
-                summary = self._write()
-            summary = self.comm.bcast(summary)
-        finally:
-            if self.structure is not None:
-                self.structure.destroy()
+        summary = None if pending else self._write()
+        for k, name in enumerate(pending):
+            self._one(name, f"[{k + 1}/{len(pending)}] {name}")
+            summary = self._write()
+        summary = self.comm.bcast(summary)
         return Outcome(self.path, summary, self.failed, self.wrong_input)
 
     def _one(self, name: str, title: str) -> None:
@@ -146,7 +138,7 @@ class _Run:
         try:
             if self.structure is None:
                 self.watch.stage("mesh and model")
-                self.structure = Structure(case, self.comm)
+                self.structure = self.enter_context(contextlib.closing(Structure(case, self.comm)))
                 self._write_model()
             self.watch.stage(f"{title} ({kind.kind})")
             with located(case, "analyses", name):

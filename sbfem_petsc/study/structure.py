@@ -87,7 +87,7 @@ class Structure:
         if getattr(result, "estimate", None) is not None and result.model is not self.model:
             result.model.destroy()
 
-    def destroy(self) -> None:
+    def close(self) -> None:
         """Free the PETSc objects."""
         if self.body is None:
             self.model.destroy()

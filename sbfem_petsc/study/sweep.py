@@ -6,7 +6,7 @@ import contextlib
 import functools
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from .case.case import Case, read_case
 from .case.sweep import SweepTable
 from .costs import Size
 from .estimates import ROW
-from .folder import Folder
+from .folder import held_folder
 from .kinds.kind import Wanted
 from .rows import Row
 from .shares import Costs, Shares
@@ -114,7 +114,8 @@ def sweep(
         _check_start(checked, comm, flag("sweep", "replace", replace) and part is not None)
     with spare_folder() as spare, watch or watch_for(comm) as told:
         folder = comm.bcast(spare) if output is None else os.fspath(output)
-        with _held(checked, check_output_folder(folder, comm), replace, comm, part is not None) as place:
+        place = check_output_folder(folder, comm)
+        with held_folder(place, checked, "sweep", replace, comm, shared=part is not None):
             return _Sweeping(checked, place, comm, told, part).all()
 
 
@@ -132,22 +133,6 @@ def _check_start(case: Case, comm: Any, replaces_others: bool) -> None:
             ("sweep", "ranks_per_row"),
             f"= {together_on} does not divide the {comm.size} ranks; start a multiple of it",
         )
-
-
-@contextlib.contextmanager
-def _held(case: Case, path: str, replace: bool, comm: Any, shared: bool) -> Iterator[str]:
-    """The folder of a sweep while it is under way. Collective."""
-    folder: Folder | None = None
-    with collective(comm):
-        if comm.rank == 0:
-            folder = Folder(path, case, "sweep", replace, shared=shared)
-    try:
-        yield path
-    finally:
-        if folder is not None:
-            folder.close()
-        if not alone(comm):
-            comm.Barrier()  # nobody's folder goes while others read it
 
 
 def _swept(case: Any, parameters: Any, keys: dict[str, Any]) -> Any:
@@ -284,7 +269,7 @@ class _Sweeping:
         structure: Structure | None = None
         reason = ""
         results: dict[str, Any] = {}
-        try:
+        with contextlib.ExitStack() as stack:
             while (taken := shares.row(place)) is not None:
                 number, began, first = numbers[taken], time.monotonic(), structure is None
                 values: dict[str, tuple[Any, str]] = {}
@@ -292,7 +277,7 @@ class _Sweeping:
                     try:
                         case = self.case.with_values(self.inputs[number])
                         if structure is None:
-                            structure = Structure(case, self.group)
+                            structure = stack.enter_context(contextlib.closing(Structure(case, self.group)))
                         values, reason = self._row(case, number, structure, results), ""
                     except Exception as error:  # a row that fails must not end the others
                         if isinstance(error, (OutOfMemory, MemoryError)) and self.group.size > 1:
@@ -311,9 +296,6 @@ class _Sweeping:
                     row_files.append(self.file, row)
                 if self.comm.rank == 0:
                     self.watch.fraction(1.0 - shares.left().sum() / total)
-        finally:
-            if structure is not None:
-                structure.destroy()
 
     def _row(
         self, case: Case, number: int, structure: Structure, alike: dict[str, Any]
@@ -353,12 +335,9 @@ class _Sweeping:
         reference = case.with_values(changes)
         key = f"{reference.structure_key} {case.tables.analyses[name].model_dump_json()}"
         if key not in self.healthy:
-            structure = Structure(reference, self.group)
-            try:
+            with contextlib.closing(Structure(reference, self.group)) as structure:
                 self.healthy[key] = structure.solve(reference, name)
                 structure.release(self.healthy[key])
-            finally:
-                structure.destroy()
         return self.healthy[key]
 
 

@@ -365,4 +365,4 @@ def test_a_moved_edge():
     assert np.array_equal(found.reactions, exact.reactions)
     kept = structure.found(case, "steady", found)
     assert np.array_equal(kept["reactions"]["left"].value, exact.reaction("left"))
-    structure.destroy()
+    structure.close()

@@ -157,7 +157,7 @@ def test_reactions_of_rows():
     assert unit == "N" and force == pytest.approx([0.0, -200.0], abs=2e-6)
     peaks, unit = rows["burst"]["peak_reactions/left"]
     assert unit == "N" and np.array_equal(peaks, np.abs(results["burst"].reaction("left")).max(axis=0))
-    structure.destroy()
+    structure.close()
 
 
 def test_convergence(found):
