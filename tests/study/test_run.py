@@ -534,6 +534,17 @@ def test_keys_of_a_backbone(monkeypatch):
     assert all(value == options[name].default for name, value in given.items())
 
 
+@pytest.mark.parametrize("kind", ["frequency_response", "load_response"])
+def test_curves_of_the_unreduced_model(kind):
+    """What it has not is told before anything is solved, of a curve's options as of a steady state's."""
+    between = "start = 700.0\nstop = 900.0" if kind == "frequency_response" else "frequency = 400.0"
+    text = f'{CASE}\n[analyses.over]\nkind = "{kind}"\nload = "push"\n{between}\nreduced = false\n'
+    for option in ("accuracy = 0.001", "stability = true"):
+        sentence = f"over.{option} is for the reduced model; leave out reduced = false or {option.split()[0]}"
+        with pytest.raises(CaseError, match=sentence):
+            case_from_text(f"{text}{option}\n")
+
+
 @pytest.mark.long
 def test_a_steady_state_of_the_unreduced_model():
     """It has no multipliers, and is not asked for them unless the case does."""
