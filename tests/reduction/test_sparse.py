@@ -377,4 +377,4 @@ def test_eigenvalues_are_counted_in_the_place_of_a_factor(beam):
         assert solver.factorised(sure=True)
         sums = (1.0, -float(own[29:31].mean()), mass), (0.0, 1.0, scipy.sparse.csr_matrix(changed))
         assert 0 < below < n and solver.negative(*sums) == [30, below]
-        solver.free()
+        solver.close()
