@@ -4,7 +4,7 @@ cracks and holes, and gmsh models.
 
 from __future__ import annotations
 
-from .lazily import loaded
+from typing import Any
 
 # Public names by the module they stand in.
 _HOME = {
@@ -19,4 +19,12 @@ _HOME = {
 
 __all__ = [name for names in _HOME.values() for name in names]
 
-__getattr__, __dir__ = loaded(__name__, _HOME)
+
+def __getattr__(name: str) -> Any:
+    from .lazily import loaded  # at the start it would wait for this package, and be waited for
+
+    return loaded(__name__, _HOME)[0](name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
