@@ -24,10 +24,10 @@ from .problem import Point, Wider
 
 # So many times the steps.
 TIMES = 2, 4
-# Furthest from where it is in the branch's steps that a bifurcation is sought in finer ones and in more
-# modes, in chords between two points; what it may be off by, of how far more steps have moved it; steps of a
-# secant at most.
-FURTHEST, FURTHEST_IN_MODES, CLOSE, MOST = 1.0, 4.0, 0.05, 8
+# In finer steps, which tell where it is, and in more modes, which tell an error alone: furthest from where it
+# is in the branch's steps that a bifurcation is sought, in chords between two points, and what it may be off
+# by, of how far it has moved. Steps of a secant at most.
+FURTHEST, CLOSE, MOST = (1.0, 4.0), (0.05, 0.2), 8
 # What twice the steps may change, relative, without being looked at in finer ones; that is then what is told.
 FINEST = 1e-6
 # Where multipliers jump the bracket grows by this factor until it holds the jump.
@@ -198,7 +198,7 @@ class _Passage:
         self.near, self.place, self.shift = point, places[0], self._to_zero(excess)
         self.first, self.moved = self.place + self.shift, 0.0
         self.own = point.value + self.shift * self.value
-        self.furthest = FURTHEST
+        self.furthest, self.close = FURTHEST[0], CLOSE[0]
 
     def _to_zero(self, excess: float) -> float:
         return -excess / self.slope if self.slope else math.inf
@@ -210,7 +210,7 @@ class _Passage:
         other = copy.copy(self)
         one, behind = (more.moved(point).u for point in self.ends)
         other.rate, other.near = (behind - one) / self.width, more.begun(self.near)
-        other.furthest = FURTHEST_IN_MODES
+        other.furthest, other.close = FURTHEST[1], CLOSE[1]
         if not self.multiplier.imag:
             other.slope *= more.more.free(self.near.value, math.copysign(1.0, self.multiplier.real))
         return other.located(more.solve)
@@ -235,7 +235,9 @@ class _Passage:
                 self.slope = (excess - last[1]) / (place - last[0])
             self.near, self.place, self.shift, last = point, place, self._to_zero(excess), (place, excess)
             moved = max(abs(place + self.shift - begin), self.moved)
-            if abs(self.shift) <= CLOSE * moved or abs(self.shift * self.value) <= FINEST * abs(point.value):
+            if abs(self.shift) <= self.close * moved or abs(self.shift * self.value) <= FINEST * abs(
+                point.value
+            ):
                 self.moved = moved
                 return point.value + self.shift * self.value
         raise SolveError("no passage of the unit circle was found in other steps or modes")
@@ -259,7 +261,7 @@ class _Jump:
         self.width = max(self.ends) - min(self.ends)
         self.counts = [self._count(self.ends[place]) for place in sorted(self.ends)]
         self.resolved = 0.5 * abs(one.value - other.value)
-        self.furthest = FURTHEST
+        self.furthest = FURTHEST[0]
 
     def _count(self, point: Point) -> int:
         return int(outside(multipliers_of(point.state)).sum())
@@ -268,7 +270,7 @@ class _Jump:
         """Value of the parameter in the middle of a bracket in more modes."""
         other = copy.copy(self)
         other.ends = {place: more.begun(point) for place, point in self.ends.items()}
-        other.furthest = FURTHEST_IN_MODES
+        other.furthest = FURTHEST[1]
         return other.located(more.solve)
 
     def located(self, solve: Solve) -> float:

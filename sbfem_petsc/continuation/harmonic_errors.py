@@ -154,9 +154,15 @@ def change(own: list[np.ndarray], other: list[np.ndarray]) -> np.ndarray:
 
 
 def added(fixed: FixedPoint, period: Period) -> np.ndarray:
-    """What contact adds to the linear response in a motion's state, in the modes of another map."""
-    old = fixed.driven.period.reduced
-    return in_modes(fixed.state - fixed.driven.linear_state, old, period.reduced)
+    """What contact adds to the linear response in a motion's state, in the modes of another map: further ones
+    stand where its forces hold them, for at rest they would ring, and lead Newton's method astray.
+    """
+    old, new, force = fixed.driven.period.reduced, period.reduced, fixed.motion.forces[0]
+    result = in_modes(fixed.state - fixed.driven.linear_state, old, new)
+    further = slice(len(old.omega), len(new.omega))
+    pushed = new.gap.modes[: len(force), further].T @ force
+    result[further] += period.weights[further] * pushed / new.omega[further] ** 2
+    return result
 
 
 def in_modes(states: np.ndarray, old: ReducedModel, new: ReducedModel) -> np.ndarray:
