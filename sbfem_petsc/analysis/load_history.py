@@ -104,7 +104,7 @@ class LoadHistory(Record):
         """Largest displacement of a node, m. Collective."""
         return max(state._furthest() for state in self.states)
 
-    @derived(text="what K, G and T of the tips do not tell by themselves", dims="note")
+    @derived(text="what K, G, T and forces of single pairs do not tell by themselves", dims="note")
     def notes(self) -> tuple[str, ...]:
         """What K, G and T of the tips do not tell by themselves in one state or more, see `Static`. They are
         printed too.

@@ -7,13 +7,16 @@ from dataclasses import replace
 from typing import Any, NamedTuple, overload
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse import csgraph
 
 from meshing.warnings import MeshWarning, RoundOffWarning, StepWarning
 
 from ..checks import shown
 from ..contact.complementarity import Complementarity
-from ..contact.friction import Memory
-from ..errors import failed_solve, warn
+from ..contact.friction import STICKS, Memory
+from ..contact.law import FREE
+from ..errors import failed_solve, listed, warn
 from ..loads import as_loads, separate
 from ..motion.loading import loading
 from ..motion.rest import Rest
@@ -237,6 +240,42 @@ def _warn_of_contact(found: Static) -> None:
     )
 
 
+def _shared_forces(model: Model, memory: Memory | None) -> tuple[str, ...]:
+    """A sentence where gaps and slips that are held at nodes in which faces bend or cracks meet depend on
+    each other, whose single forces are then not determined.
+    """
+    pairs, count = model.pairs, len(model.pairs)
+    if memory is None:
+        return ()
+    laws = [model.tips.laws[model.cracks[k].name] for k in pairs.crack]
+    rigid = np.array([[not law.compliance, not getattr(law, "tangential_compliance", 0.0)] for law in laws])
+    held = np.stack([memory.normal[:count] != FREE, memory.tangential[:count] == STICKS], axis=1)
+    held &= rigid.reshape(-1, 2)
+    closed = np.flatnonzero(held.any(axis=1))
+    nodes, ends = np.unique(pairs.nodes[closed], return_inverse=True)
+    ends = ends.reshape(-1, 2)
+    graph = sparse.coo_array((np.ones(len(closed)), tuple(ends.T)), shape=(len(nodes), len(nodes)))
+    places, of_node = csgraph.connected_components(graph, directed=False)
+    of_pair, found = of_node[ends[:, 0]], list[int]()
+    directions = np.stack([pairs.normal, pairs.normal[:, ::-1] * [1.0, -1.0]], axis=1)[closed]
+    rings = np.bincount(of_pair, minlength=places) >= np.bincount(of_node, minlength=places)
+    for place in np.flatnonzero(rings):
+        mine = np.flatnonzero(of_pair == place)
+        rows = np.zeros((len(mine), 2, len(nodes), 2))
+        for row, pair in zip(rows, mine):
+            row[:, ends[pair, 0]], row[:, ends[pair, 1]] = directions[pair], -directions[pair]
+        kept = rows[held[closed[mine]]].reshape(-1, 2 * len(nodes))
+        if np.linalg.matrix_rank(kept) < len(kept):
+            found += closed[mine].tolist()
+    if not found:
+        return ()
+    names = listed(sorted({model.cracks[k].name for k in pairs.crack[found]}))
+    return (
+        f"forces of the {len(found)} single pairs where faces of {names} bend or meet and hold are one set "
+        "of several, that of the least friction: what they are together, and all else, is determined",
+    )
+
+
 def _warn_of_closing(found: Static) -> None:
     """Warn where faces that rub have come together in one step: what they slid while they were apart does not
     resist.
@@ -285,7 +324,7 @@ def _solved(model: Model, load, contact: bool, former: Static | None = None) -> 
         model,
         columns,
         found,
-        notes=notes(model.tips, found.force, columns.tip_forces),
+        notes=notes(model.tips, found.force, columns.tip_forces) + _shared_forces(model, found.memory),
         tip_facts=model.tips.intensities.facts,
         pair_cracks=tuple(model.cracks[k].name for k in model.pairs.crack),
         **_rubbed(model, found),

@@ -90,7 +90,7 @@ class Static(Record):
     equilibrium: Equilibrium = attribute(repr=False)
     estimate: Any = quantity(text="errors, where an accuracy was asked for", part="Estimate", default=None)
     notes: tuple[str, ...] = quantity(
-        text="what K, G and T of its tips do not tell by themselves", dims="note", default=()
+        text="what K, G, T and forces of single pairs do not tell by themselves", dims="note", default=()
     )
     tip_facts: TipFacts = quantity(
         text="kinds of the tips", part="TipFacts", detail=True, default_factory=TipFacts.none

@@ -10,8 +10,8 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate, VNotch
 from sbfem_petsc.contact.complementarity import Complementarity, solve_complementarity
-from sbfem_petsc.contact.friction import Friction, Memory, _Problem, solve_friction
-from sbfem_petsc.contact.law import RowLaws
+from sbfem_petsc.contact.friction import STICKS, Friction, Memory, _Problem, solve_friction
+from sbfem_petsc.contact.law import FREE, RowLaws
 from tests.validation.contact_cases import ray
 
 SIDE = 0.1
@@ -183,6 +183,16 @@ def square(lines, law, side=SIDE, material=ALUMINIUM, **options):
     )
 
 
+def told_of_shared_forces(found):
+    """Whether it is told that single forces are not determined, as the rank of the rows that hold tells."""
+    told, memory = ["one set of several" in note for note in found.notes], found.equilibrium.memory
+    held = np.append(memory.normal != FREE, memory.tangential == STICKS)
+    rows = found.model.contact.rows.matrix[held]
+    rank = np.linalg.matrix_rank(rows[:, np.unique(rows.indices)].toarray())
+    assert any(told) == (rank < held.sum())
+    return any(told)
+
+
 @pytest.mark.parametrize("name", LINES)
 def test_faces_that_stick_carry_a_uniform_stress(name):
     """Under unequal pressures, whose shear on every face friction can hold: that of the body without cracks,
@@ -198,6 +208,7 @@ def test_faces_that_stick_carry_a_uniform_stress(name):
         for factors in found.stress_intensity.values():
             assert np.abs(factors).max() < 1e-9 * 1.6e6 * math.sqrt(math.pi * 0.04)
         assert found.stress((0.051, 0.062)) == pytest.approx([-1.0e6, -1.6e6, 0.0], abs=1e-3)
+        assert told_of_shared_forces(found) == (name != "embedded")
     with square(LINES[name], sb.Coulomb(0.03), order=3) as model:
         found = sb.static(model, load)
         assert np.abs(found.slip).max() > 1e-7 * SIDE
@@ -221,6 +232,14 @@ def test_faces_that_stick_around_a_node_stay_at_rest(name):
         largest = expected.contact_force.max()
         assert np.abs(found.contact_force - expected.contact_force).max() < 1e-4 * largest
         assert np.abs(found.friction_force - expected.friction_force).max() < 1e-4 * largest
+
+
+def test_faces_that_meet_without_friction_beside():
+    """A crossing crack with a clearance that is closed: its gaps alone depend on what the other one holds."""
+    laws = {"crack1": sb.Coulomb(0.3), "crack2": sb.Clearance(width=1e-4)}
+    load = [sb.EdgeLoad(f"edge{side}", pressure=1e6) for side in (2, 3, 4)]
+    with square(LINES["crossing"], laws, order=2) as model:
+        assert told_of_shared_forces(sb.static(model, load))
 
 
 def test_loads_on_faces_that_stick():
