@@ -9,6 +9,7 @@ import pytest
 
 import sbfem_petsc as sb
 from sbfem_petsc.continuation.events import FINE, _arrived
+from sbfem_petsc.continuation.extrapolation import _Passage
 
 
 def stopped_chain(seed: int) -> tuple[sb.ReducedModel, float]:
@@ -110,3 +111,14 @@ def test_a_zero_is_near_where_the_lines_to_either_side_say_so(heights, arrived):
     expected = {0.0: heights[0], 1.0: 0.1 * FINE, 2.0: heights[1]}
     known = dict.fromkeys(expected)
     assert _arrived(known, dict.fromkeys(known, 1.0), expected, 1.0, lambda *_: True) == arrived
+
+
+def test_a_pair_is_followed_as_a_pair():
+    """In other steps it is none of the real multipliers, however near; where there is none, that is told."""
+    passage = object.__new__(_Passage)
+    passage.multiplier = 0.95 + 0.05j
+    assert passage._excess(np.array([0.95, 0.6 + 0.6j, 0.6 - 0.6j])) == pytest.approx(
+        0.6 * np.sqrt(2.0) - 1.0
+    )
+    with pytest.raises(sb.SolveError, match="the pair has become real"):
+        passage._excess(np.array([0.95 + 0.0j, 1.1]))
