@@ -224,3 +224,9 @@ def test_a_crack_that_ends_in_a_support():
     with sb.Model(mesh, STEEL, clamped=LEFT) as model, warnings.catch_warnings():
         warnings.simplefilter("error", sb.LoadWarning)
         sb.static(model, press)
+
+
+def test_what_is_prescribed_is_what_supports_hold():
+    mesh = Beam(0.1, 0.01).mesh(order=2)
+    model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700))
+    assert model.layout.held.count == 2 * len(np.unique(mesh.edges[mesh.edge_sets["left"]]))
