@@ -145,9 +145,7 @@ def periodic(
         If contact does more than 1e-2 of what the loads exchange with the modes, in given steps or in 32
         times the default ones.
     """
-    settings = PeriodSettings(
-        periods, steps, modes, contact, jacobian, longest, segments, accuracy=accuracy, told=segments == 1
-    )
+    settings = PeriodSettings(periods, steps, modes, contact, jacobian, longest, segments, accuracy=accuracy)
     with collective(communicator(model)):
         check_reduction("periodic", reduction)
         if guess is not None:

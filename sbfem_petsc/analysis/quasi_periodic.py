@@ -196,7 +196,7 @@ class _TwoTones(NamedTuple):
         fastest, most = highest(self.driven, self.frequencies), MOST if settings.steps is None else 1
         while True:
             few = settings.few
-            wanted = Wanted(settings.modes, settings.accuracy, accuracy is not None and not few, few)
+            wanted = Wanted(settings.modes, settings.accuracy, few)
             reduced = serving(what, self.model, self.loads, wanted, fastest)
             refuse_falling(what, reduced.friction)
             with collective(comm):

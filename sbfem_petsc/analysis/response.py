@@ -136,7 +136,7 @@ def frequency_response(
             )
         amplitudes_only("frequency_response", load)
     highest = max(start, stop)
-    settings = PeriodSettings(periods, steps, modes, contact, band=highest, accuracy=accuracy, told=True)
+    settings = PeriodSettings(periods, steps, modes, contact, band=highest, accuracy=accuracy)
     if not contact:
         settings = replace(settings, steps=INSTANTS, periods=periods or 1)
         aim = None if accuracy is None else Accuracy(over.owner, model, settings)
@@ -191,7 +191,7 @@ def load_response(
         See `frequency_response`; `guess` is an orbit at the factor `start`.
     """
     over = ParameterRange(parameter, start, stop, frequency)
-    settings = PeriodSettings(periods, steps, modes, accuracy=accuracy, told=True)
+    settings = PeriodSettings(periods, steps, modes, accuracy=accuracy)
     asked = BranchSettings(points, largest_step or math.inf, stability is not False)
     run = _Run(model, load, settings, guess, asked, file, resume, progress)
     return run.followed(over, reduction, stability)

@@ -42,8 +42,8 @@ class Bifurcation(Record):
     )
     error: float = quantity(
         "Hz or 1",
-        "uncertainty of the value, by twice and four times the steps and by half as many modes again, where "
-        "these are known; nan where it is not found in these",
+        "uncertainty of the value, by twice and four times the steps and by more modes, where these are "
+        "known; nan where it is not found in these",
         finite=False,
     )
     row: int | None = quantity(

@@ -88,7 +88,7 @@ class Branch(Orbits, OfPeriod):
         "1", "Floquet multipliers, by falling modulus", "point multiplier", kinds="c", detail=True
     )
     multiplier_error: np.ndarray = quantity(
-        "1", "uncertainty of their largest modulus", "point", finite=False, detail=True
+        "1", "uncertainty of their largest modulus by the steps", "point", finite=False, detail=True
     )
     iterations: np.ndarray = quantity("1", "Newton iterations", "point", kinds="iu", detail=True)
     bifurcations: tuple[Bifurcation, ...] = quantity(text="in order", part="Bifurcation")

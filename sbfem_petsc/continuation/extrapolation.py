@@ -3,8 +3,8 @@ motions in twice and four times the steps and in more modes.
 
 The error by steps is of second order, but for where in them pairs switch, which scatters: a third of what
 twice the steps change goes on top of it, and what is left is told by what that extrapolation itself changes
-with the steps. That by modes is told by how far bifurcations move in half as many modes again, in twice the
-steps, as that of harmonics is.
+with the steps. That by modes is told by how far bifurcations move in more modes, in twice the steps, as that
+of harmonics is.
 """
 
 from __future__ import annotations

@@ -25,6 +25,9 @@ FAINT, RESTING = 1e-3, 1e-7
 # Errors of second order, relative to the change in twice the steps; the same of left-out modes, whose error
 # falls about as the square of the highest frequency, and at most.
 SECOND, MODES, MOST = 4.0 / 3.0, 2.0, 4.0
+# The same of vectors that stand for all of them up to twice the highest frequency; of those beyond edges that
+# move have more.
+ALL, MOVED = 1.5, 3.0
 # Iterations, and the residual relative to the first one and to the linear oscillation: where equal
 # frequencies have other modes of one plane in the wider model the first one is large.
 NEWTON, RELATIVE, OF_OSCILLATION = 16, 1e-2, 1e-5
@@ -41,7 +44,7 @@ def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
     points and of the contact resultant, the larger one, each relative to itself or to 1e-3 of the largest
     that oscillates. Collective.
 
-    The motion is found again in twice the steps, and in these in a model of half as many modes again. inf
+    The motion is found again in twice the steps, and in these in more modes, see `build.wider`. inf
     where it is not found, or has no room; nan where nothing is known of the left-out modes, or there is no
     named point.
     """
@@ -82,6 +85,8 @@ def beyond(reduced: ReducedModel, more: ReducedModel) -> float:
     """What the error by left-out modes is taken to be, relative to the change in more modes; inf where these
     have next to nothing of what is driven, and others tell.
     """
+    if reduced.model is not None and more is not reduced:
+        return MOVED if len(reduced.edges) else ALL
     if more is reduced or not (more.points.loads.any() or more.points.contact.any()):  # which are all
         return 1.0
     own, omega = reduced.points, np.where(reduced.omega > 0.0, reduced.omega, np.inf)  # of what bends

@@ -107,12 +107,18 @@ class Orbit(Motion):
         """s."""
         return self.periods / self.frequency
 
-    @derived("1", "uncertainty of the largest modulus of the multipliers", back=True, finite=False, kept=True)
+    @derived(
+        "1",
+        "uncertainty of the largest modulus of the multipliers by the steps",
+        back=True,
+        finite=False,
+        kept=True,
+    )
     def multiplier_error(self) -> float:
-        """Uncertainty of the largest modulus of the multipliers: 5/3 of its change in twice the steps; nan if
-        no motion is found in these. It takes two to three times as long as the multipliers themselves, so it
-        is computed when it is first asked for; the verdict of a motion whose largest modulus is further than
-        0.05 from 1 does without.
+        """Uncertainty of the largest modulus of the multipliers by the steps, 5/3 of its change in twice as
+        many; of left-out modes it knows nothing. nan if no motion is found in these. It takes two to three
+        times as long as the multipliers themselves, so it is computed when it is first asked for; the verdict
+        of a motion whose largest modulus is further than 0.05 from 1 does without.
         """
         return self.uncertainty() if callable(self.uncertainty) else self.uncertainty
 

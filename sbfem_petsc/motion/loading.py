@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,8 +15,8 @@ from ..errors import wrong_input
 from ..loads import EdgeMotion, Load, Loads, as_loads, separate
 from ..petsc import MPI
 from ..ranks.parallel import collective
-from ..reduction.build import ACCURATE_BAND, LEAST_MODES, default_modes, few_modes, modes_for, reduced
-from ..reduction.reduced_model import ReducedModel, wider_count
+from ..reduction.build import ACCURATE_BAND, default_modes, few_modes, modes_for, reduced
+from ..reduction.reduced_model import ReducedModel
 from ..signals.sampling import known
 from ..signals.signal import Constant, Signal, as_signal
 from ..system.fields.resolution import warn_of_band, warn_of_jumps
@@ -249,13 +248,10 @@ class Wanted(NamedTuple):
         Of the lowest harmonics, which then tells the default number of modes.
     few : bool
         That it does so under slow loads alone, for which a few modes do.
-    told : bool
-        Whether their errors are told, for which modes are computed at once that `wider` takes.
     """
 
     modes: int | None
     accuracy: float | None = None
-    told: bool = False
     few: bool = False
 
 
@@ -275,7 +271,7 @@ def serving(
     highest : float
         Highest load frequency, Hz.
     """
-    modes, accuracy, told, few = wanted
+    modes, accuracy, few = wanted
     if isinstance(system, ReducedModel):
         if modes is not None:
             raise wrong_input(
@@ -291,10 +287,6 @@ def serving(
         known = all(signal.highest_frequency is not None for signal in loads.signals)
         asked = highest if known else 0.0
         modes = few_modes(system, ACCURATE_BAND * asked) if few else modes_for(system, asked, accuracy)
-    if told:
-        count = wider_count(modes or LEAST_MODES)
-        with contextlib.suppress(ValueError):  # without room for them nothing is told
-            system.modes(min(count, system.boundary_unknowns // 2))
     result = reduced(system, loads.units, modes or default_modes(system, highest))
     _warn_of_reduced(owner, result, loads, highest)
     return result

@@ -72,8 +72,6 @@ class PeriodSettings:
         That it does so where a few modes are enough; there are the default ones and as many steps elsewhere.
     least : int
         Steps a forcing period at least where they are not given; 0: by default or as the accuracy asks for.
-    told : bool
-        Whether the errors of harmonics are told, which takes more modes.
     """
 
     periods: int | None = None
@@ -87,7 +85,6 @@ class PeriodSettings:
     accuracy: float | None = None
     few: bool = False
     least: int = 0
-    told: bool = False
     first: int | None = None
 
     def __post_init__(self) -> None:
@@ -177,7 +174,7 @@ def prepare(
     highest *= (settings.band or frequency) / frequency
     first = settings.first or None if isinstance(system, Model) else None
     modes = first if settings.modes is None else settings.modes
-    wanted = Wanted(modes, settings.accuracy, settings.told, settings.few)
+    wanted = Wanted(modes, settings.accuracy, settings.few)
     reduced = serving(owner, system, loads, wanted, highest)
     with collective(communicator(system)):
         if guess is not None:

@@ -26,9 +26,10 @@ from ..system.model import Model, count_below
 from ..system.solve.modal_result import Modal
 from ..system.solve.pencil import top_of_band
 from ..system.solve.static_solver import block_width
+from .left_out import left_out, unit_accelerations
 from .matrices import reduce_matrices
 from .outputs import LinearOutput
-from .reduced_model import ReducedModel, wider_count
+from .reduced_model import ReducedModel
 from .supports import Supports
 
 # Modes by default: all up to this multiple of the highest load frequency, and at least so many.
@@ -271,20 +272,21 @@ def reduced(model: Model, units: tuple[Load, ...], modes: int) -> ReducedModel:
 
 
 def wider(system: ReducedModel) -> ReducedModel | None:
-    """The same structure in half as many modes again, and the same signs of those it has: what is found in it
-    tells what modes that are left out do. The system itself where none are; None where nothing is known of
-    them or there is no room for them. Collective.
+    """The same structure in further modes, and the same signs of those it has: what is found in it tells what
+    modes that are left out do. Of a Model a few vectors stand for all of them, see `left_out`; of matrices
+    there are half as many modes again. The system itself where none are left out; None where nothing is known
+    of them or there is no room for them. Collective.
     """
-    own = len(system.omega)
-    if system.model is None or system.model.layout.freed:
-        more = None if system.wider is None else system.wider()
-    else:
-        count, more = min(wider_count(own), system.model.boundary_unknowns // 2), system
-        if count > own:
-            try:
-                more = _kept(system.model, system.loads, count)
-            except ValueError:  # for which there is no memory
-                return None
+    own, model = len(system.omega), system.model
+    if model is not None and not model.layout.freed:
+        if own >= model.boundary_unknowns // 2:
+            return system
+        try:
+            found = model.keep(("left out", system.loads, own), lambda: left_out(system))
+        except ValueError:  # for which there is no memory
+            return None
+        return system if found is None else found.beside(system)
+    more = None if system.wider is None else system.wider()
     if more is None or len(more.omega) == own:
         return None if more is None else system
     # gaps and damping may be others than those that it was reduced with; further modes follow the last one
@@ -371,8 +373,7 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
 
 def _translation(model: Model, found: Modal) -> np.ndarray:
     """(m, 2): inertia forces of unit accelerations on the modes, the auxiliary unknowns' share included."""
-    forces = model.load_columns([SupportMotion(ax=1.0), SupportMotion(ay=1.0)]).forces
-    return found.auxiliary_inertia - _summed(model, found.shapes.T @ forces)
+    return found.auxiliary_inertia - _summed(model, found.shapes.T @ unit_accelerations(model))
 
 
 def _summed(model: Model, array: np.ndarray) -> np.ndarray:

@@ -161,8 +161,8 @@ def test_errors_that_have_no_room(monkeypatch):
             patched.setattr(harmonic_errors, name, refused)
         assert np.isinf(sb.periodic(beam, PUSH, 433.0, **asked).mode_error).all()
     with monkeypatch.context() as patched:
-        few = sb.reduce(beam, PUSH, modes=12)
-        patched.setattr("sbfem_petsc.reduction.build._kept", refused)
+        few = sb.reduce(beam, PUSH, modes=13)
+        patched.setattr("sbfem_petsc.reduction.build.left_out", refused)
         assert np.isnan(sb.periodic(few, PUSH, 433.0, steps=512, stability=False).mode_error).all()
 
     class GivesUp(harmonic_errors.Shooting):

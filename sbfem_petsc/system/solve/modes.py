@@ -248,7 +248,7 @@ def _collect(eps: SLEPc.EPS, solve: CondensedSolve, values: np.ndarray, solver: 
         eps.getEigenvector(int(i), x)
         array[:, k] = x.array_r
     x.destroy()
-    kx, mx = pencil.stiff_products(array), _products(pencil.mass, array)
+    kx, mx = pencil.stiff_products(array), pencil.heavy_products(array)
     # modes whose product with the assembled stiffness is mostly round-off, and so is their Rayleigh quotient
     squares = _inner(comm, array, array)
     noise = statics.refinement.scale * np.sqrt(squares) / np.sqrt(_inner(comm, mx, mx))
@@ -321,20 +321,6 @@ def _collect(eps: SLEPc.EPS, solve: CondensedSolve, values: np.ndarray, solver: 
         iterations,
         pencil.unknowns,
     )
-
-
-def _products(matrix: PETSc.Mat, columns: np.ndarray) -> np.ndarray:
-    """A symmetric matrix times this rank's rows of columns. Collective.
-
-    One by one: PETSc 3.18 crashes in products of matrices kept by halves with blocks of columns.
-    """
-    result = np.empty_like(columns)
-    with freeing(matrix.comm.tompi4py(), *matrix.createVecs()) as (right, left):
-        for k, column in enumerate(columns.T):
-            right.array = column
-            matrix.mult(right, left)
-            result[:, k] = left.array_r
-    return result
 
 
 def _change(pencil: Pencil, solve: CondensedSolve, shape: np.ndarray, forces: np.ndarray) -> float:

@@ -5,6 +5,7 @@ what a band needs.
 from __future__ import annotations
 
 import copy
+import functools
 import itertools
 import math
 from collections.abc import Callable, Iterator
@@ -59,15 +60,13 @@ class Pencil:
     ----------
     layout, elements
         Of the stiffness.
-    stiffness, mass : PETSc.Mat
-        Each rank holds its displacement unknowns, then its auxiliary ones.
     unknowns : int
+        Each rank holds its displacement unknowns, then its auxiliary ones.
     """
 
     def __init__(self, statics: Stiffness, highest: float, tolerance: float):
         self.statics, self.elements, self.layout = statics, statics.elements, statics.layout
         layout, comm = self.layout, self.layout.comm
-        self._coupling: PETSc.Mat | None = None
         # a matter of caches, not of memory
         self.small = comm.size == 1 and layout.count <= _SMALL
         self._pieces = _pieces(self.elements, highest, tolerance)
@@ -76,36 +75,12 @@ class Pencil:
         self.ranges = layout.ranges + self.auxiliary_ranges
         self.unknowns = int(self.ranges[-1])
         self.owned = layout.owned.stop - layout.owned.start
-        mass = []
-        first = int(self.ranges[comm.rank]) + self.owned
         moduli = [np.full(piece.inertia.size, piece.modulus) for piece in self._pieces]
         self._auxiliary_stiffness = np.concatenate([np.empty(0), *moduli])
-        for piece in self._pieces:
-            numbers = piece.numbers(first)
-            unknowns = self.numbers(piece.unknowns)
-            mass.append(ElementBlocks(unknowns, unknowns, piece.mass))
-            if numbers.size:
-                mass.append(ElementBlocks(unknowns, numbers, piece.coupling))
-                mass.append(ElementBlocks(numbers, unknowns, piece.transposed_coupling))
-                pairs = numbers.reshape(-1, 2)
-                inertia = piece.inertia.reshape(-1, 2, 1) * np.eye(2)
-                mass.append(ElementBlocks(pairs, pairs, inertia.__getitem__))
-            first += numbers.size
-        self.stiffness = self._bordered()
-        # products with it take most of an eigensolver's time
-        kind, size = ("blocks", 2) if self.small and statics.matrix.getBlockSize() == 2 else ("upper", 1)
-        self.mass = assemble(comm, self.ranges, mass, kind, block_size=size)
 
-    def numbers(self, unknowns: np.ndarray) -> np.ndarray:
-        """Numbers in the pencil of displacement unknowns; -1 stays -1."""
-        ranges, size = self.layout.ranges, self.layout.comm.size
-        if size == 1:
-            return unknowns
-        owner = np.clip(np.searchsorted(ranges, unknowns, side="right") - 1, 0, size - 1)
-        return np.where(unknowns >= 0, unknowns + self.auxiliary_ranges[owner], -1)
-
-    def _bordered(self) -> PETSc.Mat:
-        """diag(K_b, E t I) without a copy of the model's stiffness."""
+    @functools.cached_property
+    def stiffness(self) -> PETSc.Mat:
+        """diag(K_b, E t I) without a copy of the model's stiffness, made when it is first asked for."""
         comm, count = self.layout.comm, len(self._auxiliary_stiffness)
         own = int(self.auxiliary_ranges[comm.rank]) + np.arange(count)
         rows = (np.arange(count + 1), own, self._auxiliary_stiffness)
@@ -127,6 +102,58 @@ class Pencil:
         result[self.owned :] = self._auxiliary_stiffness[:, None] * columns[self.owned :]
         return result
 
+    @functools.cached_property
+    def mass(self) -> PETSc.Mat:
+        """Made when it is first asked for: to count frequencies takes none."""
+        comm = self.layout.comm
+        mass = []
+        first = int(self.ranges[comm.rank]) + self.owned
+        for piece in self._pieces:
+            numbers = piece.numbers(first)
+            unknowns = self.numbers(piece.unknowns)
+            mass.append(ElementBlocks(unknowns, unknowns, piece.mass))
+            if numbers.size:
+                mass.append(ElementBlocks(unknowns, numbers, piece.coupling))
+                mass.append(ElementBlocks(numbers, unknowns, piece.transposed_coupling))
+                pairs = numbers.reshape(-1, 2)
+                inertia = piece.inertia.reshape(-1, 2, 1) * np.eye(2)
+                mass.append(ElementBlocks(pairs, pairs, inertia.__getitem__))
+            first += numbers.size
+        # products with it take most of an eigensolver's time
+        kind, size = ("blocks", 2) if self.small and self.statics.matrix.getBlockSize() == 2 else ("upper", 1)
+        return assemble(comm, self.ranges, mass, kind, block_size=size)
+
+    def numbers(self, unknowns: np.ndarray) -> np.ndarray:
+        """Numbers in the pencil of displacement unknowns; -1 stays -1."""
+        ranges, size = self.layout.ranges, self.layout.comm.size
+        if size == 1:
+            return unknowns
+        owner = np.clip(np.searchsorted(ranges, unknowns, side="right") - 1, 0, size - 1)
+        return np.where(unknowns >= 0, unknowns + self.auxiliary_ranges[owner], -1)
+
+    def coupled(self, columns: np.ndarray) -> np.ndarray:
+        """C' times this rank's displacement unknowns of columns. Collective."""
+        result = np.empty((len(self._auxiliary_stiffness), columns.shape[1]), order="F")
+        with freeing(self.layout.comm, *self.coupling.createVecs()) as (right, left):
+            for k, column in enumerate(columns.T):
+                left.array = column
+                self.coupling.multTranspose(left, right)
+                result[:, k] = right.array_r
+        return result
+
+    def heavy_products(self, columns: np.ndarray) -> np.ndarray:
+        """The mass times this rank's rows of columns, in Fortran's order. Collective.
+
+        One by one: PETSc 3.18 crashes in products of matrices kept by halves with blocks of columns.
+        """
+        result = np.empty(columns.shape, order="F")
+        with freeing(self.layout.comm, *self.mass.createVecs()) as (right, left):
+            for k, column in enumerate(columns.T):
+                right.array = column
+                self.mass.mult(right, left)
+                result[:, k] = left.array_r
+        return result
+
     def condensed(self, shift: float) -> PETSc.Mat:
         """K - shift M with the auxiliary unknowns eliminated, over the displacement unknowns alone."""
         if shift == 0.0:
@@ -139,14 +166,9 @@ class Pencil:
         matrix.setOption(PETSc.Mat.Option.SPD, shift < 0.0)
         return matrix
 
-    @property
+    @functools.cached_property
     def coupling(self) -> PETSc.Mat:
         """C, displacement by auxiliary unknowns, made when it is first asked for."""
-        if self._coupling is None:
-            self._coupling = self._assembled_coupling()
-        return self._coupling
-
-    def _assembled_coupling(self) -> PETSc.Mat:
         first, blocks = int(self.auxiliary_ranges[self.layout.comm.rank]), []
         for piece in self._pieces:
             numbers = piece.numbers(first)
@@ -215,7 +237,7 @@ class Pencil:
 
     def destroy(self) -> None:
         """Free the PETSc matrices."""
-        made = (self.stiffness, self.mass, self._coupling)
+        made = (self.__dict__.get(name) for name in ("stiffness", "mass", "coupling"))
         free(self.layout.comm, *(matrix for matrix in made if matrix is not None))
         give_back(self.layout.count)
 

@@ -1,0 +1,219 @@
+"""What the modes of a structure that are left out do: a few vectors stand for all of them.
+
+They span K^-1 f, K^-1 M K^-1 f, .. of what loads and contact rows do to the modes that are there, less these:
+a block Krylov space, in which the further modes that loads and contact move come up first.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..loads import SupportMotion
+from ..petsc import MPI
+from ..system.model import Model
+from ..system.solve.demand import require_modes
+from ..system.solve.modes import TOLERANCE
+from ..system.solve.pencil import Pencil
+from .outputs import LinearOutput
+from .reduced_model import ReducedModel
+
+# Blocks of the Krylov space; what of the largest pattern of loads and contact rows in the upper half of the
+# modes still counts, as many of the residual flexibility's largest ones beside each, and most of all.
+BLOCKS, PATTERN, BESIDE, MOST = 3, 0.01, 0.5, 48
+# Frequencies up to this multiple of the highest one have vectors: steps that are halved carry them, and what
+# lies beyond moves with the load.
+TOP = 2.0
+# What is rounding in a flexibility, and in a basis.
+ROUNDING = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """Vectors in the place of left-out modes, mass-normalised and of no part in those that are there: what
+    they are in a `ReducedModel`.
+    """
+
+    frequencies: np.ndarray
+    gap: np.ndarray
+    points: np.ndarray
+    tips: np.ndarray
+    load_modes: np.ndarray
+    translation: np.ndarray
+    inertia: np.ndarray
+
+    def beside(self, own: ReducedModel) -> ReducedModel:
+        """The model with these vectors behind its modes, damped as its last one is."""
+        omega, count = 2.0 * np.pi * self.frequencies, len(own.omega)
+        model = own.model
+        assert model is not None  # whose vectors these are
+        ratios = model.damping_ratios(np.append(own.omega, omega))
+        top = ratios[count - 1]
+        further = ratios[count:] * (own.damping[-1] / top) if top else np.full(len(omega), own.damping[-1])
+
+        def wider(output: LinearOutput, modes: np.ndarray) -> LinearOutput:
+            return LinearOutput(
+                output.names,
+                np.concatenate([output.modes, modes], axis=-1),
+                output.loads - modes @ (self.load_modes / omega[:, None] ** 2),
+                output.contact - modes @ (self.gap.T / omega[:, None] ** 2),
+            )
+
+        supports = None
+        if own.supports is not None and len(own.edges):
+            inertia, mass = np.concatenate([own.supports.inertia, self.inertia], axis=2), own.supports.mass
+            flat, moved = self.inertia.reshape(-1, len(omega)), own.supports.moved
+            share = np.where(moved >= 0, flat @ flat[moved].T, 0.0)
+            supports = replace(own.supports, inertia=inertia, mass=mass - share.reshape(mass.shape))
+        work = self.load_modes.T @ (self.load_modes / omega[:, None] ** 2)
+        work[np.ix_(own.edges, own.edges)] = 0.0  # these are no forces
+        return replace(
+            own,
+            frequencies=np.append(own.frequencies, self.frequencies),
+            damping=np.append(own.damping, further),
+            gap=wider(own.gap, self.gap),
+            points=wider(own.points, self.points),
+            tips=wider(own.tips, self.tips),
+            load_modes=np.concatenate([own.load_modes, self.load_modes]),
+            load_flexibility=own.load_flexibility - work,
+            translation=np.concatenate([own.translation, self.translation]),
+            supports=supports,
+            modal=None,
+        )
+
+
+def left_out(own: ReducedModel) -> LeftOut | None:
+    """Of a reduced model that has its structure; None where nothing pushes. Collective.
+
+    Raises
+    ------
+    ValueError
+        If there is no memory for them; on all ranks.
+    """
+    model = own.model
+    assert model is not None and own.modal is not None  # the caller has looked
+    pushes = _patterns(own, model)
+    if not pushes.size:
+        return None
+    require_modes(model.statics.elements, pushes.shape[1], len(own.omega) + 3 * BLOCKS * pushes.shape[1])
+    forces = model.load_columns(own.loads).forces
+    pencil = Pencil(model.statics, TOP * float(own.omega.max()), TOLERANCE)
+    try:
+        basis, omega = _vectors(own, model, pencil, pushes, forces)
+        momentum = basis[pencil.owned :].T @ pencil.auxiliary_translation()
+        inertia = _inertia(model, pencil, basis) if len(own.edges) else np.zeros((0, 2, len(omega)))
+    finally:
+        pencil.destroy()
+    shapes = basis[: pencil.owned]
+    translation = _summed(model, momentum - shapes.T @ unit_accelerations(model))
+    load_modes = _summed(model, shapes.T @ forces)
+    for k, unit in enumerate(own.loads):
+        if isinstance(unit, SupportMotion):
+            load_modes[:, k] = -translation @ np.array([unit.ax, unit.ay])
+    if len(own.edges):
+        assert own.supports is not None  # which has them
+        where = own.supports.moved[own.edges]
+        load_modes[:, own.edges] = omega[:, None] ** 2 * inertia[where // 2, where % 2].T
+    return LeftOut(
+        omega / (2.0 * np.pi),
+        model.contact.rows(shapes),
+        model.layout.point_rows(shapes).reshape(len(model.points), 2, len(omega)),
+        model.tips.intensities.rows(shapes).reshape(len(own.tips.names), 2, len(omega)),
+        load_modes,
+        translation,
+        inertia,
+    )
+
+
+def unit_accelerations(model: Model) -> np.ndarray:
+    """(owned, 2): inertia forces in unit accelerations of the supports along x and y, made once.
+    Collective.
+    """
+
+    def made() -> np.ndarray:
+        layout, elements = model.layout, model.statics.elements
+        fields = np.broadcast_to(np.eye(2)[:, None], (2, *layout.part.unknowns.shape))
+        return -np.stack([layout.summed(elements.inertia_forces(field)) for field in fields], axis=1)
+
+    return model.keep("unit accelerations", made)
+
+
+def _patterns(own: ReducedModel, model: Model) -> np.ndarray:
+    """(l + c, p): unit pushes of loads and contact rows as those of the upper half of the modes, and some of
+    what gives way beside them.
+    """
+    half = len(own.omega) // 2
+    seen = np.concatenate([own.load_modes.T, own.gap.modes])[:, half:] / own.omega[half:]
+    flexibility, rows = own.flexibility.copy(), len(own.loads)
+    flexibility[rows:, rows:] -= model.contact.flexibility.toarray()  # which moves no boundary
+    slack = np.diag(flexibility)
+    sizes = np.where(slack > ROUNDING * slack.max(initial=0.0), slack, (seen**2).sum(axis=1))
+    units = np.where(sizes > 0.0, 1.0 / np.sqrt(np.where(sizes > 0.0, sizes, 1.0)), 0.0)
+    patterns, values, _ = np.linalg.svd(units[:, None] * seen, full_matrices=False)
+    patterns = patterns[:, values > PATTERN * values.max(initial=0.0)]
+    rest = np.eye(len(units)) - patterns @ patterns.T
+    slacks, others = np.linalg.eigh(rest @ (units[:, None] * flexibility * units) @ rest)
+    count = min(math.ceil(BESIDE * patterns.shape[1]), int((slacks > ROUNDING).sum()))
+    patterns = np.concatenate([patterns, others[:, len(others.T) - count :]], axis=1)
+    return units[:, None] * patterns[:, : MOST // BLOCKS]
+
+
+def _vectors(
+    own: ReducedModel, model: Model, pencil: Pencil, pushes: np.ndarray, forces: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """This rank's rows of the vectors, auxiliary unknowns behind, and their angular frequencies."""
+    assert own.modal is not None
+    owned, stiff, squares = pencil.owned, pencil.auxiliary_diagonal(0.0)[:, None], own.omega**2
+
+    def whole(columns: np.ndarray) -> np.ndarray:
+        return np.asfortranarray(np.pad(columns, ((0, len(stiff)), (0, 0))))
+
+    modes = whole(own.modal.shapes)
+    # auxiliary unknowns of modes follow: (E t - omega^2 J) y = omega^2 C' x
+    away = stiff - squares * pencil.auxiliary_inertia()[:, None]
+    modes[owned:] = squares * pencil.coupled(own.modal.shapes) / away
+    right = whole(
+        forces @ pushes[: len(own.loads)] + model.contact.rows.columns(slice(None)) @ pushes[len(own.loads) :]
+    )
+    found, heavy = [], []
+    for _ in range(BLOCKS):
+        upper = model.solver.columns(np.asfortranarray(right[:owned]), "reduction")
+        block = np.concatenate([upper, right[owned:] / stiff])
+        block -= modes @ (_summed(model, modes.T @ right) / squares[:, None])
+        right = pencil.heavy_products(block)
+        found.append(block)
+        heavy.append(right)
+    basis = np.concatenate(found, axis=1)
+    grams = (
+        basis.T @ pencil.stiff_products(np.asfortranarray(basis)),
+        basis.T @ np.concatenate(heavy, axis=1),
+    )
+    stiffness, mass = (0.5 * (gram + gram.T) for gram in (_summed(model, part) for part in grams))
+    sizes = np.sqrt(np.diag(stiffness))
+    values, axes = np.linalg.eigh(stiffness / sizes / sizes[:, None])
+    kept = values > ROUNDING * values[-1]
+    axes = axes[:, kept] / np.sqrt(values[kept]) / sizes[:, None]
+    inverse, turns = np.linalg.eigh(axes.T @ mass @ axes)
+    first = max(1, int((inverse * (TOP * own.omega.max()) ** 2 > 1.0).sum()))
+    omega = 1.0 / np.sqrt(inverse[::-1][:first])
+    return basis @ (axes @ turns[:, ::-1][:, :first]) * omega, omega
+
+
+def _inertia(model: Model, pencil: Pencil, basis: np.ndarray) -> np.ndarray:
+    """(supports, 2, k): see `Supports`, of vectors."""
+    following, elements = model.support_forces.following(), model.statics.elements
+    shares = np.zeros((following.shape[2], basis.shape[1]))
+    for k, vector in enumerate(basis.T):
+        forces = elements.inertia_forces(model.nodal(vector[: pencil.owned]))
+        shares[:, k] = np.einsum("nis,ni->s", following, forces)
+    for s, field in enumerate(np.moveaxis(following, 2, 0)):
+        shares[s] += pencil.auxiliary_momentum(field) @ basis[pencil.owned :]
+    return _summed(model, shares).reshape(-1, 2, basis.shape[1])
+
+
+def _summed(model: Model, array: np.ndarray) -> np.ndarray:
+    array = np.ascontiguousarray(array)
+    model.comm.Allreduce(MPI.IN_PLACE, array)
+    return array
