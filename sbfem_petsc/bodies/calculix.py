@@ -197,10 +197,13 @@ def _matrix(file: str, count: int) -> sparse.coo_matrix:
 
 
 def _require_order(stem: str, mass: sparse.coo_matrix, unknowns: np.ndarray, deck: Deck) -> None:
-    """ValueError unless a mass couples no directions, and nodes that share an element, as .dof names them."""
+    """ValueError unless a mass couples no directions, and only nodes that share an element, as .dof names
+    them; a node may have a mass of its own.
+    """
     one, other = (unknowns[rows] for rows in mass.nonzero())
     share = [(a[:, None] * FAR + a[..., None]).ravel() for a in deck.elements.values()]
     met = np.isin(one[:, 0] * FAR + other[:, 0], np.concatenate([[-1], *share]))
+    met |= one[:, 0] == other[:, 0]
     if (wrong := ~met | (one[:, 1] != other[:, 1])).any():
         (a, d), (b, e) = one[wrong.argmax()] + [0, 1], other[wrong.argmax()] + [0, 1]
         raise ValueError(

@@ -70,6 +70,21 @@ def test_deck():
     assert up.displacement("tip") == pytest.approx(f @ u, rel=1e-7)
 
 
+def test_a_node_may_have_a_mass_of_its_own(job):
+    """As a weight on springs has, which no solid element shares."""
+    held, mass = "*BOUNDARY\n", job.with_suffix(".mas").read_text()
+    deck = job.with_suffix(".inp")
+    deck.write_text(
+        deck.read_text().replace("*STEP", "*NODE\n900, .02, .02, .02\n" + held + "900, 2, 3\n*STEP")
+    )
+    for ending, line in ((".dof", "900.1\n"), (".sti", "79 79 2.5\n"), (".mas", "79 79 1.e-6\n")):
+        file = job.with_suffix(ending)
+        file.write_text(file.read_text() + line)
+    assert mass.count("\n") == job.with_suffix(".mas").read_text().count("\n") - 1
+    body = sb.read_calculix(job)
+    assert body.mass[78, 78] == pytest.approx(1e-3) and body.stiffness[78, 78] == pytest.approx(2.5e3)
+
+
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed")
 def test_calculix_itself(job):
     """The installed one writes the same numbers."""
