@@ -7,6 +7,7 @@ import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.continuation.harmonic_errors import MOVED
 from sbfem_petsc.reduction.build import wider
+from tests.parallel import alone, answer, on_ranks
 from tests.systems import ALUMINIUM, coarse_beam
 
 
@@ -54,3 +55,35 @@ def test_dynamic_flexibility(make, load):
     # what they leave of the static one is not negative
     np.testing.assert_array_less(-1e-9 * np.trace(few.gap.contact), np.linalg.eigvalsh(more.gap.contact))
     assert np.trace(more.gap.contact) < np.trace(few.gap.contact)
+
+
+RANKS = """
+import json
+import numpy as np
+import sbfem_petsc as sb
+from mpi4py import MPI
+from sbfem_petsc.reduction.build import wider
+from tests.reduction.test_left_out import thick_beam
+loads = [sb.PointForce("A", fx=1.0), sb.SupportMotion(ay=1.0), sb.EdgeMotion("left", uy=1.0)]
+with thick_beam() as model:
+    own = sb.reduce(model, loads, modes=12)
+    more = wider(own)
+    further = slice(12, None)
+    found = {"frequencies": more.frequencies[further], "mass": more.supports.mass}
+    moved = [abs(more.translation[further]), abs(more.load_modes[further]), abs(more.gap.modes[:, further])]
+    moved.append(abs(more.supports.inertia[..., further]))
+    found |= {"moved": np.concatenate([part.ravel() / part.max() for part in moved])}
+    found |= {"loads": more.load_flexibility, "points": more.points.loads, "tips": more.tips.contact}
+if MPI.COMM_WORLD.rank == 0:
+    print(json.dumps({name: values.tolist() for name, values in found.items()}))
+"""
+
+
+def test_two_ranks():
+    """The numbers of one rank, but for the signs of the vectors."""
+    one, two = alone(RANKS), answer(on_ranks(2, RANKS))
+    for name, values in one.items():
+        expected = np.array(values)
+        np.testing.assert_allclose(
+            two[name], expected, rtol=0.0, atol=1e-6 * abs(expected).max(), err_msg=name
+        )
