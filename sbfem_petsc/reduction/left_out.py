@@ -24,8 +24,8 @@ from .reduced_model import ReducedModel
 # modes still counts, as many of the residual flexibility's largest ones beside each, and most of all.
 BLOCKS, PATTERN, BESIDE, MOST = 3, 0.01, 0.5, 48
 # Frequencies up to this multiple of the highest one have vectors: steps that are halved carry them, and what
-# lies beyond moves with the load.
-TOP = 2.0
+# lies beyond moves with the load. So many vectors at least: beyond a few modes frequencies lie far apart.
+TOP, LEAST = 2.0, 3
 # What is rounding in a flexibility, and in a basis.
 ROUNDING = 1e-10
 
@@ -196,7 +196,7 @@ def _vectors(
     kept = values > ROUNDING * values[-1]
     axes = axes[:, kept] / np.sqrt(values[kept]) / sizes[:, None]
     inverse, turns = np.linalg.eigh(axes.T @ mass @ axes)
-    first = max(1, int((inverse * (TOP * own.omega.max()) ** 2 > 1.0).sum()))
+    first = max(LEAST, int((inverse * (TOP * own.omega.max()) ** 2 > 1.0).sum()))
     omega = 1.0 / np.sqrt(inverse[::-1][:first])
     return basis @ (axes @ turns[:, ::-1][:, :first]) * omega, omega
 
