@@ -207,6 +207,8 @@ def _hold(flexibility: np.ndarray, rubbing: Rubbing, row: int, sets: Sets) -> bo
     products(inverse, free, last, (last, last), right)
     if abs(own) < _SMALL * whole:
         own = _sharpened(flexibility, rubbing, row, sets)
+        if not abs(own) > _LEAST * whole:
+            return False
     scale = 1.0 / own
     for a in range(last):
         share = right[a] * scale

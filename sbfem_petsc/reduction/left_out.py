@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import linalg
 
 from ..loads import SupportMotion
 from ..petsc import MPI
@@ -153,11 +154,16 @@ def _patterns(own: ReducedModel, model: Model) -> np.ndarray:
     units = np.where(sizes > 0.0, 1.0 / np.sqrt(np.where(sizes > 0.0, sizes, 1.0)), 0.0)
     patterns, values, _ = np.linalg.svd(units[:, None] * seen, full_matrices=False)
     patterns = patterns[:, values > PATTERN * values.max(initial=0.0)]
-    rest = np.eye(len(units)) - patterns @ patterns.T
-    slacks, others = np.linalg.eigh(rest @ (units[:, None] * flexibility * units) @ rest)
-    count = min(math.ceil(BESIDE * patterns.shape[1]), int((slacks > ROUNDING).sum()))
-    patterns = np.concatenate([patterns, others[:, len(others.T) - count :]], axis=1)
-    return units[:, None] * patterns[:, : MOST // BLOCKS]
+    patterns = patterns[:, : MOST // BLOCKS]
+    known, size = patterns.shape[1], len(units)
+    count = min(math.ceil(BESIDE * known), MOST // BLOCKS - known, size)
+    if count > 0:
+        rest = units[:, None] * flexibility * units
+        rest -= patterns @ (patterns.T @ rest)
+        rest -= (rest @ patterns) @ patterns.T
+        slacks, others = linalg.eigh(rest, subset_by_index=[size - count, size - 1])
+        patterns = np.concatenate([patterns, others[:, slacks > ROUNDING]], axis=1)
+    return units[:, None] * patterns
 
 
 def _vectors(
