@@ -13,7 +13,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...petsc import PETSc, dense_columns, direct_solver, free, freeing, make_ksp, negative_eigenvalues
+from ...petsc import (
+    PETSc,
+    dense_columns,
+    direct_solver,
+    free,
+    freeing,
+    make_ksp,
+    negative_eigenvalues,
+    require_thread,
+)
 from ...ranks.capacity import give_back
 from ...ranks.parallel import alone
 from ...selement.dense import cholesky, lower_solve, symmetric_eigen
@@ -65,6 +74,7 @@ class Pencil:
     """
 
     def __init__(self, statics: Stiffness, highest: float, tolerance: float):
+        require_thread()
         self.statics, self.elements, self.layout = statics, statics.elements, statics.layout
         layout, comm = self.layout, self.layout.comm
         # a matter of caches, not of memory
