@@ -176,15 +176,12 @@ def modal_start(reduced: ReducedModel, initial: tuple) -> tuple[np.ndarray, np.n
         raise wrong_input(
             "transient: initial by functions of x and y needs a model; give modal coordinates (q, v)"
         )
-    pencil = Pencil(model.statics, 1.0, 0.0)
-    try:
+    with Pencil(model.statics, 1.0, 0.0) as pencil:
         shapes, result = full_shapes(pencil, found), []
         for function, what in zip(initial, ("displacement", "velocity")):
             q = shapes.T @ momentum(pencil, function, what)
             model.comm.Allreduce(MPI.IN_PLACE, q)
             result.append(q)
-    finally:
-        pencil.destroy()
     return result[0], result[1]
 
 

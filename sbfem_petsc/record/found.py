@@ -88,9 +88,11 @@ class Found(Views):
             for q in record._presented(lambda about: not about.distributed)
             if q.name in details or (q.about.stored and not q.about.detail)
         ]
-        # what stands alone in a record is a detail of it
-        kept = [(name, part) for name, about, part in record.parts() if not about.detail]
-        parts = {name: tuple(cls.of(one, points) for one in part) for name, part in kept}
+        parts = {}
+        for name, about, part in record.parts():
+            if not about.detail:
+                several = tuple(cls.of(one, points) for one in (part if isinstance(part, tuple) else (part,)))
+                parts[name] = several if isinstance(part, tuple) else several[0]
         added = (q and q.of_points(record.of_rows).annotated(detail=q.name in details) for q in more)
         return cls([*own, *added], parts, record.coordinates)
 

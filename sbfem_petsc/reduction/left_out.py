@@ -100,13 +100,10 @@ def left_out(own: ReducedModel) -> LeftOut | None:
         return None
     require_modes(model.statics.elements, pushes.shape[1], len(own.omega) + 3 * BLOCKS * pushes.shape[1])
     forces = model.load_columns(own.loads).forces
-    pencil = Pencil(model.statics, TOP * float(own.omega.max()), TOLERANCE)
-    try:
+    with Pencil(model.statics, TOP * float(own.omega.max()), TOLERANCE) as pencil:
         basis, omega = _vectors(own, model, pencil, pushes, forces)
         momentum = basis[pencil.owned :].T @ pencil.auxiliary_translation()
         inertia = _inertia(model, pencil, basis) if len(own.edges) else np.zeros((0, 2, len(omega)))
-    finally:
-        pencil.destroy()
     shapes = basis[: pencil.owned]
     translation = _summed(model, momentum - shapes.T @ unit_accelerations(model))
     load_modes = _summed(model, shapes.T @ forces)

@@ -7,9 +7,12 @@ import h5py
 import numpy as np
 import pytest
 
+import sbfem_petsc as sb
+from sbfem_petsc.analysis.estimate import Estimate, Level
 from sbfem_petsc.record.found import Found, labelled, of_points
 from sbfem_petsc.record.record import entries, record_class
 from sbfem_petsc.system.solve.modal_result import Modal
+from tests.fuzz import examples
 
 # of u(t) = Re sum c_k exp(i k t)
 HARMONICS = np.array([0.5, 2.0 * np.exp(0.7j), 0.3 * np.exp(-2.1j)])
@@ -106,3 +109,18 @@ def test_details_are_kept_where_they_are_named():
     # what is named is a detail of the case's files, whatever it is of the result
     assert {name for name, q in whole.found.items() if q.about.detail} == {"auxiliary_inertia"}
     assert whole["displacement"].value.tolist() == [[[1.0, 1.0]], [[1.0, 1.0]]]
+
+
+def test_a_part_that_stands_alone(tmp_path):
+    """As the errors of a static solution that was asked to be accurate."""
+    level = Level({"order": 5}, {}, 96, 1.0, np.nan)
+    model = examples.model()
+    solution = sb.static(model, examples.PUSH)
+    solution = dataclasses.replace(solution, estimate=Estimate(1.0, 0.25, 0.5, True, (level, level)))
+    found = Found.of(solution, ["A"])
+    assert found["estimate"]["error"].value == 0.25
+    assert found.summary()["estimate"]["unknowns"] == [96, 96]
+    with h5py.File(tmp_path / "found.h5", "w", libver="v110", track_order=True) as file:
+        found.write(file)
+        assert repr(Found.read(file)) == repr(found)
+    assert any("estimate" in path for path in found.to_csv(tmp_path / "static.csv"))

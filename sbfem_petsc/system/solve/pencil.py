@@ -143,25 +143,26 @@ class Pencil:
 
     def coupled(self, columns: np.ndarray) -> np.ndarray:
         """C' times this rank's displacement unknowns of columns. Collective."""
-        result = np.empty((len(self._auxiliary_stiffness), columns.shape[1]), order="F")
-        with freeing(self.layout.comm, *self.coupling.createVecs()) as (right, left):
-            for k, column in enumerate(columns.T):
-                left.array = column
-                self.coupling.multTranspose(left, right)
-                result[:, k] = right.array_r
-        return result
+        right, left = self.coupling.createVecs()
+        return self._products(self.coupling.multTranspose, left, right, columns)
 
     def heavy_products(self, columns: np.ndarray) -> np.ndarray:
-        """The mass times this rank's rows of columns, in Fortran's order. Collective.
+        """The mass times this rank's rows of columns, in Fortran's order. Collective."""
+        right, left = self.mass.createVecs()
+        return self._products(self.mass.mult, right, left, columns)
 
-        One by one: PETSc 3.18 crashes in products of matrices kept by halves with blocks of columns.
+    def _products(
+        self, product: Callable[..., None], given: PETSc.Vec, found: PETSc.Vec, columns: np.ndarray
+    ) -> np.ndarray:
+        """One by one, by way of vectors that are freed: PETSc 3.18 crashes in products of matrices kept by
+        halves with blocks of columns.
         """
-        result = np.empty(columns.shape, order="F")
-        with freeing(self.layout.comm, *self.mass.createVecs()) as (right, left):
+        result = np.empty((found.getLocalSize(), columns.shape[1]), order="F")
+        with freeing(self.layout.comm, given, found):
             for k, column in enumerate(columns.T):
-                right.array = column
-                self.mass.mult(right, left)
-                result[:, k] = left.array_r
+                given.array = column
+                product(given, found)
+                result[:, k] = found.array_r
         return result
 
     def condensed(self, shift: float) -> PETSc.Mat:
