@@ -73,6 +73,8 @@ class Sets(NamedTuple):
         States before.
     told : (n + 1,) int8 array
         Those from which it is told where rows land; the last entry tells whether any do.
+    aside : (n,) array
+        Forces there.
     seen : (MAXIMUM,) int array
         Sums that tell sets apart.
     every : (n,) int array
@@ -92,6 +94,7 @@ class Sets(NamedTuple):
     landed: np.ndarray
     begun: np.ndarray
     told: np.ndarray
+    aside: np.ndarray
     seen: np.ndarray
     every: np.ndarray
 
@@ -127,8 +130,8 @@ def rubbing_room(rows: int) -> tuple[np.ndarray, ...]:
     """Room of `Sets` that sets of any step share: from `right` on."""
     following, begun, told = (np.zeros(n, dtype=np.int8) for n in (rows, rows, rows + 1))
     right, solved, free, swept, kept = (np.empty(n) for n in (rows + 1, *[rows] * 4))
-    seen, landed = np.zeros(MAXIMUM, dtype=np.int64), np.empty((rows, 3))
-    return right, solved, free, following, swept, kept, landed, begun, told, seen, np.arange(rows)
+    seen, landed, aside = np.zeros(MAXIMUM, dtype=np.int64), np.empty((rows, 3)), np.zeros(rows)
+    return right, solved, free, following, swept, kept, landed, begun, told, aside, seen, np.arange(rows)
 
 
 # Where nothing rubs.

@@ -138,6 +138,8 @@ class StepHistory(NamedTuple):
     landings : (n, k, 3) or (0, 0, 3) array
         Zeros, but for where tangential rows land in each step, see `held_rows.Sets`; not kept in an empty
         one.
+    told, aside : (n, pairs) or (0, 0) int8 and float arrays
+        States and forces from which it is told where they land in each step; not kept where landings are not.
     """
 
     states: np.ndarray
@@ -149,6 +151,8 @@ class StepHistory(NamedTuple):
     rows: np.ndarray = np.empty((0, 0), dtype=np.int8)
     kept: np.ndarray = np.empty(0)
     landings: np.ndarray = np.empty((0, 0, 3))
+    told: np.ndarray = np.empty((0, 0), dtype=np.int8)
+    aside: np.ndarray = np.empty((0, 0))
 
 
 class Marched(NamedTuple):
@@ -327,7 +331,9 @@ def _sets(room: Room, level: int) -> Sets:
     inverse, known = room.inverses[level], room.known[level]
     held, at = room.members[level], room.places[level]
     found = inverse, known, held, at, of.right, own.solved, own.free
-    return Sets(*found, of.following, of.swept, of.kept, of.landed, of.begun, of.told, of.seen, own.every)
+    return Sets(
+        *found, of.following, of.swept, of.kept, of.landed, of.begun, of.told, of.aside, of.seen, own.every
+    )
 
 
 @inner_loops
@@ -431,6 +437,8 @@ def _tell(history: StepHistory, done: int, end: End, sets: Sets) -> None:
     for k in range(history.landings.shape[1] if sets.told[sets.told.size - 1] != 0 else 0):
         for n in range(3):
             history.landings[done, k, n] = sets.landed[count + k, n]
+    for i in range(history.told.shape[1]):
+        history.told[done, i], history.aside[done, i] = sets.told[i], sets.aside[i]
 
 
 @compiled_loops

@@ -247,6 +247,7 @@ def _tell(
     gap: tuple[np.ndarray, np.ndarray],
     held: tuple[Table, Rubbing, np.ndarray],
     sets: Sets,
+    force: np.ndarray,
     attempt: int,
 ) -> None:
     """Where rows land that are apart in the set that has been solved: gap and slip go linearly from those
@@ -266,7 +267,8 @@ def _tell(
         share = 1.0 / (gap[1][i] - reached)
         sets.landed[t, 0] = share * gap[1][i]
         sets.landed[t, 1] = slipped * share**2 * reached
-        sets.landed[t, 2] = slipped * share**2 * gap[1][i]
+        # without these rows it may not land at all: it is told at the end, whatever the gap there
+        sets.landed[t, 2] = slipped * share**2 * gap[1][i] if reached < 0.0 else 0.0
         sets.kept[t], new = gap[1][t] + sets.landed[t, 0] * slipped, True
         bounds = rubbing.kinetic[k], rubbing.static[k]
         if bounds[1] > bounds[0]:
@@ -276,7 +278,7 @@ def _tell(
             state[t] = max(_alone(flexibility, (i, t), rest, bounds, sets), STICKS)
     if new:
         for i in range(state.size):
-            sets.told[i] = sets.known[i]
+            sets.told[i], sets.aside[i] = sets.known[i], force[i]
 
 
 @inner_loops
@@ -336,7 +338,7 @@ def _settle(
             if _exchange(flexibility, without, held, sets, force) == 0:
                 return exchanges
             if tells:
-                _tell(flexibility, gap, held, sets, 0)
+                _tell(flexibility, gap, held, sets, force, 0)
             exchanges += 1
     return -1
 
@@ -363,7 +365,9 @@ def _land(
     for i in range(state.size):
         state[i] = sets.following[i]
     if found:
-        _tell(flexibility, gap, held, sets, attempt)
+        for t in range(count, state.size):  # what has been told from other sets counts no more
+            sets.kept[t], sets.landed[t, 0], sets.landed[t, 1], sets.landed[t, 2] = gap[1][t], 0.0, 0.0, 0.0
+        _tell(flexibility, gap, held, sets, force, attempt)
     return found
 
 

@@ -57,9 +57,9 @@ class _Room(NamedTuple):
 
 def rubbing_contacts(
     step: StepConstants,
-    history: tuple[np.ndarray, np.ndarray],
+    history: tuple[np.ndarray, np.ndarray, np.ndarray],
     units: np.ndarray,
-    gap_rates: np.ndarray,
+    gap_rates: tuple[np.ndarray, np.ndarray],
     least: float = LEAST,
 ) -> Contacts:
     """Of steps as they are, of one length.
@@ -67,17 +67,19 @@ def rubbing_contacts(
     Parameters
     ----------
     step : StepConstants
-    history : (n + 1, c + k) int8 array, (n, k, 3) array
-        States of the rows at the steps' ends, and where they land in these (`marching.StepHistory`).
+    history : (n + 1, c + k) int8 array, (n, k, 3) array, (n, c + k) int8 array
+        States of the rows at the steps' ends, where they land in these, and from which states this is told
+        (`marching.StepHistory`).
     units : (k,) array
         Those of the slips in the state, m.
-    gap_rates : (n + 1, c + k, e) array
-        Rates of the free gaps and slips with e parameters.
+    gap_rates : (n + 1, c + k, e) array, (n, c + k, e) array
+        Rates of the free gaps and slips with e parameters, and how much more they are where it is told where
+        rows land.
     least : float
         What is left out.
     """
-    (states, landings), rubbing, count = history, step.rubbing, step.rubbing.beside.size
-    writes, lands = _written(states, landings)
+    (states, landings, told), (rates, more), count = history, gap_rates, step.rubbing.beside.size
+    writes, lands = _written(states, landings, told)
     landing = lands.any(axis=1)
     instants = np.flatnonzero((states != FREE).any(axis=1) | writes.any(axis=1))
     # rows that land are told from a set without them before that of their instant
@@ -99,29 +101,29 @@ def rubbing_contacts(
     shares[goes_on] -= landings[at[goes_on], :, :2]
     shares[alone] = landings[at[alone] - 1][:, :, [0, 2]]
     sets, written = states[at], np.where(alone[:, None], lands[at], writes[at])
-    landed = (landings[at[alone] - 1, :, 0] > 0.0).nonzero()
-    numbers = np.flatnonzero(alone)[landed[0]]
-    sets[numbers, rubbing.rows[landed[1]]], sets[numbers, count + landed[1]] = FREE, FREE
+    sets[alone] = told[at[alone] - 1]
     push, spread, changes, sizes = _condensed(
         step, (sets, written, shares, alone, units), not at[:1].any(), least
     )
     ends = np.cumsum(sizes)
     first = ends - sizes
-    held = spread.copy()
+    held, shifts = spread.copy(), np.zeros((len(spread), rates.shape[2]))
     rows, slips = np.nonzero(changes)
     held[rows, count + slips] = np.where(np.repeat(alone, sizes)[rows], 0.0, -1.0 / units[slips])
     for kind in np.flatnonzero(alone):
         behind, own = which[np.flatnonzero(which == kind)[0] + 1], slice(first[kind], ends[kind])
         part, kept = slice(first[behind], ends[behind]), np.flatnonzero(written[kind])
         read = held[part, count + kept] * units[kept]
+        shifts[own] = spread[own] @ more[at[kind] - 1]
+        shifts[part] = read @ shifts[own]
         spread[part] += read @ spread[own]
         held[part] += read @ held[own]
     counts = sizes[which]
     owner = np.repeat(of, counts)
     place = np.arange(len(owner)) + np.repeat(first[which] - np.cumsum(counts) + counts, counts)
-    shifts = np.zeros((len(owner), gap_rates.shape[2]))
+    shifts = shifts[place]
     if shifts.size:
-        shifts = np.einsum("sc,sce->se", spread[place], gap_rates[owner])
+        shifts += np.einsum("sc,sce->se", spread[place], rates[owner])
     reads, factors = -held[:, count:] * units, spread @ step.left.T @ step.right
     counts = np.bincount(np.searchsorted(instants, owner), minlength=len(instants))
     return Contacts(
@@ -129,15 +131,16 @@ def rubbing_contacts(
     )
 
 
-def _written(states: np.ndarray, landings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _written(states: np.ndarray, landings: np.ndarray, told: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(n + 1, k): the instants at which slips are written that are kept later on or left to the next period,
     and those at which they go on to where a row lands.
     """
-    sticks = states[:, states.shape[1] - landings.shape[1] :] == STICKS
+    count = states.shape[1] - landings.shape[1]
+    sticks, landed = states[:, count:] == STICKS, landings[:, :, 0] > 0.0
     writes, lands = np.zeros_like(sticks), np.zeros_like(sticks)
-    writes[:-1] = ~sticks[:-1] & sticks[1:]
+    writes[:-1] = ~sticks[:-1] & (sticks[1:] | (landed.any(axis=1)[:, None] & (told[:, count:] == STICKS)))
     writes[-2] = ~sticks[-2]
-    lands[1:] = writes[:-1] & (landings[:, :, 0] > 0.0)
+    lands[1:] = writes[:-1] & landed
     return writes, lands
 
 

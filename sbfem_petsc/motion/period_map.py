@@ -274,11 +274,12 @@ class DrivenPeriod:
         reached, settled = 0, self._touch(begin)
         states[0], velocities[0], forces[0] = q, v, begin.force
         rows[:1], left = begin.rows[: rows.shape[1]], np.empty(len(slip))
-        landings = np.zeros((len(lost), len(slip), 3))
+        landed = np.zeros((len(lost), len(slip), 3)), np.zeros((len(lost), kept[1]), dtype=np.int8)
+        landings = *landed, np.zeros((len(lost), kept[1]))
         if settled >= 0:
             loads = StepLoads(np.zeros((0, m)), self.free_gap, np.zeros(steps, dtype=np.int8))
             told = states[1:], velocities[1:], forces[1:], work, np.empty(0, dtype=np.int8), lost
-            history = StepHistory(*told, rows[1:], left, landings)
+            history = StepHistory(*told, rows[1:], left, *landings)
             reached = march(self.constants, loads, begin, history, self.length.kept).steps
         if reached < steps:
             raise failed_solve(
@@ -287,7 +288,7 @@ class DrivenPeriod:
             )
         residual = self._state(q, v, (left - slip) / p.slip_units)
         residual[: 2 * m] -= difference
-        return PeriodMotion(residual, states, velocities, forces, work, rows, lost, landings)
+        return PeriodMotion(residual, states, velocities, forces, work, rows, lost, *landings)
 
     def _touch(self, begin: StepState) -> int:
         """Contact at t = 0, where the modes are and after the slips before; negative if it is not solved."""
@@ -343,7 +344,8 @@ class DrivenPeriod:
                 self._frequency_rates() if name == "frequency" else self._load_rates()
             )
         located &= rubbing or p.friction is None
-        derivative = self._derivative(motion, gap_rates, located, rough, keep=columns.shape[1] < m)
+        rates = gap_rates, self._told_rates(motion, parameters)
+        derivative = self._derivative(motion, rates, located, rough, keep=columns.shape[1] < m)
         columns = np.concatenate([columns, -shifts], axis=1)
         columns[:m] /= p.weights[:, None]
         # slips that do not stick at t = 0 are forgotten there
@@ -362,10 +364,15 @@ class DrivenPeriod:
         return result
 
     def _derivative(
-        self, motion: PeriodMotion, gap_rates: np.ndarray, located: bool, rough: bool, keep: bool
+        self,
+        motion: PeriodMotion,
+        rates: tuple[np.ndarray, np.ndarray],
+        located: bool,
+        rough: bool,
+        keep: bool,
     ) -> Derivative:
         """The linearised motion; that along the state may be kept, for many products with it."""
-        p = self.period
+        p, gap_rates = self.period, rates[0]
         key = (located, rough, motion)
         if gap_rates.shape[2] == 0 and self._kept is not None and self._kept[0] == key:
             return self._kept[1]
@@ -379,8 +386,8 @@ class DrivenPeriod:
             history = motion.rows, motion.forces, motion.landings
             contacts = located_rubbing(self.constants, history, gaps, p.slip_units)
         elif p.friction is not None:
-            steps, left_out = (motion.rows, motion.landings), ROUGH if rough else LEAST
-            contacts = rubbing_contacts(self.constants, steps, p.slip_units, gap_rates, left_out)
+            steps, left_out = (motion.rows, motion.landings, motion.told), ROUGH if rough else LEAST
+            contacts = rubbing_contacts(self.constants, steps, p.slip_units, rates, left_out)
         elif located:
             closed = p.laws.acting(motion.forces)
             contacts = located_contacts(
@@ -410,6 +417,18 @@ class DrivenPeriod:
             (self.speeds * (self._slopes + self.amplitudes / self.frequency)).sum(axis=0).real,
         )
         return gaps, linear
+
+    def _told_rates(self, motion: PeriodMotion, parameters: tuple[str, ...]) -> np.ndarray:
+        """How much more gaps and slips change where it is told where rows land, (n, pairs, e): with the
+        steps' length, for their speeds differ from those at the steps' ends.
+        """
+        p, told = self.period, motion.told
+        result = np.zeros((*told.shape, len(parameters)))
+        if told.size and "frequency" in parameters:
+            forces = (motion.aside - motion.forces[1:]) @ p.left @ (p.right.T * self.coefficients[9])
+            rate = -self.step / self.frequency
+            result[:, :, parameters.index("frequency")] = rate * (forces @ p.right) @ p.left.T
+        return result
 
     def _sources(
         self, motion: PeriodMotion, parameters: tuple[str, ...], starts: np.ndarray, ends: np.ndarray

@@ -1,0 +1,86 @@
+"""Cracks that turn, branch, cross and meet under friction, in time: the derivative of a period, and motions
+beside each other.
+"""
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from meshing import CrackLine, Plate
+from sbfem_petsc.contact.law import FREE
+from sbfem_petsc.motion.preparation import PeriodSettings, prepare
+from tests.contact.test_friction import LINES
+from tests.systems import ALUMINIUM
+
+FREQUENCY, MODES = 3000.0, 8
+SHAKEN = [sb.EdgeLoad("edge3", tx=sb.Harmonic(1e6, FREQUENCY), ty=sb.Harmonic(1e6, FREQUENCY, 0.3))]
+
+
+def plate_of(lines, law):
+    """A clamped square plate."""
+    plate = Plate([(0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1)], cracks=[CrackLine(points) for points in lines])
+    mesh = plate.mesh(order=2, points={"P": (0.1, 0.1)}, size=0.03)
+    return sb.Model(mesh, ALUMINIUM, damping=0.01, clamped="edge1", contact_laws=law)
+
+
+def told_from_others(motion, rows):
+    """Steps in which it is told where rows land from other states than those at the end without them."""
+    count, found = motion.rows.shape[1] - motion.landings.shape[1], []
+    for n, landed in enumerate(motion.landings[:, :, 0] > 0.0):
+        apart = motion.rows[n + 1].copy()
+        apart[rows[landed]], apart[count:][landed] = FREE, FREE
+        if landed.any() and (apart != motion.told[n]).any():
+            found.append(n)
+    return found
+
+
+@pytest.mark.parametrize(
+    "name, law",
+    [
+        ("crossing", sb.Coulomb(0.8)),
+        *[
+            pytest.param(name, law, marks=pytest.mark.long)
+            for name, law in [
+                ("T", sb.Coulomb(0.2)),
+                ("T", sb.Coulomb(0.2, static_friction=0.3)),
+                ("kink", sb.Coulomb(0.2, compliance=1e-13, tangential_compliance=1e-13)),
+                ("star", sb.Coulomb(0.2)),
+                ("embedded", sb.Coulomb(0.2, static_friction=0.3)),
+            ]
+        ],
+    ],
+)
+def test_derivative_of_a_period(name, law):
+    """Beside central differences of the map as it is, along state and memory, with frequency and load. Where
+    a crossing's faces land in one step, others do or do not with them: no set of states tells itself where,
+    and some touch that without the others would stay apart.
+    """
+    with plate_of(LINES[name], law) as model:
+        settings = PeriodSettings(modes=MODES, steps=64)
+        period = prepare("test", model, SHAKEN, FREQUENCY, settings=settings)
+        driven = period.at(FREQUENCY)
+        state, rng = driven.linear_state, np.random.default_rng(0)
+        for _ in range(3):
+            state = state + driven.run(state).residual
+        scale = np.linalg.norm(state)
+        state[: 2 * MODES] += 2.5e-4 * scale * rng.standard_normal(2 * MODES)
+        motion = driven.run(state)
+        if name == "crossing":
+            assert told_from_others(motion, driven.constants.rubbing.rows)
+        ways = np.zeros((len(state), 3))
+        ways[: 2 * MODES, :2] = rng.standard_normal((2 * MODES, 2))
+        ways[2 * MODES :, 2] = rng.standard_normal(len(state) - 2 * MODES)
+        found = driven.carried(motion, ways, ("frequency", "load"))
+        step, share = 1e-8 * scale, 1e-7
+        pairs = [(driven.run(state + step * w), driven.run(state - step * w), 2.0 * step) for w in ways.T]
+        for at, size in (([1.0, 0.0], FREQUENCY), ([0.0, 1.0], 1.0)):
+            ends = [
+                period.at(FREQUENCY * (1.0 + s * at[0]), 1.0 + s * at[1]).run(state) for s in (share, -share)
+            ]
+            pairs.append((*ends, 2.0 * share * size))
+        # slips that stay what they are all the time count as if they came to nothing
+        moves = np.append(np.ones(2 * MODES, dtype=bool), ~motion.stays(len(period.laws)))
+        for k, (one, other, size) in enumerate(pairs):
+            expected = (one.residual - other.residual) / size + (ways[:, k] if k < 3 else 0.0)
+            largest = np.abs(expected[moves]).max()
+            assert found[moves, k] == pytest.approx(expected[moves], abs=1e-6 * max(largest, 1e-2)), k
