@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 
+from meshing.gmsh.confined import Refusal
+from meshing.gmsh.foreign.deck import Card, Deck, cards, of_one_part
 from meshing.whole_file import read_whole
 
 from ..checks import choice, path
@@ -19,13 +21,13 @@ from .units import UNITS
 
 OWNER = "read_calculix"
 # What moves or removes unknowns, or closes contact before this program does.
-REFUSED = {f"*{word}" for word in "COUPLING EQUATION GAP INSTANCE MPC TIE TRANSFORM".split()}
-REFUSED |= {"*CONTACT PAIR", "*CYCLIC SYMMETRY MODEL", "*DISTRIBUTING COUPLING", "*RIGID BODY"}
+REFUSED = {"COUPLING", "EQUATION", "GAP", "INSTANCE", "MPC", "TIE", "TRANSFORM", "CONTACT PAIR", "RIGID BODY"}
+REFUSED |= {"CYCLIC SYMMETRY MODEL", "DISTRIBUTING COUPLING"}
 # Solid elements by VTK's names, whose nodes stand in the same order.
 SOLIDS = {"C3D4": "tetra", "C3D10": "tetra10", "C3D6": "wedge", "C3D15": "wedge15"}
 SOLIDS |= {"C3D8": "hexahedron", "C3D20": "hexahedron20"}
-# Decks that include decks that include decks; more than any label of a node.
-DEEPEST, FAR = 20, 2**31
+# Decks that include decks that include decks.
+DEEPEST = 20
 
 
 def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
@@ -56,7 +58,7 @@ def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
     """
     choice(OWNER, "units", units, tuple(UNITS))
     stem = path(OWNER, "job", job).removesuffix(".inp")
-    deck = Deck(OWNER, f"{stem}.inp")
+    deck = read_deck(OWNER, f"{stem}.inp")
     unknowns = _unknowns(f"{stem}.dof", deck.nodes)
     stiffness, mass = (_matrix(f"{stem}.{ending}", len(unknowns)) for ending in ("sti", "mas"))
     if stiffness.nnz != mass.nnz:
@@ -64,14 +66,14 @@ def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
             f"{OWNER}: {stem}.sti has {stiffness.nnz} entries, .mas not as many; one is cut or of another run"
         )
     free = set(map(tuple, unknowns.tolist()))
-    solid = {a for cells in deck.elements.values() for a in cells.ravel().tolist()}
+    solid = {node for _, nodes in deck.elements.values() for node in nodes}
     if lost := min({(a, d) for a in solid for d in range(3)} - free - deck.held, default=None):
         raise ValueError(
             f"{OWNER}: node {lost[0]} has no unknown along {AXES[lost[1]]} in {stem}.dof, and no *BOUNDARY "
             f"of {stem}.inp holds it; are they of one run?"
         )
     _require_order(stem, mass, unknowns, deck)
-    given: dict[str, Any] = {"sets": deck.sets, "fixed": deck.held - free, "elements": deck.elements}
+    given: dict[str, Any] = {"sets": deck.node_sets, "fixed": deck.held - free, "elements": deck.cells}
     return FiniteElementModel(mass, stiffness, unknowns, deck.nodes, units=units, **given)
 
 
@@ -82,89 +84,80 @@ def job_files(job: str) -> list[str]:
     return [*decks, *(f"{stem}.{ending}" for ending in ("dof", "sti", "mas"))]
 
 
-class Deck:
+class SolidDeck(Deck):
     """Nodes, sets of them, pairs of node and direction that are held, and solid elements by kind."""
 
-    def __init__(self, owner: str, file: str):
-        self.owner, self.nodes, self.held = owner, dict[int, tuple[float, ...]](), set[tuple[int, int]]()
-        self.found, self.cells = dict[str, list[int]](), dict[str, list[int]]()
-        keyword, options = "", dict[str, str]()
-        for place, line in _lines(owner, file):
-            cells = [cell.strip() for cell in line.split(",")]
-            if line.startswith("*"):
-                keyword = " ".join(cells[0].upper().split())
-                given = (cell.upper().partition("=") for cell in cells[1:])
-                options = {key.strip(): value.strip() for key, _, value in given}
-                if keyword in REFUSED:
-                    raise ValueError(
-                        f"{owner}: {place} has {keyword}, which changes what the unknowns are or what "
-                        "touches; leave it out of this deck, contact is said by body.contact"
-                    )
-                continue
-            try:
-                self._take(keyword, options, cells)
-            except (ValueError, KeyError, IndexError) as error:
-                raise ValueError(f"{owner}: {place}: {line!r} is no line of {keyword} ({error})") from None
+    splits = True
 
-    def _take(self, keyword: str, options: dict[str, str], cells: list[str]) -> None:
-        """A line below a keyword."""
-        if keyword == "*NODE":
-            self.nodes[int(cells[0])] = tuple(float(cell or 0.0) for cell in [*cells[1:4], "", ""][:3])
-            if "NSET" in options:
-                self.found.setdefault(options["NSET"], []).append(int(cells[0]))
-        elif keyword == "*ELEMENT":  # whose nodes may go on in further lines
-            kind = SOLIDS.get(options["TYPE"].rstrip("RIMHT"))
-            if kind is not None:
-                self.cells.setdefault(kind, []).extend(int(cell) for cell in cells if cell)
-        elif keyword == "*NSET":
-            labels = _members(cells, self.found, "GENERATE" in options)
-            self.found.setdefault(options["NSET"], []).extend(labels)
-        elif keyword == "*BOUNDARY":
-            first = int(cells[1])
-            last = int(cells[2]) if cells[2:] and cells[2] else first
-            nodes = _members(cells[:1], self.found, False)
-            self.held |= {(n, d - 1) for n in nodes for d in range(first, min(last, 6) + 1)}
+    def __init__(self, cards: Iterable[Card]) -> None:
+        super().__init__([card for card in cards if self._counts(card)])
+        self.held = set[tuple[int, int]]()
+        for card in self.of("BOUNDARY"):
+            for place, row in card.rows:
+                nodes = self.labels(card, place, row[0], "NSET")
+                try:
+                    first, last = int(row[1]), int(row[2] if row[2:] and row[2] else row[1])
+                except (ValueError, IndexError):
+                    card.refuse(f"does not hold nodes, a first and a last direction: {', '.join(row)}", place)
+                self.held |= {(node, d - 1) for node in nodes for d in range(first, min(last, 6) + 1)}
+
+    def kind(self, card: Card) -> tuple[str, tuple[int, ...]]:
+        """VTK's name, and the number of nodes."""
+        kind = SOLIDS[_type(card)]
+        return kind, (NODES[kind],)
+
+    @staticmethod
+    def _counts(card: Card) -> bool:
+        """Whether it tells of nodes or solid elements; elements of other kinds, and sets of any, do not."""
+        if card.keyword in REFUSED:
+            card.refuse(
+                "changes what the unknowns are or what touches; leave it out of this deck, contact is said "
+                "by body.contact"
+            )
+        return card.keyword != "ELSET" and (card.keyword != "ELEMENT" or _type(card) in SOLIDS)
 
     @property
-    def sets(self) -> dict[str, list[int]]:
-        """Labels by name, each once."""
-        return {name: list(dict.fromkeys(labels)) for name, labels in self.found.items()}
+    def node_sets(self) -> dict[str, list[int]]:
+        """Labels by name, in capitals."""
+        return {name: list(found.labels) for name, found in self.sets["NSET"].items()}
 
     @property
-    def elements(self) -> dict[str, np.ndarray]:
+    def cells(self) -> dict[str, np.ndarray]:
         """Labels of nodes by kind."""
-        try:
-            rows = {kind: np.array(cells).reshape(-1, NODES[kind] + 1) for kind, cells in self.cells.items()}
-        except ValueError:
-            raise ValueError(f"{self.owner}: an element of the deck has too few or too many nodes") from None
-        return {kind: cells[:, 1:] for kind, cells in rows.items()}
+        found = dict[str, list[list[int]]]()
+        for kind, nodes in self.elements.values():
+            found.setdefault(kind, []).append(nodes)
+        return {kind: np.array(cells) for kind, cells in found.items()}
 
 
-def _members(cells: list[str], sets: dict[str, list[int]], generated: bool) -> list[int]:
-    """Labels of a line: numbers and names of sets, or first, last and step."""
-    given = [cell for cell in cells if cell]
-    if generated:
-        first, last, step = (*map(int, given), 1)[:3]
-        return list(range(first, last + 1, step))
-    return [n for cell in given for n in ([int(cell)] if cell.isdigit() else sets[cell.upper()])]
+def _type(card: Card) -> str:
+    return card.given.get("TYPE", "").upper().rstrip("RIMHT")
+
+
+def read_deck(owner: str, file: str) -> SolidDeck:
+    """A deck of CalculiX or Abaqus, without parts."""
+    try:
+        deck = SolidDeck(of_one_part(cards(_lines(owner, file))))
+    except Refusal as error:
+        raise ValueError(f"{owner}: {str(error).removesuffix('.')}") from None
+    if not deck.nodes:
+        raise ValueError(f"{owner}: {file} has no nodes (*NODE); give a deck of CalculiX or Abaqus, as text")
+    return deck
 
 
 def _lines(owner: str, file: str, depth: int = 0) -> Iterator[tuple[str, str]]:
-    """Place and text of each line that says something, those of *INCLUDE in its place."""
+    """Place and text of each line, those of *INCLUDE in its place."""
     for number, line in enumerate(_read(file, owner).splitlines(), 1):
-        text = line.strip()
-        if not text or text.startswith("**"):
-            continue
-        if text.upper().replace(" ", "").startswith("*INCLUDE,INPUT="):
+        if line.upper().replace(" ", "").startswith("*INCLUDE,INPUT="):
             if depth == DEEPEST:
                 raise ValueError(f"{owner}: {file}, line {number}: *INCLUDE is in itself")
-            other = text.partition("=")[2].strip().strip("\"'")
+            other = line.partition("=")[2].strip().strip("\"'")
             yield from _lines(owner, os.path.join(os.path.dirname(file), other), depth + 1)
-            continue
-        yield f"{file}, line {number}", text
+        else:
+            yield f"{file}, line {number}", line
 
 
-def _unknowns(file: str, nodes: dict[int, tuple[float, ...]]) -> np.ndarray:
+def _unknowns(file: str, nodes: dict[int, list[float]]) -> np.ndarray:
     """(n, 2): node and direction, from 0, of each row; written as node.direction, directions from 1."""
     found = []
     for number, line in enumerate(_read(file).split(), 1):
@@ -196,14 +189,21 @@ def _matrix(file: str, count: int) -> sparse.coo_matrix:
     return sparse.coo_matrix((value, place.astype(np.int64) - 1), (count, count))
 
 
-def _require_order(stem: str, mass: sparse.coo_matrix, unknowns: np.ndarray, deck: Deck) -> None:
+def _require_order(stem: str, mass: sparse.coo_matrix, unknowns: np.ndarray, deck: SolidDeck) -> None:
     """ValueError unless a mass couples no directions, and only nodes that share an element, as .dof names
     them; a node may have a mass of its own.
     """
+    if not mass.data.any():
+        return
     one, other = (unknowns[rows] for rows in mass.nonzero())
-    share = [(a[:, None] * FAR + a[..., None]).ravel() for a in deck.elements.values()]
-    met = np.isin(one[:, 0] * FAR + other[:, 0], np.concatenate([[-1], *share]))
-    met |= one[:, 0] == other[:, 0]
+    met, labels = one[:, 0] == other[:, 0], np.sort(list(deck.nodes))
+    for cells in deck.cells.values():
+        ends = np.searchsorted(labels, cells)
+        given = np.ones(ends.size, dtype=bool), ends.ravel(), ends.shape[1] * np.arange(len(ends) + 1)
+        has = sparse.csr_matrix(given, (len(ends), len(labels)))
+        near = sparse.csr_matrix(has.T @ has)
+        near.sort_indices()
+        met |= near[np.searchsorted(labels, one[:, 0]), np.searchsorted(labels, other[:, 0])].A1
     if (wrong := ~met | (one[:, 1] != other[:, 1])).any():
         (a, d), (b, e) = one[wrong.argmax()] + [0, 1], other[wrong.argmax()] + [0, 1]
         raise ValueError(

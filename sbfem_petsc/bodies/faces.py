@@ -112,7 +112,13 @@ def given_gap(gap: Any, x: np.ndarray) -> np.ndarray:
             inspect.signature(gap).bind(*x.T)
         except (TypeError, ValueError):
             raise TypeError(f"contact: gap = {shown(gap)} must be a function of x, y and z") from None
-        gap = gap(*x.T)
+        try:
+            gap = gap(*x.T)
+        except Exception as error:  # of any kind, in a user's function
+            why = f"{type(error).__name__}: {error}"
+            raise ValueError(
+                f"contact: gap = {shown(gap)} fails with arrays of x, y and z ({why})"
+            ) from error
     if not isinstance(gap, (list, tuple)) and not np.ndim(gap):
         return np.full(len(x), real("contact", "gap", gap, "m"))
     return real_array("contact", "gap", gap, (len(x),), "m")

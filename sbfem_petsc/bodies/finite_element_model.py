@@ -23,6 +23,8 @@ OWNER = "FiniteElementModel"
 SYMMETRY = 1e-6
 # Distance of nodes in sizes of the body that rounding explains.
 TOGETHER = 1e-10
+# Forces beside their parts, unknowns of which some are too many, and bodies whose supports may be near all.
+FORCED, NEARLY, FEW = 1e-2, 0.9, 200
 # Elements with eight-node faces, and how many of their nodes are corners.
 EIGHT = {"quad8": 4, "hexahedron20": 8}
 
@@ -58,6 +60,8 @@ class FiniteElementModel:
     -----
     UnitWarning
         If waves were slower or faster than in any solid, or the body heavier: units of another kind.
+    MeshWarning
+        If unknowns seem to be in another order than the rows of the matrices.
     """
 
     def __init__(
@@ -91,6 +95,7 @@ class FiniteElementModel:
         self.sets = _sets({} if sets is None else sets, self._node)
         self.elements = checked_cells(OWNER, {} if elements is None else elements, self._node)
         self.fixed = _held(fixed)
+        require_known(OWNER, "fixed", [node for node, _ in self.fixed], self._node)
         moves = np.isin(self.labels, [*self.unknowns[:, 0], *(node for node, _ in self.fixed)])
         self._sides = np.ptp(self.places[moves], axis=0)
         self._hold()
@@ -105,6 +110,7 @@ class FiniteElementModel:
             raise ValueError(f"FiniteElementModel: mass is negative, {heavy.min():g} kg on its diagonal")
         moves = self.unknowns[:, 1] < 3
         warn_of_units(OWNER, units, (own[moves], heavy[moves]), self.places, self._weight())
+        self._warn_of_order()
 
     def _hold(self) -> None:
         """Leave out what is held; (n, 3) inertia forces of unit accelerations, kg, know of it."""
@@ -117,6 +123,19 @@ class FiniteElementModel:
             self.mass, self.stiffness = self.mass[free][:, free], self.stiffness[free][:, free]
             self.unknowns = self.unknowns[free]
         self._unknown = {(a, d): k for k, (a, d) in enumerate(self.unknowns.tolist())}
+
+    def _warn_of_order(self) -> None:
+        """Warn where the body, turned as a whole, meets forces nearly everywhere, not at supports alone."""
+        about, rows = np.array([1.0, -0.6, 0.8]), [self._node[a] for a in self.unknowns[:, 0].tolist()]
+        moved = np.cross(about, self.places - self.places[rows].mean(axis=0))
+        rigid = np.hstack([moved, np.tile(about, (len(moved), 1))])[rows, self.unknowns[:, 1]]
+        forced = np.abs(self.stiffness @ rigid) > FORCED * (abs(self.stiffness) @ np.abs(rigid))
+        if len(rows) >= FEW and forced.mean() > NEARLY:
+            warn(
+                f"{OWNER}: turned as a whole, the body meets forces at {forced.sum()} of its {len(rows)} "
+                "unknowns; are unknowns and nodes those of the matrices' rows, in their order?",
+                MeshWarning,
+            )
 
     def nodal(self, unknowns: np.ndarray) -> np.ndarray:
         """(nodes, 3): displacements at all nodes in the order of `labels`, of (n,) values of the unknowns."""

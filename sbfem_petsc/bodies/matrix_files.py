@@ -12,7 +12,7 @@ from scipy import sparse
 from meshing.whole_file import require_regular
 
 from ..checks import instance, path
-from .calculix import Deck
+from .calculix import read_deck
 from .finite_element_model import FiniteElementModel
 
 OWNER = "read_matrices"
@@ -67,8 +67,8 @@ def read_matrices(
     sets = {} if sets is None else sets
     if not isinstance(nodes, Mapping):
         instance(OWNER, "nodes", nodes, (str, os.PathLike), "a dict of labels to places, or a deck")
-        deck = Deck(OWNER, path(OWNER, "nodes", nodes))
-        nodes, sets, elements, held = deck.nodes, deck.sets | dict(sets), deck.elements, held | deck.held
+        deck = read_deck(OWNER, path(OWNER, "nodes", nodes))
+        nodes, sets, elements, held = deck.nodes, deck.node_sets | dict(sets), deck.cells, held | deck.held
     if labelled[0]:
         if unknowns is not None:
             raise ValueError(f"{OWNER}: unknowns are those of {files[0]}; leave the argument out")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import warnings
 
 import h5py
 import numpy as np
@@ -235,6 +236,7 @@ def test_summary(parts, body):
         ({"unknowns": [[1, 0]]}, "unknowns has shape"),
         ({"nodes": {1: (0.0, 0.0, 0.0)}}, "which nodes has not; is it internal"),
         ({"sets": {"A": [99999]}}, "set 'A' has node 99999"),
+        ({"fixed": [(99999, 0)]}, "fixed has node 99999"),
     ],
 )
 def test_wrong_models(parts, change, sentence):
@@ -262,6 +264,10 @@ def test_wrong_models(parts, change, sentence):
         (lambda b: b.contact("LEFT"), "nor does a wall; give a normal"),
         (lambda b: b.contact("LEFT", normal="x", gap=[1e-6]), r"gap has shape \(1,\), \(2,\) was expected"),
         (lambda b: b.contact("LEFT", normal="x", gap=-1e-6), "overlap"),
+        (
+            lambda b: b.contact("LEFT", normal="x", gap=lambda x, y, z: 1e-6 if z > 0.005 else 0.0),
+            "gap = <function .* fails with arrays of x, y and z .ValueError: The truth value",
+        ),
         (lambda b: b.contact("LEFT", normal="x", offset=1e-6), "at a wall"),
         (lambda b: b.contact("LEFT", "RIGHT", normal="x", gap=2e-6, offset=1e-6), "beside a gap"),
         (
@@ -289,6 +295,20 @@ def test_a_negative_row_looks_the_other_way(body):
         assert (-1.0 * row).direction == turned.direction
         assert (-2.0 * turned).direction == row.direction == (3.0 * row).direction
         assert (row - row).direction == row.direction
+
+
+def test_unknowns_in_another_order(body):
+    """Nodes from the last one on, or all x first, are warned of: turning the body meets forces everywhere."""
+    both = sb.join(body, body)
+    given = dict(zip(both.labels.tolist(), both.places)), dict(fixed=both.fixed)
+    count = len(both.unknowns)
+    along = np.stack([np.tile(both.unknowns[::3, 0], 3), np.repeat([0, 1, 2], count // 3)], axis=1)
+    for unknowns in (both.unknowns[::-1], along):
+        with pytest.warns(sb.MeshWarning, match=f"forces at 2.. of its {count} unknowns; are unknowns and"):
+            sb.FiniteElementModel(both.mass, both.stiffness, unknowns, given[0], **given[1])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sb.FiniteElementModel(both.mass, both.stiffness, both.unknowns, given[0], **given[1])
 
 
 def test_nodes_of_nothing_do_not_make_the_body_larger(parts):
