@@ -17,6 +17,17 @@ FACES: dict[str, tuple[tuple[int, ...], ...]] = {
     "wedge": ((0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (0, 3, 5, 2)),
     "hexahedron": ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (0, 4, 7, 3)),
 }
+# Edges by the nodes in their middles.
+EDGES: dict[str, tuple[tuple[int, int], ...]] = {
+    "triangle": ((0, 1), (1, 2), (2, 0)),
+    "quad": ((0, 1), (1, 2), (2, 3), (3, 0)),
+    "tetra": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
+    "wedge": ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
+    "hexahedron": (
+        *((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4)),
+        *((0, 4), (1, 5), (2, 6), (3, 7)),
+    ),
+}
 NODES = {"triangle": 3, "triangle6": 6, "quad": 4, "quad8": 8, "tetra": 4, "tetra10": 10, "wedge": 6}
 NODES |= {"wedge15": 15, "hexahedron": 8, "hexahedron20": 20}
 
@@ -40,13 +51,23 @@ def require_known(owner: str, what: str, labels: Iterable[float], nodes: Mapping
         raise ValueError(f"{owner}: {what} has node {shown(min(lost))}, which nodes has not; is it internal?")
 
 
+def outer_faces(cells: Mapping[str, np.ndarray]) -> list[tuple[int, list[int]]]:
+    """Number of corners and rows of nodes, corners first, of the faces that one element alone has."""
+    found = dict[tuple[int, ...], tuple[int, list[int]] | None]()
+    for kind, elements in cells.items():
+        shape = kind.rstrip("0123456789")
+        first = 1 + max(map(max, FACES[shape]))
+        middles = {frozenset(edge): first + k for k, edge in enumerate(EDGES[shape])}
+        for corners in FACES[shape]:
+            edges = map(frozenset, zip(corners, corners[1:] + corners[:1]))
+            own = [*corners, *(middles[edge] for edge in edges if first < NODES[kind])]
+            for face in elements[:, own].tolist():
+                key = tuple(sorted(face[: len(corners)]))
+                found[key] = None if key in found else (len(corners), face)
+    return [face for face in found.values() if face is not None]
+
+
 def surface(cells: Mapping[str, np.ndarray]) -> list[np.ndarray]:
     """(faces, corners) rows of nodes of the faces that one element alone has, those of triangles first."""
-    found = dict[tuple[int, ...], tuple[int, ...] | None]()
-    for kind, elements in cells.items():
-        for corners in FACES[kind.rstrip("0123456789")]:
-            for face in map(tuple, elements[:, corners].tolist()):
-                key = tuple(sorted(face))
-                found[key] = None if key in found else face
-    outer = [face for face in found.values() if face is not None]
-    return [np.array([face for face in outer if len(face) == k], dtype=int).reshape(-1, k) for k in (3, 4)]
+    outer = outer_faces(cells)
+    return [np.array([face[:k] for n, face in outer if n == k], dtype=int).reshape(-1, k) for k in (3, 4)]

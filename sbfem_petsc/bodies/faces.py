@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,22 @@ from .units import tree_of
 # Distance of partners in spacings of nodes; weights of a row that are none: a force of any size would press
 # on it.
 APART, ROUNDING = 1e-3, 1e-9
+# Triangles between the nodes of a face, by their number; steps to a place in a quadrilateral.
+HATS = {
+    1: ((0,),),
+    3: ((0, 1, 2),),
+    4: ((0, 1, 2), (0, 2, 3)),
+    6: ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
+}
+HATS[8] = ((0, 4, 7), (1, 5, 4), (2, 6, 5), (3, 7, 6), (4, 5, 6), (4, 6, 7))
+NEWTON = 8
+# Nodes of a face, corners first, in its own coordinates, and the terms of its shape functions.
+REFERENCE = {
+    3: 0.5 * np.array([[0, 0], [2, 0], [0, 2], [1, 0], [1, 1], [0, 1]]),
+    4: 0.5 * np.array([[0, 0], [2, 0], [2, 2], [0, 2], [1, 0], [2, 1], [1, 2], [0, 1]]),
+}
+TERMS = np.array([[0, 0], [1, 0], [0, 1], [1, 1], [2, 0], [0, 2], [2, 1], [1, 2]])
+Faces = list[list[int]]
 
 
 def partners(left: list[int], x: np.ndarray, y: np.ndarray, normal: np.ndarray) -> sparse.csr_matrix:
@@ -36,45 +53,120 @@ def partners(left: list[int], x: np.ndarray, y: np.ndarray, normal: np.ndarray) 
 
 
 def between(
-    left: list[int], x: np.ndarray, y: np.ndarray, normal: np.ndarray, face: np.ndarray
-) -> sparse.csr_matrix:
-    """(left, right): weights of the right nodes at the point before each left one.
+    left: list[int],
+    places: tuple[np.ndarray, np.ndarray],
+    normal: np.ndarray,
+    faces: tuple[Faces, Faces],
+    moves: np.ndarray,
+) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
+    """(left, left) and (left, right): means of displacements before each other about left nodes.
 
-    The triangles between the nodes fill their convex hull; those count that lie on the face, (k, 3, 3)
-    triangles of the elements, if these are known.
+    Weights are hat functions, linear on triangles between the left nodes, over what is common to both faces,
+    so that a constant or linear pressure has on each side the forces that its elements give it. Nodes on a
+    line, without elements, are points.
+
+    Parameters
+    ----------
+    left : list of int
+        Labels.
+    places : (left, 3), (right, 3) arrays
+    normal : (3,) array
+    faces : pair of lists of lists of int
+        Nodes by their places in these arrays, corners first; without any, triangles that fill the nodes'
+        convex hull.
+    moves : (left,) array of bool
+        Nodes that come apart; hats of others, such as a crack's front, are shared out to their neighbours.
     """
-    from scipy.spatial import Delaunay, QhullError
-
     along = np.linalg.svd(normal[None])[2][1:].T
-    x, y, face = x @ along, y @ along, face @ along
-    try:
-        triangles = Delaunay(y)
-    except (QhullError, ValueError):
+    x, y = (part @ along for part in places)
+    own, other = (given or _hull(part) for given, part in zip(faces, (x, y)))
+    if not other:
         raise ValueError(
             f"contact: the {len(y)} right nodes span no surface across the normal; give those of a face"
-        ) from None
-    inside = triangles.find_simplex(x, tol=APART)
-    if len(face):
-        inside[~_covered(y[triangles.simplices].mean(axis=1), face)[inside]] = -1
-    if (inside < 0).any():
+        )
+    sums = [sparse.dok_matrix((len(x), len(part))) for part in (x, y)]
+    for nodes, *cells, points, weights in _common((x, y), own or [[k] for k in range(len(x))], other):
+        kept, hats = moves[nodes], (weights[:, None] * _shapes(x[nodes], points)).T
+        hats = hats[kept] + hats[~kept].sum(axis=0) / max(kept.sum(), 1)
+        for part, cell, at in zip(sums, cells, (x, y)):
+            part[np.ix_(np.array(nodes)[kept], cell)] += hats @ _shapes(at[cell], points)
+    one, two = (part.tocsr() for part in sums)
+    shared = np.asarray(one.sum(axis=1)).ravel()
+    if (beside := moves & (shared <= 0.0)).any():
         raise ValueError(
-            f"contact: {(inside < 0).sum()} of {len(left)} left nodes, node {left[inside.argmin()]} say, lie "
+            f"contact: {beside.sum()} of {len(left)} left nodes, node {left[beside.argmax()]} say, lie "
             "beside the right face; leave them out, or exchange the faces"
         )
-    corners, forms = triangles.simplices[inside], triangles.transform[inside]
-    weights = np.einsum("nij,nj->ni", forms[:, :2], x - forms[:, 2])
-    weights = np.column_stack([weights, 1.0 - weights.sum(axis=1)])
-    place = np.repeat(np.arange(len(x)), 3), corners.ravel()
-    return sparse.csr_matrix((weights.ravel(), place), (len(x), len(y)))
+    for part in (one, two):
+        part.data /= np.repeat(shared, np.diff(part.indptr))
+        part.data[np.abs(part.data) <= ROUNDING] = 0.0
+        part.eliminate_zeros()
+    return one, two
 
 
-def _covered(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Which (n, 2) points lie in any of (k, 3, 2) triangles."""
-    found = np.zeros(len(points), dtype=bool)
-    for a, b, c in triangles:
-        shares = np.linalg.solve(np.column_stack([a - c, b - c]), (points - c).T)
-        found |= (shares.min(axis=0) > -APART) & (shares.sum(axis=0) < 1.0 + APART)
-    return found
+def _common(
+    places: tuple[np.ndarray, np.ndarray], own: Faces, other: Faces
+) -> Iterator[tuple[list[int], list[int], list[int], np.ndarray, np.ndarray]]:
+    """Nodes of a hat, its face, the other's face, points of what is common to them, and their weights."""
+    import shapely
+
+    x, y = places
+    right = [shapely.Polygon(y[face[: _corners(face)]]) for face in other]
+    near, tree = APART * np.sqrt(min(face.area for face in right)), shapely.STRtree(right)
+    for face in own:
+        for nodes in ([face[k] for k in hat] for hat in HATS[len(face)]):
+            hat = shapely.Polygon(x[nodes]) if len(nodes) == 3 else shapely.Point(x[nodes]).buffer(near)
+            for k in tree.query(hat, predicate="intersects"):
+                common = right[k].intersection(hat)
+                if common.area <= ROUNDING * hat.area:
+                    continue
+                points, weights = _quadrature(shapely.get_coordinates(common)[:-1])
+                if len(nodes) == 1:
+                    points, weights = x[nodes], weights.sum(keepdims=True)
+                yield nodes, face, other[k], points, weights
+
+
+def _hull(places: np.ndarray) -> Faces:
+    """Triangles between nodes that fill their convex hull; none of nodes on a line."""
+    from scipy.spatial import Delaunay, QhullError
+
+    try:
+        return Delaunay(places).simplices.tolist()
+    except (QhullError, ValueError):
+        return []
+
+
+def _corners(face: Sequence[Any] | np.ndarray) -> int:
+    return 3 if len(face) in (3, 6) else 4
+
+
+def _quadrature(polygon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points and weights in a convex polygon, exact to the fourth degree."""
+    at, weight = np.polynomial.legendre.leggauss(3)
+    u, v = (grid.ravel() for grid in np.meshgrid((1.0 + at) / 2.0, (1.0 + at) / 2.0))
+    shares = np.stack([1.0 - u, u * (1.0 - v), u * v], axis=1)
+    weights = np.outer(weight, weight).ravel() * u / 4.0
+    fans = np.stack([np.broadcast_to(polygon[0], polygon[2:].shape), polygon[1:-1], polygon[2:]], axis=1)
+    areas = np.abs(np.linalg.det(fans[:, 1:] - fans[:, :1]))
+    return (shares @ fans).reshape(-1, 2), np.outer(areas, weights).ravel()
+
+
+def _shapes(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(points, nodes): shape functions of a plane face of 3, 4, 6 or 8 nodes with straight sides, or of one
+    node.
+    """
+    if len(nodes) == 1:
+        return np.ones((len(points), 1))
+    corners, r = _corners(nodes), np.zeros(points.shape)
+    a, b, d = nodes[[0, 1, corners - 1]]
+    twist = a - b + nodes[2] - d if corners == 4 else 0.0 * a
+    for _ in range(NEWTON if twist.any() else 1):
+        slopes = np.stack([b - a + r[:, 1:] * twist, d - a + r[:, :1] * twist], axis=2)
+        at = a + r[:, :1] * (b - a) + r[:, 1:] * (d - a) + r.prod(axis=1, keepdims=True) * twist
+        r = r + np.linalg.solve(slopes, (points - at)[..., None])[..., 0]
+    terms = TERMS[: len(nodes)]
+    base = (REFERENCE[corners][: len(nodes), None] ** terms).prod(axis=2)
+    return (r[:, None] ** terms).prod(axis=2) @ np.linalg.inv(base)
 
 
 def normal_of(x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from meshing.warnings import MeshWarning
 from ..checks import Bounds, choice, flag, instance, integer, names_of, numbers_of, real, real_array, shown
 from ..contact.law import ContactLaw, Unilateral, check_without_layer
 from ..errors import UnknownName, listed, warn
-from .cells import checked_cells, require_known, surface
+from .cells import checked_cells, outer_faces, require_known
 from .faces import APART, ROUNDING, between, given_gap, moving_pairs, normal_of, partners
 from .rows import AXES, Contact, Row, told
 from .units import UNITS, tree_of, warn_of_units
@@ -191,9 +191,10 @@ class FiniteElementModel:
         gap : float, (left,) array or function of (x, y, z), optional
             m; a function is given arrays of the left nodes. Default: the distance of the nodes, 0 at a wall.
         matching : bool
-            Whether each left node has a right one before it. False: left nodes, of the finer mesh, meet the
-            surface between the right ones, linear on triangles of these; a force goes to their corners with
-            the same weights.
+            Whether each left node has a right one before it. False: gaps are means about the left nodes,
+            weighted by the elements of both faces (mortar method), so that a uniform pressure passes on as
+            such; without elements the faces are triangles between their nodes, and left nodes on a line are
+            points.
         law : ContactLaw, optional
             Of all pairs, without a layer. Default: `Unilateral`. Faces that rub (`Coulomb`) are those of
             plane bodies, held along one axis: their slip is along the normal turned clockwise, seen against
@@ -231,26 +232,25 @@ class FiniteElementModel:
         one = self._face("left", left)
         x = self.places[[self._node[a] for a in one]]
         other = None if right is None else self._face("right", right)
-        self._warn_of_corners(one)
+        if matching:
+            self._warn_of_corners(one)
         y = x if other is None else self.places[[self._node[a] for a in other]]
         vector = normal_of(x, y) if normal is None else _vector("contact", "normal", normal)
         self._require_outward(one, vector)
         along = self._slip_direction(law, one + (other or []), vector) if law.rubs else np.zeros(3)
+        weights = sparse.identity(len(one), format="csr")
         rows, slips, distance = -self._rows(one, vector), -self._rows(one, along), np.zeros(len(one))
         if other is not None:
-            share = (
-                partners(one, x, y, vector)
-                if matching
-                else between(one, x, y, vector, self.places[self._triangles(other, vector)])
-            )
-            met = np.unique(share.indices)
-            facing = [other[k] for k in met]
-            rows = rows + share[:, met] @ self._rows(facing, vector)
-            slips = slips + share[:, met] @ self._rows(facing, along)
-            distance = share @ (y @ vector) - x @ vector - offset
+            if matching:
+                share = partners(one, x, y, vector)
+            else:
+                weights, share = self._before(one, other, vector)
+            rows = weights @ rows + self._shared(share, other, vector)
+            slips = weights @ slips + self._shared(share, other, along)
+            distance = share @ (y @ vector) - weights @ (x @ vector) - offset
             distance[np.abs(distance) < TOGETHER * self._sides.max()] = 0.0
         if gap is not None:
-            distance = given_gap(gap, x)
+            distance = weights @ given_gap(gap, x)
         if not interference:
             _require_apart(distance, offset)
         return moving_pairs(one, law, rows, slips, distance)
@@ -269,16 +269,31 @@ class FiniteElementModel:
                 "from the body to the wall?"
             )
 
-    def _triangles(self, face: list[int], normal: np.ndarray) -> np.ndarray:
-        """(k, 3) rows of corners of the elements' outer faces that a set of nodes lies on, and that look
-        along a normal or against it; none where elements are not known.
-        """
-        three, four = surface(self.elements)
-        corners = np.concatenate([three, four[:, :3], four[:, [0, 2, 3]]]).astype(int)
-        chosen = np.isin(corners, [self._node[a] for a in face]).any(axis=1)
-        a, b, c = (self.places[column] for column in corners.T)
-        area = np.cross(b - a, c - a)
-        return corners[chosen & (np.abs(area @ normal) > 0.5 * np.linalg.norm(area, axis=1))]
+    def _before(
+        self, one: list[int], other: list[int], normal: np.ndarray
+    ) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
+        """See `between`; what comes apart is told by places before each node alone."""
+        x, y = (self.places[[self._node[a] for a in face]] for face in (one, other))
+        faces, points = (self._faces(one), self._faces(other)), [[k] for k in range(len(one))]
+        moves = np.ones(len(one), dtype=bool)
+        _, share = between(one, (x, y), normal, (points, faces[1]), moves)
+        apart = abs(self._shared(share, other, normal) - self._rows(one, normal))
+        moves = apart.max(axis=1).toarray().ravel() > ROUNDING
+        return between(one, (x, y), normal, faces, moves)
+
+    def _shared(self, share: sparse.csr_matrix, labels: list[int], vector: np.ndarray) -> sparse.csr_matrix:
+        """Displacements of nodes along a vector in these shares."""
+        met = np.unique(share.indices)
+        return share[:, met] @ self._rows([labels[k] for k in met], vector)
+
+    def _faces(self, labels: list[int]) -> list[list[int]]:
+        """Outer faces of elements between nodes of a set, by their places in it, corners first."""
+        place, found = {self._node[a]: k for k, a in enumerate(labels)}, []
+        for corners, face in outer_faces(self.elements):
+            own = [place[row] for row in face if row in place]
+            if own[:corners] == [place.get(row) for row in face[:corners]]:
+                found.append(own if len(own) == len(face) else own[:corners])
+        return found
 
     def _slip_direction(self, law: ContactLaw, labels: list[int], normal: np.ndarray) -> np.ndarray:
         """The one direction in which faces slide: across the normal and an axis along which they are held."""

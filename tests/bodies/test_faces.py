@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.sparse
+import scipy.sparse.linalg
 
 import sbfem_petsc as sb
 
@@ -38,6 +39,7 @@ def block(start: float, cells: tuple[int, int, int], first: int, held: float):
         unknowns[free],
         nodes,
         unknowns[fixed],
+        first + mesh.t[[0, 3, 6, 2, 1, 5, 7, 4]].T,  # in VTK's order
     )
 
 
@@ -57,12 +59,13 @@ def body():
         nodes,
         sets=faces,
         fixed=np.concatenate([left[4], right[4]]),
+        elements={"hexahedron": np.concatenate([left[5], right[5]])},
     )
 
 
 def test_linear_motions_leave_gaps_alone(body):
-    """Where displacements are linear in space faces that coincide keep together; motions of one block alone
-    open them by what they are; forces have their resultant and their moments.
+    """Where displacements are linear in space faces that coincide keep together; a block that moves opens
+    them by that; forces on both sides have one resultant and the same moments.
     """
     crack = body.contact("LEFT", "RIGHT", normal="x", matching=False)
     assert crack.rows.shape[0] == len(body.sets["LEFT"]) == 20 and not crack.gap.any()
@@ -70,14 +73,14 @@ def test_linear_motions_leave_gaps_alone(body):
     linear = np.array([[1.0, -2.0, 0.5], [0.3, 0.1, 4.0], [-1.0, 2.0, 0.7]])
     u = np.array([linear[d] @ place[int(node)] for node, d in body.unknowns])
     assert np.abs(crack.rows @ u).max() < 1e-14
-    apart = np.where(body.unknowns[:, 0] > 1000, u, 0.0)
-    at = np.array([place[label] for label in body.sets["LEFT"]])
-    assert crack.rows @ apart == pytest.approx(at @ linear[0], rel=1e-12)
-    force = np.arange(1.0, 21.0)
-    on_right = np.where(body.unknowns[:, 0] > 1000, crack.rows.T @ force, 0.0)
-    for arm in (lambda x: 1.0, lambda x: x[1], lambda x: x[2]):
-        arms = np.array([arm(place[int(node)]) for node, _ in body.unknowns])
-        assert on_right @ arms == pytest.approx(force @ [arm(x) for x in at], rel=1e-12)
+    right = body.unknowns[:, 0] > 1000
+    apart = np.where(right & (body.unknowns[:, 1] == 0), 1.0, 0.0)
+    assert crack.rows @ apart == pytest.approx(np.ones(20), rel=1e-12)
+    force = crack.rows.T @ np.arange(1.0, 21.0)
+    assert force[right].sum() == pytest.approx(210.0, rel=1e-12)
+    for d in (1, 2):
+        arms = np.array([place[int(node)][d] for node, _ in body.unknowns])
+        assert force[right] @ arms[right] == pytest.approx(-force[~right] @ arms[~right], rel=1e-12)
 
 
 def test_rows_of_rounding_are_none(body):
@@ -108,8 +111,8 @@ def test_pairs_that_are_given_twice(body):
 
 
 def test_two_bars_in_closed_form(body):
-    """A force on the left bar's end closes a gap g: N = (F / k - g) / (2 / k). The faces' meshes differ, so
-    that stresses next to it are not uniform: measured 1.8e-3 of N here, 9e-4 with half the size of cells.
+    """A pressure on the left bar's end closes a gap g: N = (F / k - g) / (2 / k), and the faces' meshes, 12
+    and 4 cells, pass it on uniformly (each left node by itself before the right face: 1.8e-3 of N off).
     """
     gap, push, k = 2e-6, 5e3, YOUNG * AREA / LENGTH
     crack = body.contact("LEFT", "RIGHT", normal="x", gap=gap, matching=False)
@@ -130,21 +133,87 @@ def test_two_bars_in_closed_form(body):
     )
     found = sb.static(rom, 1.0)
     expected = (push / k - gap) / (2.0 / k)
-    assert found.contact_resultant == pytest.approx(expected, rel=3e-3)
-    assert found.displacement("face") == pytest.approx((push - expected) / k, rel=3e-3)
+    assert found.contact_resultant == pytest.approx(expected, rel=1e-9)
+    assert found.displacement("face") == pytest.approx((push - expected) / k, rel=1e-9)
+
+
+def test_pressure_passes_through_faces_of_any_elements():
+    """Patch test: a block under pressure on one end, held at the other so that it may widen, of tetrahedra of
+    second order against hexahedra, neither finer than the other in both directions. Displacements are linear,
+    forces between the faces all press (each node by itself: displacements 2e-2 off, some forces pull).
+    """
+    skfem = pytest.importorskip("skfem")
+    from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+    parts, blocks = [], []
+    for first, start, kinds, counts in (
+        (1, 0.0, (skfem.MeshTet, skfem.ElementTetP2), (2, 3, 2)),
+        (1001, 0.03, (skfem.MeshHex, skfem.ElementHex1), (2, 2, 4)),
+    ):
+        sides = zip((start, 0.0, 0.0), (0.03, 0.01, 0.01), counts)
+        mesh = kinds[0].init_tensor(*(np.linspace(at, at + size, n + 1) for at, size, n in sides))
+        basis = skfem.Basis(mesh, skfem.ElementVector(kinds[1]()))
+        places, rows, back = np.unique(
+            basis.doflocs.T.round(12), axis=0, return_index=True, return_inverse=True
+        )
+        along = np.zeros(basis.N, dtype=int)
+        for dofs in (basis.nodal_dofs, basis.edge_dofs):
+            for d in range(len(dofs)):
+                along[dofs[d]] = d
+        blocks.append(linear_elasticity(*lame_parameters(YOUNG, 0.3)).assemble(basis))
+        corners = back.ravel()[basis.nodal_dofs[0][mesh.t]]
+        if first == 1:
+            middles = [
+                [np.abs(places - 0.5 * (places[i] + places[j])).sum(axis=1).argmin() for i, j in zip(*ends)]
+                for ends in (corners[[a, b]] for a, b in ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)))
+            ]
+            cells = {"tetra10": first + np.vstack([corners, middles]).T}
+        else:
+            cells = {"hexahedron": first + corners[[0, 3, 6, 2, 1, 5, 7, 4]].T}
+        parts.append((first + back.ravel(), along, dict(enumerate(places, first)), cells))
+    node, along = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+    nodes, stiffness = parts[0][2] | parts[1][2], scipy.sparse.block_diag(blocks).tocsr()
+    x, strain = np.array([nodes[label] for label in node]) - [2 * 0.03, 0.0, 0.0], -1e8 / YOUNG
+    u = strain * np.array([1.0, -0.3, -0.3])[along] * x[np.arange(len(x)), along]
+    held = (along == 0) & (x[:, 0] == 0.0) | (along > 0) & (x[np.arange(len(x)), along] == 0.0)
+    push = np.where((along == 0) & (x[:, 0] < -0.0599), stiffness @ u, 0.0)[~held]
+    free = stiffness[~held][:, ~held]
+    body = sb.FiniteElementModel(
+        7.85e-4 * scipy.sparse.identity(free.shape[0]),
+        free,
+        np.stack([node, along], axis=1)[~held],
+        nodes,
+        fixed=np.stack([node, along], axis=1)[held],
+        elements=parts[0][3] | parts[1][3],
+    )
+    left, right = ([a for a, at in part[2].items() if abs(at[0] - 0.03) < 1e-9] for part in parts)
+    crack = body.contact(left, right, normal="x", matching=False)
+    tied = scipy.sparse.bmat([[free, crack.rows.T], [crack.rows, None]]).tocsc()
+    found = scipy.sparse.linalg.spsolve(tied, np.append(push, np.zeros(len(crack.gap))))
+    assert found[: len(push)] == pytest.approx(u[~held], rel=1e-8, abs=1e-8 * np.abs(u).max())
+    force = -found[len(push) :]
+    assert len(force) == 35 and (force > 0.0).all() and force.sum() == pytest.approx(1e8 * AREA, rel=1e-9)
 
 
 def test_gaps_of_planes_that_lean(body):
-    """The distance of a coarse plane is exact; a face that reaches beyond the other, or is a line: errors."""
+    """The distance of a coarse plane is its mean about each node; a face that reaches beyond the other, or is
+    a line: errors.
+    """
     moved = {
         int(n): x + (1e-4 + 0.02 * x[1]) * (n > 1000) * np.eye(3)[0] for n, x in zip(body.labels, body.places)
     }
     held = sorted(body.fixed)
-    lean = sb.FiniteElementModel(body.mass, body.stiffness, body.unknowns, moved, sets=body.sets, fixed=held)
+    given = {"sets": body.sets, "fixed": held}
+    given["elements"] = {kind: body.labels[rows] for kind, rows in body.elements.items()}
+    lean = sb.FiniteElementModel(body.mass, body.stiffness, body.unknowns, moved, **given)
     y = np.array([moved[label][1] for label in body.sets["LEFT"]])
-    assert lean.contact("LEFT", "RIGHT", normal="x", matching=False).gap == pytest.approx(
-        1e-4 + 0.02 * y, rel=1e-9
+    gap = lean.contact("LEFT", "RIGHT", normal="x", matching=False).gap
+    shift = (gap - 1e-4) / 0.02 - y  # of nodes at the rims up to half the width of a cell inwards
+    assert (
+        np.abs(shift).max() < 0.00125 and (shift[y == 0.0] > 5e-4).all() and (shift[y == 0.01] < -5e-4).all()
     )
+    crack = body.contact("LEFT", "RIGHT", normal="x", gap=lambda x, y, z: 1e-4 + 0.02 * y, matching=False)
+    assert crack.gap == pytest.approx(gap, rel=1e-9)
     with pytest.raises(ValueError, match="have no partner .* say matching=False"):
         body.contact("LEFT", "RIGHT", normal="x")
     inner = [n for n in body.sets["RIGHT"] if moved[n][1] < 0.006]
