@@ -311,10 +311,14 @@ def _settle(
     """Forces, gaps and states that fit together; how many exchanges they take, -1 if none are found. `tells`:
     where rows land, as they do.
     """
-    state, n, exchanges, without = held[2], gap[0].size, 0, (gap[0], sets.kept)
+    laws, rubbing, state = held
+    n, exchanges, without = gap[0].size, 0, (gap[0], sets.kept)
+    slipping = Rubbing(rubbing.rows, rubbing.beside, rubbing.kinetic, rubbing.kinetic)
     for i in range(n):
         sets.swept[i] = 0.0
     for attempt in range(ROUNDS + 1):
+        # what sticks under what holds a row that slips sticks under more
+        bounds = rubbing if attempt <= ROUNDS // 2 else slipping
         if attempt > 0:
             sets.told[0] = -1  # what a sweep lets land is not told
             for i in range(n):
@@ -322,12 +326,12 @@ def _settle(
                 for j in range(n):
                     sets.free[i] += flexibility[i, j] * sets.swept[j]
             for _ in range(SWEEPS):
-                _sweep(flexibility, without, held, sets)
+                _sweep(flexibility, without, (laws, bounds, state), sets)
         done = 0
         while done < MAXIMUM and not _repeats(state, sets.seen, done):
             done += 1
             for _ in range(2):  # where rounding has piled up, all is done anew
-                solved = follow(flexibility, held[1], state, sets) and _solve(
+                solved = follow(flexibility, rubbing, state, sets) and _solve(
                     flexibility, without, held, sets, force
                 )
                 if solved:
@@ -335,7 +339,7 @@ def _settle(
                 sets.members[n] = -1
             if not solved:
                 break
-            if _exchange(flexibility, without, held, sets, force) == 0:
+            if _exchange(flexibility, without, (laws, bounds, state), sets, force) == 0:
                 return exchanges
             if tells:
                 _tell(flexibility, gap, held, sets, force, 0)

@@ -84,3 +84,30 @@ def test_derivative_of_a_period(name, law):
             expected = (one.residual - other.residual) / size + (ways[:, k] if k < 3 else 0.0)
             largest = np.abs(expected[moves]).max()
             assert found[moves, k] == pytest.approx(expected[moves], abs=1e-6 * max(largest, 1e-2)), k
+
+
+@pytest.mark.parametrize(
+    "name", ["kink", *[pytest.param(n, marks=pytest.mark.long) for n in ("crossing", "T")]]
+)
+def test_friction_that_falls_where_a_slip_begins(name):
+    """No step ends without a solution: what none is found for with the coefficient that sticking ends at has
+    one with the other, which obeys both. Forces are within their bounds, and energy is kept.
+    """
+    lines = [[(0.05, 0.1), (0.04, 0.07), (0.06, 0.05)]] if name == "kink" else LINES[name]
+    with plate_of(lines, sb.Coulomb(0.2, static_friction=0.3)) as model:
+        found = sb.transient(model, SHAKEN, 30 / FREQUENCY, 1 / (64 * FREQUENCY), modes=MODES)
+        pressure, friction = np.maximum(found.contact_force, 0.0), np.abs(found.friction_force)
+        assert (friction <= 0.3 * pressure + 1e-9 * pressure.max()).all()
+        assert (friction > 0.201 * pressure + 1e-6 * pressure.max()).any()
+        assert np.abs(found.energy.balance).max() < 1e-3 * found.energy.external.max()
+
+
+@pytest.mark.long
+def test_steady_state_of_friction_that_falls():
+    """That of a kink is found where a step had no solution on the way."""
+    lines = [[(0.05, 0.1), (0.04, 0.07), (0.06, 0.05)]]
+    with plate_of(lines, sb.Coulomb(0.2, static_friction=0.3)) as model:
+        for steps in (64, 256):
+            options = {"steps": steps, "modes": MODES, "stability": False}
+            found = sb.periodic(model, SHAKEN, FREQUENCY, **options)
+            assert found.residuals[-1] < 1e-9 * np.linalg.norm(found.state)
