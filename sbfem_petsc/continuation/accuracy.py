@@ -99,12 +99,12 @@ class Accuracy:
         """Modes, None where they were given, and steps a forcing period of the next attempt; None where told
         errors are within it or nothing may grow.
         """
-        by_modes, by_steps = (largest_error(part) for part in errors)
+        by_modes, by_steps = (largest_error(part) for part in errors[:2])
         unknown = math.isnan(by_modes + by_steps)
         if unknown and self.by_default and not self.settled(reduced):
             return FEW + 1, steps
-        if self.met(errors) or unknown or self.settled(reduced):
-            return None
+        if self.met(errors[:2]) or unknown or self.settled(reduced):
+            return None  # more of both hardly help against viscosity
         modes = more = len(reduced.omega)
         times = 1
         if self._model is not None and by_modes > (1.0 - OF_STEPS) * self.value:
@@ -226,7 +226,7 @@ class Accuracy:
 
     def missing(self, reduced: ReducedModel, steps: int, errors: np.ndarray) -> str:
         """What told errors above it, or none, mean; "" where they are within it."""
-        by_modes, by_steps = (largest_error(part) for part in errors)
+        by_modes, by_steps = (largest_error(part) for part in errors[:2])
         if self.met(errors):
             return ""
         if math.isnan(by_modes + by_steps):
@@ -235,8 +235,11 @@ class Accuracy:
                 "from a file or there is no memory for more modes; name points of the mesh, or reduce the "
                 "model again"
             )
-        modes = len(reduced.omega)
-        if by_modes >= by_steps:
+        modes, late = len(reduced.omega), largest_error(errors[2:].sum(axis=0))
+        if late > max(by_modes, by_steps):
+            cause = f"viscous by Rayleigh's b of what is left out beyond {modes} modes"
+            remedy = "damp the modes, as damping does, or ask for less"
+        elif by_modes >= by_steps:
             cause, remedy = f"left out beyond {modes} modes", f"give more than modes = {modes}"
             if self._model is not None:
                 remedy = "refine the mesh, which has no further ones, or ask for less"

@@ -4,6 +4,7 @@ both.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 
 import numpy as np
@@ -40,9 +41,9 @@ LEAST_PART, ROUNDING = 0.01, 1e-9
 
 
 def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
-    """(2, 5): errors by left-out modes and by the steps of harmonics 0 to 4 of the displacements of all named
-    points and of the contact resultant, the larger one, each relative to itself or to 1e-3 of the largest
-    that oscillates. Collective.
+    """(3, 5): errors by left-out modes, by the steps and by the viscosity of what is left out, of harmonics
+    0 to 4 of the displacements of all named points and of the contact resultant, the larger one, each
+    relative to itself or to 1e-3 of the largest that oscillates. Collective.
 
     The motion is found again in twice the steps, and in these in more modes, see `build.wider`. inf
     where it is not found, or has no room; nan where nothing is known of the left-out modes, or there is no
@@ -51,20 +52,49 @@ def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
     driven, p = fixed.driven, fixed.driven.period
     more = wider(p.reduced)
     if more is None or not len(p.points):
-        return np.full((2, LOWEST), np.nan)
-    errors, best, where = np.full((2, LOWEST), np.inf), fixed, (driven.frequency, driven.factor)
+        return np.full((3, LOWEST), np.nan)
+    errors, best, where = np.full((3, LOWEST), np.inf), fixed, (driven.frequency, driven.factor)
     if not fixed.touching.any():  # known in closed form
         errors[1] = 0.0
     elif period := if_room(lambda: finer(OWNER, p, 2)):
         if found := _nearby(period.at(*where), fixed.state, lambda: fixed.monodromy):
             errors[1], best = SECOND * change(lowest(fixed), lowest(found)), found
+    delay, late = p.reduced.delay, best
+    if not delay:
+        errors[2] = 0.0
+    elif found := _nearby(delayed(best.driven, best), best.state, lambda: fixed.monodromy):
+        errors[2], late = change(lowest(best), lowest(found, delay)), found
     factor, steps = beyond(p.reduced, more), best.driven.period.steps
     if np.isfinite(factor) and (wide := if_room(lambda: in_more_modes(p, more, steps))):
-        beside = wide.at(*where)
+        beside = delayed(wide.at(*where), best) if late is not best else wide.at(*where)
         state = beside.linear_state + added(best, wide)
         if found := _nearby(beside, state, lambda: carried_derivative(fixed, beside, state)):
-            errors[0] = factor * change(lowest(best), lowest(found))
+            own, other = (lowest(motion, delay * (late is not best)) for motion in (late, found))
+            errors[0] = factor * change(own, other)
     return errors
+
+
+def delayed(driven: DrivenPeriod, fixed: FixedPoint) -> DrivenPeriod:
+    """A map whose gaps through what is left out follow the forces of a motion in as many steps as under
+    Rayleigh's damping: what that changes is right to first order in b.
+    """
+    delay, r, pairs = fixed.driven.period.reduced.delay, driven.period.reduced, driven.period.pairs
+    assert r.lag is not None  # whose delay it is
+    loads, forces = (
+        behind(part[:-1], delay, driven.duration) - part[:-1] for part in (driven.loads, fixed.motion.forces)
+    )
+    loads[:, r.edges] = 0.0  # what follows moving supports is not damped
+    late = forces @ (r.gap.contact - np.diag(r.lag.layers))[:pairs, :pairs] + loads @ r.gap.loads[:pairs].T
+    result = copy.copy(driven)
+    result.free_gap, result._kept = driven.free_gap + late[np.r_[: len(late), 0]], None
+    return result
+
+
+def behind(values: np.ndarray, delay: float, duration: float) -> np.ndarray:
+    """Periodic values (n, ...) that follow others as y + b y' = x, by their lines."""
+    lines = np.fft.rfft(values, axis=0)
+    speeds = 2j * np.pi / duration * np.arange(len(lines))[:, None]
+    return np.fft.irfft(lines / (1.0 + delay * speeds), len(values), axis=0)
 
 
 def in_more_modes(period: Period, more: ReducedModel, steps: int) -> Period:
@@ -136,13 +166,19 @@ def carried_derivative(fixed: FixedPoint, beside: DrivenPeriod, state: np.ndarra
     return result
 
 
-def lowest(fixed: FixedPoint) -> list[np.ndarray]:
-    """(5, ...) each: harmonics 0 to 4 of the displacements of the named points and of the resultant."""
+def lowest(fixed: FixedPoint, delay: float = 0.0) -> list[np.ndarray]:
+    """(5, ...) each: harmonics 0 to 4 of the displacements of the named points, of which what is left out may
+    follow by a delay (s), and of the resultant.
+    """
     driven, motion, p = fixed.driven, fixed.motion, fixed.driven.period
     r = p.reduced
     forces = np.zeros((p.steps, len(r.initial_gap)))
     forces[:, : p.pairs] = motion.forces[:-1]
-    u = r.points(modal_motion(driven, motion)[0][:-1], driven.loads[:-1], forces)
+    loads, late = driven.loads[:-1], forces
+    if delay:
+        loads, late = (behind(part, delay, driven.duration) for part in (loads, forces))
+        loads[:, r.edges] = driven.loads[:-1, r.edges]
+    u = r.points(modal_motion(driven, motion)[0][:-1], loads, late)
     kept = slice(0, p.excitation.periods * LOWEST, p.excitation.periods)
     return [one_sided(part)[kept] for part in (u, forces[:, : r.gaps].sum(axis=1))]
 

@@ -29,7 +29,7 @@ from ..system.solve.static_solver import block_width
 from .left_out import left_out, unit_accelerations
 from .matrices import reduce_matrices
 from .outputs import LinearOutput
-from .reduced_model import ReducedModel
+from .reduced_model import Lag, ReducedModel
 from .supports import Supports
 
 # Modes by default: all up to this multiple of the highest load frequency, and at least so many.
@@ -344,9 +344,10 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
         - load_modes.T @ (load_modes / omega2[:, None])
     )
     work[np.ix_(edges, edges)] = 0.0  # these are no forces
+    damping = model.damping_ratios(2.0 * np.pi * found.frequencies)
     return ReducedModel(
         found.frequencies,
-        model.damping_ratios(2.0 * np.pi * found.frequencies),
+        damping,
         gaps,
         gap.initial.copy(),
         gap.pairs,
@@ -368,6 +369,7 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
         model.tips.intensities.facts,
         gap.friction,
         supports=supports,
+        lag=Lag.of(model.rayleigh[1], math.sqrt(omega2[-1]), damping[-1], gap.flexibility.diagonal()),
     )
 
 

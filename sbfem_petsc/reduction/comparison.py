@@ -74,7 +74,7 @@ def adopted(stored: ReducedModel, given: ReducedModel) -> ReducedModel:
     frequencies) the result has no model, and so no fields.
     """
     if given.model is None or given.modal is None:
-        return replace(stored, loads=given.loads, wider=given.wider)
+        return replace(stored, loads=given.loads, wider=given.wider, lag=given.lag)
 
     def seen(r: ReducedModel) -> np.ndarray:
         """What of the modes does not depend on where they are computed."""
@@ -85,14 +85,16 @@ def adopted(stored: ReducedModel, given: ReducedModel) -> ReducedModel:
     mine, other = seen(stored), seen(given)
     signs = np.where((mine * other).sum(axis=0) < 0.0, -1.0, 1.0)
     if not close(signs * other, mine):
-        return replace(stored, loads=given.loads, wider=given.wider)
+        return replace(stored, loads=given.loads, wider=given.wider, lag=given.lag)
     modal = replace(
         given.modal,
         shapes=given.modal.shapes * signs,
         point_shapes={name: shape * signs[:, None] for name, shape in given.modal.point_shapes.items()},
         auxiliary_inertia=given.modal.auxiliary_inertia * signs[:, None],
     )
-    return replace(stored, loads=given.loads, model=given.model, modal=modal, wider=given.wider)
+    return replace(
+        stored, loads=given.loads, model=given.model, modal=modal, wider=given.wider, lag=given.lag
+    )
 
 
 def close(one, other) -> bool:

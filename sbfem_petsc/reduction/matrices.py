@@ -29,7 +29,7 @@ from ..errors import SolveError, warn
 from ..petsc import MPI
 from ..ranks.parallel import agreed, checked_communicator
 from .outputs import LinearOutput
-from .reduced_model import ReducedModel, wider_count
+from .reduced_model import Lag, ReducedModel, wider_count
 from .sparse import sparse_modes
 
 # Relative asymmetry of a matrix that rounding explains.
@@ -167,6 +167,7 @@ def reduce_matrices(
             ranks=comm if large else None,
             whole=LinearOutput((), shapes, by_loads, by_contact),
             wider=wider,
+            lag=Lag.of(factors[1], omega[-1], ratios[-1], stops),
         )
 
     # a rigid stop gives way by modes that are left out alone

@@ -6,7 +6,7 @@ import functools
 import math
 from collections.abc import Callable
 from dataclasses import field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,6 +35,26 @@ def wider_count(modes: int) -> int:
     return math.ceil(WIDER * modes) + 2
 
 
+class Lag(NamedTuple):
+    """How far what is left out of a reduced model is viscous, as Rayleigh's b K is: R / (1 + i omega b).
+
+    Attributes
+    ----------
+    share : float
+        Of the highest mode's damping that is b omega / 2.
+    layers : (c,) array
+        Compliance of the contact rows that follows at once, m/N: of layers and stops.
+    """
+
+    @classmethod
+    def of(cls, b: float, omega: float, ratio: float, layers: np.ndarray) -> Lag | None:
+        """By the highest mode; None without b."""
+        return cls(0.5 * b * omega / ratio, layers) if b * omega > 0.0 else None
+
+    share: float
+    layers: np.ndarray
+
+
 @described
 class ReducedModel(Record):
     """A model in modal coordinates q with the static flexibility R = K^-1 - Phi Omega^-2 Phi^T of what is
@@ -53,7 +73,8 @@ class ReducedModel(Record):
     `loads` are the unit loads it was made for, none for a system of matrices; `model` and `modal`, the modes
     themselves, distributed, are None for such a system and for one read from a file. `whole` are the
     displacements of all unknowns of a system of matrices, `body` and `contact` the body that has them and its
-    contact; `wider` makes such a system in more modes, see `build.wider`, None in files.
+    contact; `wider` makes such a system in more modes, see `build.wider`, None in files. `lag` is what the
+    static flexibility lacks of Rayleigh's damping, of which errors are told.
     """
 
     frequencies: np.ndarray = quantity("Hz", "natural frequencies", "mode", least=0.0)
@@ -104,6 +125,7 @@ class ReducedModel(Record):
         repr=False,
     )
     wider: Callable[[], ReducedModel | None] | None = field(default=None, repr=False)
+    lag: Lag | None = field(default=None, repr=False)
 
     @derived(text="the unit loads", dims="load", kinds="U", detail=True)
     def unit_loads(self) -> np.ndarray | None:
@@ -148,6 +170,13 @@ class ReducedModel(Record):
         """What tells it from others, the same on all ranks."""
         own = self.frequencies, self.damping, self.gap, self.initial_gap, self.load_modes, self.contact_laws
         return self.model, self.loads, self.load_flexibility, self.points.names, own, self.friction
+
+    @property
+    def delay(self) -> float:
+        """b of Rayleigh's damping, s, by which what is left out would follow its forces later."""
+        if self.lag is None:
+            return 0.0
+        return 2.0 * self.lag.share * max(float(self.damping[-1]), 0.0) / float(self.omega[-1])
 
     @property
     def homogeneous(self) -> bool:
@@ -330,6 +359,7 @@ def held_in(reduced: ReducedModel, rows: np.ndarray) -> ReducedModel:
         tips=columns(reduced.tips),
         contact_laws=reduced.contact_laws.only(rows),
         friction=reduced.friction if len(rows) else None,
+        lag=None if reduced.lag is None else reduced.lag._replace(layers=reduced.lag.layers[rows]),
     )
 
 

@@ -8,7 +8,9 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate, VNotch
-from sbfem_petsc.continuation.harmonic_errors import FAINT, in_modes
+from sbfem_petsc.continuation.harmonic_errors import FAINT, harmonic_error_estimates, in_modes
+from sbfem_petsc.continuation.orbit import run_again
+from sbfem_petsc.motion.preparation import PeriodSettings, prepare
 from sbfem_petsc.motion.steps import free_motion
 from sbfem_petsc.reduction.build import wider
 from tests.systems import ALUMINIUM, chain, coarse_beam
@@ -16,9 +18,9 @@ from tests.systems import ALUMINIUM, chain, coarse_beam
 TURN = 2.0 * np.pi
 
 
-def rod(modes: int | None = None) -> sb.ReducedModel:
+def rod(modes: int | None = None, viscosity: float = 0.0) -> sb.ReducedModel:
     """60 masses on a wall, 1 kg and a wave's way of 1 s in all, a crack in a third of it and a stop at the
-    free end: blows whose waves modes carry badly.
+    free end: blows whose waves modes carry badly; with Rayleigh's b.
     """
     n, rows = 60, np.zeros((2, 60))
     stiffness = n * (2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
@@ -33,6 +35,7 @@ def rod(modes: int | None = None) -> sb.ReducedModel:
         sensors={"tip": n - 1, "middle": n // 2},
         modes=modes,
         damping=0.02,
+        rayleigh=(0.0, viscosity),
         compliance=np.array([1e-3, 1e-2]),
     )
 
@@ -131,6 +134,57 @@ def test_told_beside_true_in_a_beam(modes):
     )
     true, told = true_error(found, exact), found.mode_error
     assert (true <= 3.0 * told).all() and told[1:].max() <= 10.0 * true[1:].max(), (true, told)
+
+
+@pytest.mark.parametrize(("modes", "frequency"), [(40, 1.1), pytest.param(30, 0.5, marks=pytest.mark.long)])
+def test_told_of_viscosity(modes, frequency):
+    """What is left out follows its forces later under Rayleigh's damping, by b, which is nearly all of the
+    error here: told as it is beside all modes.
+    """
+    found, exact = (
+        sb.periodic(rod(count, 0.01), [0.1], frequency / TURN, steps=2048, stability=False)
+        for count in (modes, None)
+    )
+    true, told = true_error(found, exact), found.mode_error
+    assert true[2] > 3e-3 and (true[1:] <= 1.02 * told[1:]).all() and (told[1:] <= 1.2 * true[1:]).all(), (
+        true,
+        told,
+    )
+
+
+def test_told_of_viscosity_of_a_model():
+    """Of a beam with a tied crack what R / (1 + i omega b) does in closed form; b grows with the damping."""
+    b, frequency = 5e-6, 1350.0
+    beam = sb.Model(
+        Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.0)]).mesh(order=3),
+        ALUMINIUM,
+        rayleigh=(40.0, b),
+        contact_laws=sb.Tied(compliance=1e-14),
+    )
+    r, omega = sb.reduce(beam, sb.PointForce("A", fy=1.0), modes=12), TURN * frequency
+    push = sb.PointForce("A", fy=1.0)
+    found = sb.periodic(r, push, frequency, steps=512, stability=False)
+    driven = prepare("periodic", r, push, frequency, settings=PeriodSettings(steps=512)).at(frequency)
+    told = harmonic_error_estimates(run_again(driven, found.state))
+    np.testing.assert_allclose(told.sum(axis=0), found.mode_error, rtol=1e-6)
+    assert r.delay == pytest.approx(b) and replace(r, damping=3.0 * r.damping).delay == pytest.approx(3.0 * b)
+    layers = np.diag(beam.contact.flexibility.diagonal())
+
+    def response(late: complex) -> list[np.ndarray]:
+        """Of each point, and the resultant."""
+        moved = 1.0 / (r.omega**2 - omega**2 + 2j * r.damping * r.omega * omega)
+        gap, load = r.gap.modes, r.load_modes[:, 0]
+        slack = (gap * moved) @ gap.T + late * (r.gap.contact - layers) + layers
+        force = -np.linalg.solve(slack, (gap * moved) @ load + late * r.gap.loads[:, 0])
+        own = (r.points.modes * moved) @ load + late * r.points.loads[..., 0]
+        own += ((r.points.modes * moved) @ gap.T + late * r.points.contact) @ force
+        return [*own, force.sum(keepdims=True)]
+
+    pairs = list(zip(response(1.0), response(1.0 / (1.0 + 1j * omega * b))))
+    own = pairs[r.points.names.index("A")][0][1]
+    assert abs(found.harmonics("A")[1]) == pytest.approx(abs(own), rel=1e-3)
+    changed = max(np.linalg.norm(one - other) / np.linalg.norm(one) for one, other in pairs)
+    assert told[2, 1] == pytest.approx(changed, rel=0.05)
 
 
 def test_told_of_steps():
