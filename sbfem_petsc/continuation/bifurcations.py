@@ -29,7 +29,7 @@ class Bifurcation(Record):
         text="what it is", one_of=("fold", "period doubling", "Neimark-Sacker", "branch point", "grazing")
     )
     value: float = quantity(
-        "Hz or 1", "the branch's parameter, extrapolated from the steps to none of their error"
+        "Hz or 1", "the branch's parameter, extrapolated from the steps, and moved as by more modes"
     )
     multiplier: complex = quantity(
         "1", "the one that passes the unit circle", called="own_multiplier", finite=False
@@ -42,8 +42,8 @@ class Bifurcation(Record):
     )
     error: float = quantity(
         "Hz or 1",
-        "uncertainty of the value, by twice and four times the steps and by more modes, where these are "
-        "known; nan where it is not found in these",
+        "uncertainty of the value, by twice and four times the steps and by modes left out, where these "
+        "are known; nan where it is not found in more of them",
         finite=False,
     )
     row: int | None = quantity(

@@ -3,8 +3,8 @@ motions in twice and four times the steps and in more modes.
 
 The error by steps is of second order, but for where in them pairs switch, which scatters: a third of what
 twice the steps change goes on top of it, and what is left is told by what that extrapolation itself changes
-with the steps. That by modes is told by how far bifurcations move in more modes, in twice the steps, as that
-of harmonics is.
+with the steps. What half as many modes again move a bifurcation by, in twice the steps, goes on top of it as
+well, and is told to be left: with little damping single modes count, which no vectors stand for.
 """
 
 from __future__ import annotations
@@ -24,10 +24,13 @@ from .problem import Point, Wider
 
 # So many times the steps.
 TIMES = 2, 4
-# In finer steps, which tell where it is, and in more modes, which tell an error alone: furthest from where it
-# is in the branch's steps that a bifurcation is sought, in chords between two points, and what it may be off
-# by, of how far it has moved. Steps of a secant at most.
-FURTHEST, CLOSE, MOST = (1.0, 4.0), (0.05, 0.2), 8
+# In finer steps and in more modes: furthest from where it is in the branch's steps that a bifurcation is
+# sought, in chords between two points. What it may be off by, of how far it has moved. Steps of a secant at
+# most.
+FURTHEST, CLOSE, MOST = (1.0, 4.0), 0.05, 8
+# What half as many modes again leave of a bifurcation's error, at least, of how far they move it: six of
+# a beam kept .1 to .6.
+LEFT = 1.0
 # What twice the steps may change, relative, without being looked at in finer ones; that is then what is told.
 FINEST = 1e-6
 # Where multipliers jump the bracket grows by this factor until it holds the jump.
@@ -109,24 +112,26 @@ def jump(line: Line, k: int, found: Found) -> tuple[float, float]:
 
 
 def extrapolated(
-    own: float, located: Callable[[int], float], by_modes: Callable[[float], float] = lambda value: 0.0
+    own: float,
+    located: Callable[[int], float],
+    by_modes: Callable[[float], tuple[float, float]] = lambda value: (0.0, 0.0),
 ) -> tuple[float, float]:
-    """A value and its uncertainty from that in the branch's steps and those in finer ones, and by what more
-    modes move the latter first; nan where these are not found.
+    """A value and its uncertainty from that in the branch's steps and those in finer ones, and from what more
+    modes add to the latter first, and leave; nan where these are not found.
     """
     values, least = [own], FINEST * abs(own)
-    moved = 0.0
+    moved = left = 0.0
     try:
         for times in TIMES:
             values.append(located(times))
             if times == TIMES[0]:
-                moved = by_modes(values[1])
+                moved, left = by_modes(values[1])
             if abs(values[1] - own) <= least:
-                return values[1] + (values[1] - own) / 3.0, least + moved
+                return values[1] + (values[1] - own) / 3.0 + moved, least + left
     except SolveError:
         return own, math.nan
     earlier, last = (fine + (fine - coarse) / 3.0 for coarse, fine in zip(values, values[1:]))
-    return last, max(abs(last - values[-1]), abs(last - earlier)) + moved
+    return last + moved, max(abs(last - values[-1]), abs(last - earlier)) + left
 
 
 def _in_steps(line: Line, k: int, times: int) -> Solve:
@@ -134,22 +139,23 @@ def _in_steps(line: Line, k: int, times: int) -> Solve:
     return lambda place, start, near: in_finer_steps(line, times, (k, place), start, near)
 
 
-def _moved(line: Line, k: int, located: Callable[[_MoreModes], float], value: float) -> float:
-    """Error by left-out modes of a value in twice the steps: by how far it moves in more modes; 0 where
-    nothing is known of them, or there are none, nan if it is not found in these, or they have no part in the
-    motion.
+def _moved(line: Line, k: int, located: Callable[[_MoreModes], float], value: float) -> tuple[float, float]:
+    """How far a value in twice the steps moves in more modes, and what those that are left out then may do; 0
+    where nothing is known of them, or there are none. The latter is nan if it is not found in these, or they
+    have no part in the motion.
     """
     try:
         more = line.points[k + 1].problem.wider(TIMES[0])
         if more is None:
-            return 0.0
+            return 0.0, 0.0
         if not math.isfinite(more.factor):
-            return math.nan
-        return float(more.factor * abs(located(_MoreModes(line, k, more)) - value))
+            return 0.0, math.nan
+        moved = located(_MoreModes(line, k, more)) - value
+        return moved, max(more.factor - 1.0, LEFT) * abs(moved)
     except PetscFailure:
         raise
     except SolveError:
-        return math.nan
+        return 0.0, math.nan
 
 
 class _MoreModes:
@@ -198,7 +204,7 @@ class _Passage:
         self.near, self.place, self.shift = point, places[0], self._to_zero(excess)
         self.first, self.moved = self.place + self.shift, 0.0
         self.own = point.value + self.shift * self.value
-        self.furthest, self.close = FURTHEST[0], CLOSE[0]
+        self.furthest = FURTHEST[0]
 
     def _to_zero(self, excess: float) -> float:
         return -excess / self.slope if self.slope else math.inf
@@ -210,7 +216,7 @@ class _Passage:
         other = copy.copy(self)
         one, behind = (more.moved(point).u for point in self.ends)
         other.rate, other.near = (behind - one) / self.width, more.begun(self.near)
-        other.furthest, other.close = FURTHEST[1], CLOSE[1]
+        other.furthest = FURTHEST[1]
         if not self.multiplier.imag:
             other.slope *= more.more.free(self.near.value, math.copysign(1.0, self.multiplier.real))
         return other.located(more.solve)
@@ -235,9 +241,7 @@ class _Passage:
                 self.slope = (excess - last[1]) / (place - last[0])
             self.near, self.place, self.shift, last = point, place, self._to_zero(excess), (place, excess)
             moved = max(abs(place + self.shift - begin), self.moved)
-            if abs(self.shift) <= self.close * moved or abs(self.shift * self.value) <= FINEST * abs(
-                point.value
-            ):
+            if abs(self.shift) <= CLOSE * moved or abs(self.shift * self.value) <= FINEST * abs(point.value):
                 self.moved = moved
                 return point.value + self.shift * self.value
         raise SolveError("no passage of the unit circle was found in other steps or modes")

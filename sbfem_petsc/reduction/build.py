@@ -29,7 +29,7 @@ from ..system.solve.static_solver import block_width
 from .left_out import left_out, unit_accelerations
 from .matrices import reduce_matrices
 from .outputs import LinearOutput
-from .reduced_model import Lag, ReducedModel
+from .reduced_model import Lag, ReducedModel, wider_count
 from .supports import Supports
 
 # Modes by default: all up to this multiple of the highest load frequency, and at least so many.
@@ -274,19 +274,30 @@ def reduced(model: Model, units: tuple[Load, ...], modes: int) -> ReducedModel:
 def wider(system: ReducedModel) -> ReducedModel | None:
     """The same structure in further modes, and the same signs of those it has: what is found in it tells what
     modes that are left out do. Of a Model a few vectors stand for all of them, see `left_out`; of matrices
-    there are half as many modes again. The system itself where none are left out; None where nothing is known
-    of them or there is no room for them. Collective.
+    they are those of `in_further_modes`. The system itself where none are left out; None where nothing is
+    known of them or there is no room for them. Collective.
     """
     own, model = len(system.omega), system.model
-    if model is not None and not model.layout.freed:
-        if own >= model.boundary_unknowns // 2:
-            return system
+    if model is None or model.layout.freed or own >= model.boundary_unknowns // 2:
+        return in_further_modes(system)
+    try:
+        found = model.keep(("left out", system.loads, own), lambda: left_out(system))
+    except ValueError:  # for which there is no memory
+        return None
+    return system if found is None else found.beside(system)
+
+
+def in_further_modes(system: ReducedModel) -> ReducedModel | None:
+    """The same structure in half as many modes again, as `wider`, whatever it is made of. Collective."""
+    own, model = len(system.omega), system.model
+    if model is None or model.layout.freed:
+        more = None if system.wider is None else system.wider()
+    else:
         try:
-            found = model.keep(("left out", system.loads, own), lambda: left_out(system))
+            count = min(wider_count(own), max(model.boundary_unknowns // 2, own))
+            more = _kept(model, system.loads, count)
         except ValueError:  # for which there is no memory
             return None
-        return system if found is None else found.beside(system)
-    more = None if system.wider is None else system.wider()
     if more is None or len(more.omega) == own:
         return None if more is None else system
     # gaps and damping may be others than those that it was reduced with; further modes follow the last one

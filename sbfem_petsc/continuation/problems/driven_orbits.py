@@ -15,7 +15,7 @@ from ...motion.contact_work import contact_work
 from ...motion.period_map import DrivenPeriod, FixedPoint, Period
 from ...motion.period_motion import PeriodMotion
 from ...motion.steps import free_motion
-from ...reduction.build import wider
+from ...reduction.build import in_further_modes
 from ...reduction.reduced_model import ReducedModel
 from ..harmonic_errors import beyond, carried_derivative, if_room, in_modes, in_more_modes
 from ..linear import Dense
@@ -191,7 +191,7 @@ class Orbits(Problem):
     def wider(self, times: int) -> WiderOrbits | None:
         """See `Problem`. Raises `Lost` where there is no room for them."""
         if times not in self._wider:
-            more = wider(self.period.reduced)
+            more = in_further_modes(self.period.reduced)
             if more is self.period.reduced:
                 more = None
             self._wider[times] = None if more is None else WiderOrbits(self, more, times)
