@@ -4,6 +4,7 @@
     ./run python benchmarks/bodies.py --motion       # wedge, folds and backbone of 17,136 too, two minutes
     mpiexec -n 2 ./run python benchmarks/bodies.py   # reduced by both
     mpiexec -n 2 ./run python benchmarks/bodies.py --last --turns 5  # alone, each for itself, together
+    mpiexec -n 2 ./run python benchmarks/bodies.py --last --phases 5  # factors and passes over them likewise
 
 CalculiX (ccx) stores the matrices; reading them is not counted.
 """
@@ -14,6 +15,8 @@ import resource
 import sys
 import tempfile
 import time
+from collections.abc import Callable
+from functools import partial
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
@@ -22,9 +25,12 @@ from mpi4py import MPI
 
 import sbfem_petsc as sb
 from examples.cracked_cantilever import store
+from sbfem_petsc.reduction.sparse import _Columns
 
 # mm, of elements and of those at the crack.
 SIZES = [(5.0, 2.0), (3.3, 1.5)]
+# Over a factor, in one measurement.
+PASSES = 8
 
 
 def body_of(size: float, fine: float) -> sb.FiniteElementModel:
@@ -65,22 +71,11 @@ def turns(body: sb.FiniteElementModel, count: int) -> None:
     """How much faster all ranks are together than one alone, in turns, and what no program can exceed on this
     machine: as many reductions at once, each by one rank, that is what its cores do to each other.
     """
-    world = MPI.COMM_WORLD
+    world, found = MPI.COMM_WORLD, []
 
-    def seconds(comm: MPI.Comm | None) -> float:
-        """Wall time of the slowest."""
-        _calm(world)
-        begun = time.perf_counter()
-        if comm is not None:
-            reduced(body, 0.0, comm=comm)
-        spent = time.perf_counter() - begun
-        _calm(world)
-        return world.allreduce(spent, MPI.MAX)
-
-    found = []
     for _ in range(count):
-        alone = seconds(MPI.COMM_SELF if world.rank == 0 else None)
-        found.append((alone, seconds(MPI.COMM_SELF), seconds(world)))
+        both = _seconds(partial(reduced, body, 0.0, comm=world))
+        found.append((*_alone_and_both(partial(reduced, body, 0.0, comm=MPI.COMM_SELF)), both))
         if world.rank == 0:
             print(
                 "alone {:.2f} s, each for itself {:.2f} s, together {:.2f} s".format(*found[-1]), flush=True
@@ -92,6 +87,55 @@ def turns(body: sb.FiniteElementModel, count: int) -> None:
             f"{world.size * alone / copies:.2f} that the machine's cores are together; "
             f"{copies / together:.2f} times as fast as one whose neighbours work too"
         )
+
+
+def phases(body: sb.FiniteElementModel, count: int) -> None:
+    """Medians of so many turns of a factor, and of passes over it for twelve columns and for each rank's
+    share of these: by rank 0 while the others stand still, and by all at once, each for itself.
+    """
+    random, found = np.random.default_rng(0), []
+    widths = 12, 12 // MPI.COMM_WORLD.size
+    for _ in range(count):
+        solvers = list[_Columns]()
+        times = [_alone_and_both(partial(_factor, body, solvers))]
+        for width in widths:
+            right = np.asfortranarray(random.standard_normal((len(body.unknowns), width)))
+            solvers[-1].own(right)
+            times.append(_alone_and_both(partial(_passes, solvers[-1], right)))
+        for solver in solvers:
+            solver.close()
+        found.append(times)
+    whole, *passes = np.median(found, axis=0)
+    if MPI.COMM_WORLD.rank == 0:
+        print(f"factor: {whole[0]:.3f} s alone, {whole[1]:.3f} s by all at once")
+        for width, (alone, both) in zip(widths, passes):
+            told = f"{alone / PASSES:.4f} s alone, {both / PASSES:.4f} s by all at once"
+            print(f"pass of {width} columns: {told}")
+
+
+def _factor(body: sb.FiniteElementModel, made: list[_Columns]) -> None:
+    made.append(_Columns(MPI.COMM_SELF, body.stiffness, "phases_"))
+    made[-1].factorised(sure=False)
+
+
+def _passes(solver: _Columns, right: np.ndarray) -> None:
+    for _ in range(PASSES):
+        solver.own(right)
+
+
+def _alone_and_both(work: Callable[[], object]) -> tuple[float, float]:
+    """Wall time of the slowest, in s, of work by rank 0 while others stand still, and by all."""
+    return _seconds(work if MPI.COMM_WORLD.rank == 0 else lambda: None), _seconds(work)
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    world = MPI.COMM_WORLD
+    _calm(world)
+    begun = time.perf_counter()
+    work()
+    spent = time.perf_counter() - begun
+    _calm(world)
+    return world.allreduce(spent, MPI.MAX)
 
 
 def _calm(world: MPI.Comm) -> None:
@@ -123,11 +167,14 @@ if __name__ == "__main__":
     parser.add_argument("--motion", action="store_true")
     parser.add_argument("--last", action="store_true", help="the larger body alone")
     parser.add_argument("--turns", type=int, default=0, help="one rank and all, beside each other, so often")
+    parser.add_argument("--phases", type=int, default=0, help="parts of the reduction, so often")
     chosen = parser.parse_args()
     for sizes in SIZES[chosen.last :]:
         cantilever = body_of(*sizes)
         row(cantilever)
         if chosen.turns:
             turns(cantilever, chosen.turns)
+        if chosen.phases:
+            phases(cantilever, chosen.phases)
         if chosen.motion and sizes == SIZES[0]:
             motion(cantilever)
