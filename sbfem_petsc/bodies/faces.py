@@ -14,9 +14,9 @@ from ..contact.law import ContactLaw, Unilateral
 from .rows import Contact
 from .units import tree_of
 
-# Distance of partners in spacings of nodes; weights of a row that are none: a force of any size would press
-# on it.
-APART, ROUNDING = 1e-3, 1e-9
+# Distance of partners in spacings of nodes; a row that is none, for a force of any size would press on it;
+# weights that are none.
+APART, ROUNDING, LITTLE = 1e-3, 1e-9, 1e-13
 # Triangles between the nodes of a face, by their number; steps to a place in a quadrilateral.
 HATS = {
     1: ((0,),),
@@ -84,13 +84,18 @@ def between(
         raise ValueError(
             f"contact: the {len(y)} right nodes span no surface across the normal; give those of a face"
         )
-    sums = [sparse.dok_matrix((len(x), len(part))) for part in (x, y)]
+    none = np.zeros(1, dtype=int)
+    entries = [[(none, none, np.zeros(1))] for _ in (x, y)]
     for nodes, *cells, points, weights in _common((x, y), own or [[k] for k in range(len(x))], other):
         kept, hats = moves[nodes], (weights[:, None] * _shapes(x[nodes], points)).T
         hats = hats[kept] + hats[~kept].sum(axis=0) / max(kept.sum(), 1)
-        for part, cell, at in zip(sums, cells, (x, y)):
-            part[np.ix_(np.array(nodes)[kept], cell)] += hats @ _shapes(at[cell], points)
-    one, two = (part.tocsr() for part in sums)
+        for part, cell, at in zip(entries, cells, (x, y)):
+            rows, columns = np.meshgrid(np.array(nodes)[kept], cell, indexing="ij")
+            part.append((rows.ravel(), columns.ravel(), (hats @ _shapes(at[cell], points)).ravel()))
+    one, two = (
+        sparse.csr_matrix((values, (rows, columns)), (len(x), len(at)))
+        for (rows, columns, values), at in zip((map(np.concatenate, zip(*part)) for part in entries), (x, y))
+    )
     shared = np.asarray(one.sum(axis=1)).ravel()
     if (beside := moves & (shared <= 0.0)).any():
         raise ValueError(
@@ -98,8 +103,8 @@ def between(
             "beside the right face; leave them out, or exchange the faces"
         )
     for part in (one, two):
-        part.data /= np.repeat(shared, np.diff(part.indptr))
-        part.data[np.abs(part.data) <= ROUNDING] = 0.0
+        part.data /= np.repeat(np.where(shared > 0.0, shared, 1.0), np.diff(part.indptr))
+        part.data[np.abs(part.data) <= LITTLE] = 0.0
         part.eliminate_zeros()
     return one, two
 
