@@ -34,10 +34,10 @@ def _accuracy(default: float | None = None) -> Any:
     return item(default, text=text, ge=1e-13, le=0.1)
 
 
-def _harmonics() -> Any:
+def _harmonics(default: str = "1e-3 where at most 40 modes do, none elsewhere and of two tones") -> Any:
     text = (
         "relative error of harmonics 1 to 4 of points and resultant asked for: default modes and steps are "
-        "as many as it needs; default: 1e-3 where at most 40 modes do, none elsewhere and of two tones"
+        f"as many as it needs; default: {default}"
     )
     return item(None, text=text, ge=1e-8, le=0.1)
 
@@ -271,6 +271,7 @@ class SweptOptions(Ranged):
         "time steps a period of the higher frequency; default: 320 or more", least=48
     )
     modes: int | None = _counted(_MODES)
+    accuracy: float | None = _harmonics("none")
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """A range of one value, and sweeps that are over before they begin, or never."""

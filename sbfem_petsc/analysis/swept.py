@@ -8,11 +8,14 @@ import math
 import numpy as np
 
 from ..checks import instance
+from ..continuation.accuracy import Accuracy
 from ..continuation.orbit import Orbit
+from ..continuation.problems.driven_orbits import ParameterRange
 from ..errors import wrong_input
 from ..motion.integration import Steps
 from ..motion.loading import Wanted, amplitudes_only, communicator, loading, serving
-from ..motion.preparation import check_guess
+from ..motion.period_map import Period
+from ..motion.preparation import PeriodSettings, check_guess, prepare
 from ..motion.reduced_history import ReducedIntegrator
 from ..motion.states import ModalStates
 from ..motion.step_plan import contact_steps
@@ -44,6 +47,7 @@ def swept_response(
     initial: Orbit | None = None,
     steps: int | None = None,
     modes: int | None = None,
+    accuracy: float | None = None,
     progress: Progress = "auto",
 ) -> SweptResponse:
     """Integrate a motion under a forcing frequency that runs linearly from `start` to `stop`, from a steady
@@ -66,7 +70,10 @@ def swept_response(
         Steps in a period of the higher frequency. Default: 320, or as many as keep the step below 0.8 of the
         shortest modal period.
     modes : int, optional
-        Default: as for `frequency_response`.
+        Default: all modes up to 8 times the loads' highest frequency, at least 80.
+    accuracy : float, optional
+        Of harmonics 1 to 4 of the steady states at both ends and at the linear peak between them, as of
+        `periodic`, told in `mode_error`: modes and steps that are not given are as many as it needs.
     progress : callable, "auto" or None
         As for `transient`.
 
@@ -80,6 +87,11 @@ def swept_response(
         For input that makes no sense, and for a sweep of less than two cycles or more than 1e9 steps.
     SolveError
         If a contact problem is not solved, or no steady state is found at `start`.
+
+    Warns
+    -----
+    AccuracyWarning
+        If the told error is above `accuracy` in the modes or steps given, or in all that the mesh has.
     """
     what, comm = "swept_response", communicator(model)
     with collective(comm):
@@ -93,9 +105,15 @@ def swept_response(
         if not any(isinstance(signal, Chirp) and signal.amplitude for signal in loads.signals):
             raise ValueError(f"{what}: no load oscillates; give a number, the amplitude of the swept sine")
     highest = max(start, stop)
-    reduced = serving(what, model, loads, Wanted(modes), highest)
+    told, least = math.nan, STEPS
+    if accuracy is None:
+        reduced = serving(what, model, loads, Wanted(modes), highest)
+    else:
+        settings = PeriodSettings(1, steps, modes, band=highest, accuracy=accuracy)
+        period, told = _accurate(model, load, (start, stop), settings)
+        reduced, least = period.reduced, max(least, period.steps)
     if steps is None:
-        steps = STEPS
+        steps = least
         if len(reduced.initial_gap):
             steps = max(steps, contact_steps(reduced, highest))
     count = math.ceil(duration * highest * steps)
@@ -131,7 +149,22 @@ def swept_response(
         settling_cycles(reduced, (start, stop)),
         reduced,
         None if reduced.of_rows else amplitudes[:, :, 0],
+        told,
     )
+
+
+def _accurate(
+    model: Model | ReducedModel, load, ends: tuple[float, float], settings: PeriodSettings
+) -> tuple[Period, float]:
+    """The map of steady states that are as accurate as asked, if these may be had, and what is told."""
+    what, over = "swept_response", ParameterRange("frequency", *ends)
+    accuracy = Accuracy(what, model, settings)
+
+    def prepared(settings: PeriodSettings) -> Period:
+        return prepare(what, model, load, ends[0], settings=settings)
+
+    period = accuracy.tried(over, prepared(settings), prepared)
+    return period, accuracy.told(over, period)
 
 
 def _steady(initial: Orbit, reduced: ReducedModel, load) -> Orbit:

@@ -23,7 +23,7 @@ from ..reduction.build import FEW, few_modes, modes_beyond, most_modes
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 from .harmonic_errors import added, harmonic_error_estimates
-from .orbit import largest_error
+from .orbit import LOWEST, largest_error
 from .problems.driven_orbits import ParameterRange
 from .search import NEWTON_ALONE, find_steady_state
 
@@ -184,21 +184,28 @@ class Accuracy:
         """
         if self.settled(period.reduced):
             return period
-        places = [over.start, over.stop]
-        if over.name == "frequency":
-            inside = [float(f) for f in period.reduced.frequencies if min(places) < f < max(places)]
-            places += sorted(inside, key=lambda f: -period.at(f).oscillation)[:1]
-        for place in filter(None, places):
-            driven = over.at(period, place)
+        for place in _places(over, period):
             with contextlib.suppress(SolveError):
-                fixed, _ = find_steady_state(
-                    driven, driven.linear_state, multiples=False, search=NEWTON_ALONE
-                )
+                fixed, errors = _told(over, period, place)
                 try:
-                    self.require(fixed, harmonic_error_estimates(fixed), place)
+                    self.require(fixed, errors, place)
                 except TooInaccurate as error:
                     period = self.more(over, error, prepared)
         return period
+
+    def told(self, over: ParameterRange, period: Period) -> float:
+        """The largest told error at both ends and the linear peak, inf where Newton's method finds no motion
+        at once, of which the owner's caller is warned if it is above the accuracy.
+        """
+        found = []
+        for place in _places(over, period):
+            with contextlib.suppress(SolveError):
+                found.append(_told(over, period, place)[1])
+        worst = max(
+            found or [np.full((3, LOWEST), np.inf)], key=lambda errors: largest_error(errors.sum(axis=0))
+        )
+        self.tell(period.reduced, period.steps // period.excitation.periods, worst)
+        return largest_error(worst.sum(axis=0))
 
     def more(
         self,
@@ -262,3 +269,19 @@ class Accuracy:
         if missing:
             warnings.warn(f"{self.owner}: {missing}", AccuracyWarning, stacklevel=caller_level())
         return missing
+
+
+def _places(over: ParameterRange, period: Period) -> list[float]:
+    """Both ends of a range and the linear peak in it."""
+    places = [over.start, over.stop]
+    if over.name == "frequency":
+        inside = [float(f) for f in period.reduced.frequencies if min(places) < f < max(places)]
+        places += sorted(inside, key=lambda f: -period.at(f).oscillation)[:1]
+    return list(filter(None, places))
+
+
+def _told(over: ParameterRange, period: Period, place: float) -> tuple[FixedPoint, np.ndarray]:
+    """The motion that Newton's method finds at once there, and its told errors."""
+    driven = over.at(period, place)
+    fixed, _ = find_steady_state(driven, driven.linear_state, multiples=False, search=NEWTON_ALONE)
+    return fixed, harmonic_error_estimates(fixed)

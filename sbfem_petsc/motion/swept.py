@@ -74,6 +74,13 @@ class SweptResponse(Record):
         default=None,
         least=0.0,
     )
+    mode_error: float = quantity(
+        "1",
+        "largest error of harmonics 1 to 4, each by its order, by left-out modes and the steps, of steady "
+        "states at both ends and the linear peak; nan unless an accuracy was asked for",
+        default=math.nan,
+        finite=False,
+    )
 
     def check(self) -> None:
         """Raise ValueError unless it has cycles, and the points of its model."""
@@ -211,9 +218,10 @@ class SweptResponse(Record):
             )
 
     def __repr__(self) -> str:
+        told = "" if math.isnan(self.mode_error) else f"error of harmonics {self.mode_error:.2g}, "
         return (
             f"SweptResponse({self.frequency[0]:.7g} to {self.frequency[-1]:.7g} Hz in {self.duration:.6g} s, "
-            f"{len(self.frequency)} cycles, peak contact resultant {self.contact_peak.max():.6g} N)"
+            f"{len(self.frequency)} cycles, {told}peak contact resultant {self.contact_peak.max():.6g} N)"
         )
 
 

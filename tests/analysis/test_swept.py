@@ -252,3 +252,19 @@ def test_bad_input(branch):
     free = sb.swept_response(mass(damping=0.0), FORCE, 0.5 / TURN, 0.6 / TURN, duration=200.0)
     with pytest.raises(ValueError, match="without damping"):
         free.jumps("A")
+
+
+def test_accuracy():
+    """In as many modes as steady states of the range need, beside 80: amplitudes as near as was asked; modes
+    that are given stay, and what is missing is said.
+    """
+    beam, push = coarse_beam(0.002), sb.PointForce("A", fy=300.0)
+    asked = dict(duration=0.02, progress=None)
+    found = sb.swept_response(beam, push, 430.0, 436.0, accuracy=1e-2, **asked)
+    exact = sb.swept_response(beam, push, 430.0, 436.0, modes=80, **asked)
+    off = np.abs(found.amplitude("A") / exact.amplitude("A") - 1.0).max()
+    assert len(found.reduced.omega) < 40 and 1e-5 < off < found.mode_error <= 1e-2, (off, found)
+    assert "error of harmonics" in repr(found) and np.isnan(exact.mode_error)
+    with pytest.warns(sb.AccuracyWarning, match="swept_response: harmonics .* give more than modes = 3"):
+        few = sb.swept_response(beam, push, 430.0, 436.0, modes=3, accuracy=1e-3, **asked)
+    assert len(few.reduced.omega) == 3 and few.mode_error > 1e-3

@@ -363,6 +363,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "duration": 0.5,
             "initial": orbit(),
             "steps": 64,
+            "accuracy": 0.1,
             "progress": None,
         }
     ],

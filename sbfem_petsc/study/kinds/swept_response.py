@@ -71,8 +71,12 @@ class SweptResponse(SweptOptions, Loaded):
             yield "swept", drawn.plot.plot_swept(None, result, point, **options, comm=drawn.comm)
 
     def cost(self, size: Size) -> Cost:
-        modes, ways = size.modes(self.modes), 1 + self.back
-        count = self.duration * max(self.start, self.stop) * (self.steps or 320)
+        highest, ways = max(self.start, self.stop), 1 + self.back
+        modes, steps = size.modes(self.modes), self.steps or 320
+        if self.accuracy is not None:
+            modes, least = size.steady(self, highest, highest)
+            steps = self.steps or max(steps, least)
+        count = self.duration * highest * steps
         cycles = 0.5 * (self.start + self.stop) * self.duration * ways
         numbers = 2 * size.points + 1  # the points' displacements along x and y, and contact
         memory, disk = 8.0 * count * numbers, 16.0 * cycles * (numbers + 1)
