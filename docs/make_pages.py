@@ -32,22 +32,17 @@ from sbfem_petsc.study.case.case import CaseTables
 from sbfem_petsc.study.case.geometry import (
     GEOMETRIES,
     BeamGeometry,
-    CrackLine,
     DampingByFrequency,
     GmshGeometry,
-    Hole,
-    Isotropic,
     Mesh,
     ModelTable,
-    Notch,
-    Orthotropic,
     PlateGeometry,
     RayleighBand,
-    Support,
 )
 from sbfem_petsc.study.case.given import Output
 from sbfem_petsc.study.case.laws import LAWS
 from sbfem_petsc.study.case.loads import EdgeLoad, EdgeMotion, Force, PointForce, SupportMotion
+from sbfem_petsc.study.case.parts import CrackLine, Hole, Isotropic, Notch, Orthotropic, Support
 from sbfem_petsc.study.case.signals import SIGNALS
 from sbfem_petsc.study.case.sweep import Noise, Range, SweepTable
 from sbfem_petsc.study.case.tables import kind_name

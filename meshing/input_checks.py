@@ -131,6 +131,20 @@ def length(owner: str, name: str, value: Any) -> float:
     return real(owner, name, value, "m", within=Bounds(above=0.0, most=LARGEST))
 
 
+def said(text: str, unit: str = "", one_of: tuple[str, ...] = (), **bounds: float) -> dict[str, Any]:
+    """Metadata of a dataclass's field: what it is, for tables of case files and checks.
+
+    Parameters
+    ----------
+    text, unit : str
+    one_of : tuple of str
+        Words that it may be.
+    **bounds
+        gt, ge, lt, le: above, at least, below, at most.
+    """
+    return {"text": text, "unit": unit, "one_of": one_of, "bounds": bounds}
+
+
 def check_fields(item: object, owner: str, checks: Mapping[str, Callable[[str, str, Any], Any]]) -> None:
     """Put in the place of fields of a frozen object what their checks make of them; `owner` names it."""
     for name, check in checks.items():

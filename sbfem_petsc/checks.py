@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from meshing.input_checks import ANY, Bounds, choice, flag, integer, path, positive, real, shown, text
+from meshing.input_checks import ANY, Bounds, choice, flag, integer, path, positive, real, said, shown, text
 
 # what is passed on
-__all__ = ["ANY", "Bounds", "choice", "flag", "integer", "path", "positive", "real", "shown", "text"]
+__all__ = ["ANY", "Bounds", "choice", "flag", "integer", "path", "positive", "real", "said", "shown", "text"]
 
 
 def frequency(owner: str, name: str, value: Any) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO
 
 from .petsc_options import PREFIXES, initialise, is_option
 
@@ -190,14 +190,30 @@ def run(main) -> None:
             MPI.COMM_WORLD.Abort(0)
         raise SystemExit(0) from None
     except (ValueError, TypeError, KeyError, RuntimeError, OSError) as error:
-        comm = MPI.COMM_WORLD
-        everywhere = comm.size == 1 or getattr(error, "on_all_ranks", False)
-        if comm.rank == 0 or not everywhere:
-            sys.stderr.write(f"error: {error}\n")
-            sys.stderr.flush()
-        if not everywhere:
-            comm.Abort(1)
-        raise SystemExit(1) from None
+        raise SystemExit(ended(f"error: {error}", 1, error)) from None
+
+
+def ended(text: str, code: int, error: Exception | None = None) -> int:
+    """Tell how a program ends, once if all ranks end so, and give its exit code; an error that one rank alone
+    meets ends the others too.
+    """
+    from mpi4py import MPI
+
+    comm = MPI.COMM_WORLD
+    everywhere = comm.size == 1 or getattr(error, "on_all_ranks", False)
+    if comm.rank == 0 or not everywhere:
+        tell(text, sys.stderr)
+    if not everywhere:
+        comm.Abort(code)
+    return code
+
+
+def tell(text: str, stream: TextIO | None = None, end: str = "\n") -> None:
+    """Write lines, by default to the output; control characters but tabs and ends of lines are escaped, so
+    that texts of files never move a terminal's cursor or change its state.
+    """
+    shown = "".join(c if c.isprintable() or c in "\n\t" else repr(c)[1:-1] for c in text)
+    print(shown, end=end, file=sys.stdout if stream is None else stream, flush=True)
 
 
 def _rank() -> int:

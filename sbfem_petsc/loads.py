@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from numbers import Real
 from typing import Any, Protocol
 
 import numpy as np
 
-from .checks import real, shown, text
+from .checks import real, said, shown, text
 from .errors import UnknownName, listed
 from .signals.signal import Signal, as_signal
 from .supports import Support
@@ -92,6 +92,11 @@ class Load:
 PLACES = ("point", "edge_set", "where")
 
 
+def _component(text: str, unit: str) -> Any:
+    """A field that is zero, a number or a signal."""
+    return field(default=0.0, metadata=said(f"{text}, number or signal table", unit))
+
+
 @dataclass(frozen=True)
 class PointForce(Load):
     """Concentrated force on a named point.
@@ -108,9 +113,9 @@ class PointForce(Load):
         Components, N (of the whole thickness).
     """
 
-    point: str
-    fx: float | Signal = 0.0
-    fy: float | Signal = 0.0
+    point: str = field(metadata=said("named point"))
+    fx: float | Signal = _component("component along x", "N")
+    fy: float | Signal = _component("component along y", "N")
 
     def _check_place(self, structure: LoadAssembler) -> None:
         if not isinstance(self.point, str) or self.point not in structure.points:
@@ -137,10 +142,10 @@ class EdgeLoad(Load):
         Normal traction towards the material, Pa.
     """
 
-    edge_set: str
-    tx: float | Signal = 0.0
-    ty: float | Signal = 0.0
-    pressure: float | Signal = 0.0
+    edge_set: str = field(metadata=said("edge set"))
+    tx: float | Signal = _component("traction along x", "Pa")
+    ty: float | Signal = _component("traction along y", "Pa")
+    pressure: float | Signal = _component("pressure towards the body", "Pa")
 
     def _check_place(self, structure: LoadAssembler) -> None:
         if not isinstance(self.edge_set, str) or self.edge_set not in structure.edge_sets:
@@ -169,9 +174,9 @@ class SupportMotion(Load):
         m/s^2; `az` of bodies in space alone (`reduce`).
     """
 
-    ax: float | Signal = 0.0
-    ay: float | Signal = 0.0
-    az: float | Signal = 0.0
+    ax: float | Signal = _component("along x", "m/s^2")
+    ay: float | Signal = _component("along y", "m/s^2")
+    az: float | Signal = _component("along z, of a [body] alone", "m/s^2")
 
     def _check_place(self, structure: LoadAssembler) -> None:
         if isinstance(self.az, Signal) or self.az:
@@ -203,9 +208,9 @@ class EdgeMotion(Load):
         Components, m.
     """
 
-    where: str
-    ux: float | Signal = 0.0
-    uy: float | Signal = 0.0
+    where: str = field(metadata=said("edge set or point, that of a support"))
+    ux: float | Signal = _component("along x", "m")
+    uy: float | Signal = _component("along y", "m")
 
     def _check_place(self, structure: LoadAssembler) -> None:
         own = [support.fixed for support in structure.supports if support.where == self.where]

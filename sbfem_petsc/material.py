@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from .checks import Bounds, choice, positive, real
+from .checks import Bounds, choice, positive, real, said
 
 # Moduli (Pa) and densities (kg/m^3) beyond these are slips of units; their products would leave the numbers'
 # range.
 LEAST, MOST = 1e-30, 1e30
 PLANES = ("stress", "strain")
+_PLANE = said("plane stress or plane strain", one_of=PLANES)
 
 
 @dataclass(frozen=True)
@@ -36,10 +37,10 @@ class Material:
         With a sentence that names the value and what was expected.
     """
 
-    young: float
-    poisson: float
-    density: float
-    plane: str = "stress"
+    young: float = field(metadata=said("Young's modulus", "Pa", gt=0))
+    poisson: float = field(metadata=said("Poisson's ratio", gt=-1, le=0.5))
+    density: float = field(metadata=said("density", "kg/m^3", gt=0))
+    plane: str = field(default="stress", metadata=_PLANE)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "young", _scale("Material", "young", self.young, "Pa"))
@@ -80,6 +81,11 @@ class Material:
         )
 
 
+_ANGLE = said("from the x axis to axis 1, counter-clockwise", "degree")
+_NORMAL = said("normal to the plane, plane strain only; default: young_2", "Pa", gt=0)
+_OUT_OF_PLANE = said("plane strain only; default: poisson_12")
+
+
 @dataclass(frozen=True)
 class OrthotropicMaterial:
     """Orthotropic linear elastic material with its first principal axis turned by `angle`.
@@ -101,16 +107,16 @@ class OrthotropicMaterial:
     plane : {"stress", "strain"}
     """
 
-    young_1: float
-    young_2: float
-    poisson_12: float
-    shear_12: float
-    density: float
-    angle: float = field(default=0.0, kw_only=True)
-    plane: str = field(default="stress", kw_only=True)
-    young_3: float | None = field(default=None, kw_only=True)
-    poisson_13: float | None = field(default=None, kw_only=True)
-    poisson_23: float | None = field(default=None, kw_only=True)
+    young_1: float = field(metadata=said("Young's modulus along axis 1", "Pa", gt=0))
+    young_2: float = field(metadata=said("Young's modulus along axis 2", "Pa", gt=0))
+    poisson_12: float = field(metadata=said("-eps_2 / eps_1 under stress along 1"))
+    shear_12: float = field(metadata=said("shear modulus", "Pa", gt=0))
+    density: float = field(metadata=said("density", "kg/m^3", gt=0))
+    angle: float = field(default=0.0, kw_only=True, metadata=_ANGLE)
+    plane: str = field(default="stress", kw_only=True, metadata=_PLANE)
+    young_3: float | None = field(default=None, kw_only=True, metadata=_NORMAL)
+    poisson_13: float | None = field(default=None, kw_only=True, metadata=_OUT_OF_PLANE)
+    poisson_23: float | None = field(default=None, kw_only=True, metadata=_OUT_OF_PLANE)
 
     def __post_init__(self) -> None:
         own = "OrthotropicMaterial"

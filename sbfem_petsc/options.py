@@ -59,14 +59,28 @@ class Options(BaseModel):
         except ValidationError as error:
             faults = error.errors(include_url=False)
         for fault in faults:  # out of what pydantic raises, which would be printed too
-            name, *within = fault["loc"]
+            name, *within = place = _place(fault["loc"], values)
             kind = TypeError if fault["type"] in TYPES and fault["type"] != "finite_number" else ValueError
-            given = fault if within else {**fault, "input": values[name]}
-            text = wrong([given], unit_of(cls.model_fields[name]))
+            alike = [one for one in faults if _place(one["loc"], values) == place]  # of a union's members
+            given = alike if within else [{**one, "input": values[name]} for one in alike]
+            text = wrong(given, unit_of(cls.model_fields[name]))
             raise kind(f"{owner}: {name}{''.join(f'[{k}]' for k in within)} {text}")
         for name, text in found.contradictions():
             raise ValueError(f"{owner}: {f'{name} ' if name else ''}{text}")
         return found
+
+
+def _place(loc: tuple[Any, ...], values: Any) -> list[Any]:
+    """Where in given values a fault is: without the marks that tell the members of a union apart."""
+    place = []
+    for k, part in enumerate(loc):
+        number, table = isinstance(part, int), isinstance(values, Mapping)
+        if part in values if table else number and isinstance(values, (list, tuple, np.ndarray)):
+            values = values[part]
+        elif not number and not (table and k == len(loc) - 1):
+            continue  # a mark; the last may be a key that is missing
+        place.append(part)
+    return place
 
 
 def unit_of(field: FieldInfo) -> str:
@@ -92,7 +106,7 @@ def _plain(value: Any) -> Any:
         return float(value)
     if isinstance(value, np.generic):
         return value.item()
-    if isinstance(value, np.ndarray) and value.ndim == 1 and not np.ma.is_masked(value):
+    if isinstance(value, np.ndarray) and value.ndim and not np.ma.is_masked(value):
         return value.tolist()
     if hasattr(value, "__float__") and not isinstance(value, Real):
         return _Foreign(value)

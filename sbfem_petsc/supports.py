@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from .checks import Bounds, instances, real, shown
+from .checks import Bounds, instances, real, said, shown
+
+_HELD = said("true: held, false: free, a number: stiffness", "N/m^3 or N/m")
 
 
 @dataclass(frozen=True)
@@ -23,9 +25,9 @@ class Support:
         area) on an edge set and in N/m on a point.
     """
 
-    where: str
-    x: bool | float = True
-    y: bool | float = True
+    where: str = field(metadata=said("edge set or point"))
+    x: bool | float = field(default=True, metadata=_HELD)
+    y: bool | float = field(default=True, metadata=_HELD)
 
     def __post_init__(self) -> None:
         if not isinstance(self.where, str):

@@ -10,7 +10,7 @@ from typing import Any
 
 import shapely
 
-from meshing.input_checks import check_fields, choice, length, number, shown
+from meshing.input_checks import check_fields, choice, length, number, said, shown
 
 _STEEPEST = 85.0  # degrees between a face and the vertical
 WIDEST_OPENING = 30.0  # degrees, of a crack
@@ -34,11 +34,18 @@ class VNotch:
         Where its mouth is.
     """
 
-    x: float
-    depth: float
-    opening: float
-    tilt: float = 0.0
-    edge: str = field(default="top", kw_only=True)
+    x: float = field(metadata=said("position of the tip along the beam", "m"))
+    depth: float = field(metadata=said("vertical distance of the tip from the edge", "m", gt=0))
+    opening: float = field(
+        metadata=said("total angle between the faces; 0 is a closed crack", "degree", ge=0)
+    )
+    tilt: float = field(
+        default=0.0,
+        metadata=said("angle of the axis from the vertical, positive with the mouth towards +x", "degree"),
+    )
+    edge: str = field(
+        default="top", kw_only=True, metadata=said("edge that it starts from", one_of=("top", "bottom"))
+    )
 
     def __post_init__(self) -> None:
         check_fields(self, "VNotch", {"x": number, "depth": length, "opening": number, "tilt": number})
@@ -95,9 +102,9 @@ class Hole:
         m.
     """
 
-    x: float
-    y: float
-    diameter: float
+    x: float = field(metadata=said("centre", "m"))
+    y: float = field(metadata=said("centre", "m"))
+    diameter: float = field(metadata=said("diameter", "m", gt=0))
 
     def __post_init__(self) -> None:
         check_fields(self, "Hole", {"x": number, "y": number, "diameter": length})
@@ -130,9 +137,11 @@ class CrackLine:
         Default: "crack1", "crack2", ... by position among the body's cracks.
     """
 
-    points: Sequence[tuple[float, float]]
-    opening: float = 0.0
-    name: str | None = None
+    points: Sequence[tuple[float, float]] = field(
+        metadata=said("points from the mouth to the tip, or from tip to tip", "m")
+    )
+    opening: float = field(default=0.0, metadata=said("full angle at the mouth", "degree", ge=0))
+    name: str | None = field(default=None, metadata=said('name of the crack; else "crack1", "crack2", ...'))
 
     def __post_init__(self) -> None:
         item = "CrackLine" if self.name is None else f"CrackLine {shown(self.name)}"

@@ -8,10 +8,10 @@ import os
 import sys
 from typing import Any
 
+from ..command_line import tell
 from ..progress import watch_for
 from ..ranks.parallel import on_root
 from ..study.case.case import Case, read_case
-from .terminal import tell
 
 Options = argparse.Namespace
 # Exit code of a sweep that has come to its end, but for some of its rows.

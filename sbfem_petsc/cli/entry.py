@@ -12,12 +12,11 @@ from collections.abc import Iterator
 from types import FrameType
 from typing import Any, NoReturn
 
-from ..command_line import start_petsc, wrong_option
+from ..command_line import ended, start_petsc, tell, wrong_option
 from ..installation import remedy
 from ..ranks import abort
 from .completion import script
 from .parser import make_parser, split
-from .terminal import tell
 
 # numba would colour its messages by colorama, which writes a code behind the answer of a command
 os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
@@ -88,11 +87,10 @@ def _not_installed(error: ImportError) -> int:
     if error.name is not None:
         text = f"error: {error.name.split('.')[0]} cannot be imported ({error}); {remedy(error)}"
     try:
-        from mpi4py import MPI
+        return ended(text, FAILED)
     except ImportError:
         tell(text, sys.stderr)
         return FAILED
-    return _ended(MPI.COMM_WORLD, text, FAILED, everywhere=False)
 
 
 def _terminate(number: int, frame: FrameType | None) -> NoReturn:
@@ -116,31 +114,14 @@ def _guarded(options) -> int:
             warnings.showwarning = warn
             return int(getattr(commands, options.command)(options, comm))
     except KeyboardInterrupt:
-        return _ended(
-            comm, "interrupted; the same command goes on where it was", INTERRUPTED, everywhere=False
-        )
+        return ended("interrupted; the same command goes on where it was", INTERRUPTED)
     except _Terminated:
-        return _ended(
-            comm, "ended by a signal; the same command goes on where it was", TERMINATED, everywhere=False
-        )
+        return ended("ended by a signal; the same command goes on where it was", TERMINATED)
     except BrokenPipeError:
         sys.stderr.close()
         return 0
-    except (ValueError, TypeError, KeyError, OSError) as error:
-        return _ended(comm, f"error: {error}", WRONG_INPUT, getattr(error, "on_all_ranks", False))
     except MemoryError as error:
-        text = (
-            f"error: there is not enough memory ({error}); use a coarser mesh, or more ranks on more machines"
-        )
-        return _ended(comm, text, FAILED, everywhere=False)
-    except RuntimeError as error:
-        return _ended(comm, f"error: {error}", FAILED, getattr(error, "on_all_ranks", False))
-
-
-def _ended(comm, text: str, code: int, everywhere: bool) -> int:
-    everywhere = everywhere or comm.size == 1
-    if comm.rank == 0 or not everywhere:
-        tell(text, sys.stderr)
-    if not everywhere:
-        comm.Abort(code)
-    return code
+        words = f"there is not enough memory ({error}); use a coarser mesh, or more ranks on more machines"
+        return ended(f"error: {words}", FAILED)
+    except (ValueError, TypeError, KeyError, OSError, RuntimeError) as error:
+        return ended(f"error: {error}", FAILED if isinstance(error, RuntimeError) else WRONG_INPUT, error)

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import Bounds, real, shown
+from ..checks import Bounds, real, said, shown
 from ..record.record import Record, derived, described
 
 # Rounding of a gap, relative to the sum of its terms' moduli.
@@ -68,7 +68,9 @@ class ContactLaw:
         layer's thickness over its modulus. Each contact row has the share of its own area of face.
     """
 
-    compliance: float = 0.0
+    compliance: float = field(
+        default=0.0, metadata=said("of an elastic layer on the faces, across them", "m^3/N", ge=0)
+    )
 
     def __post_init__(self) -> None:
         real(type(self).__name__, "compliance", self.compliance, "m^3/N", within=Bounds(least=0.0))
@@ -140,7 +142,7 @@ class Clearance(ContactLaw):
         m.
     """
 
-    width: float = field(kw_only=True)
+    width: float = field(kw_only=True, metadata=said("play", "m", ge=0))
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -90,15 +90,8 @@ def _open_faces(model: Model, fields: list[Any]) -> list[Piece]:
             if patch.mirrored[row]:
                 lines = [line[::-1] for line in lines]
             key = (-1 - int(model.layout.part.elements[element]),)
-            pieces.append(
-                Piece(
-                    key,
-                    int(chain[-1]),
-                    int(chain[0]),
-                    lines[0],
-                    np.array(lines[1:]).reshape(len(fields), -1, 2),
-                )
-            )
+            moved = np.array(lines[1:]).reshape(len(fields), -1, 2)
+            pieces.append(Piece(key, int(chain[-1]), int(chain[0]), lines[0], moved))
     return pieces
 
 
@@ -153,29 +146,16 @@ def gather_region(
     for k, chain in enumerate(part.chains):
         corners = np.vstack([part.coordinates[chain], part.centres[k]])
         keep[k] = (corners.min(axis=0) < centre + half).all() and (corners.max(axis=0) > centre - half).all()
-    pieces, offset = [], 0
+    pieces = []
     pieces_an_edge = subdivisions or max(2 * model.order, 6)
     for patch in sample(model.tips, {"u": field}, keep=keep, subdivisions=pieces_an_edge, refine=refine):
         quadrilaterals, triangles = (cells.reshape(-1, cells.shape[-1]) for cells in point_grid_cells(patch))
         cells = np.concatenate([quadrilaterals[:, [0, 1, 2]], quadrilaterals[:, [0, 2, 3]], triangles])
-        points = patch.positions.reshape(-1, 2)
-        pieces.append(
-            (
-                points,
-                patch.displacements["u"].reshape(-1, 2),
-                patch.stresses["u"].reshape(-1, 4),
-                cells + offset,
-            )
-        )
-        offset += len(points)
+        values = (patch.positions, patch.displacements["u"], patch.stresses["u"])
+        pieces.append([*(v.reshape(-1, v.shape[-1]) for v in values), cells])
     gathered = model.comm.gather(pieces)
     if gathered is None:
         return None
-    arrays: list[list[np.ndarray]] = [[], [], [], []]
-    offset = 0
-    for several in gathered:
-        for piece in several:
-            for store, values in zip(arrays, piece):
-                store.append(values + offset if store is arrays[3] else values)
-        offset += sum(len(p[0]) for p in several)
-    return Region(*(np.concatenate(a) for a in arrays))
+    *arrays, triangles = zip(*(piece for several in gathered for piece in several))
+    begin = np.cumsum([0, *map(len, arrays[0])])
+    return Region(*map(np.concatenate, arrays), np.concatenate([t + at for t, at in zip(triangles, begin)]))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from numbers import Real
-from typing import Any, ClassVar, cast
+from typing import Any, cast
 
 import numpy as np
 
-from ..checks import Bounds, real, real_array, shown
+from ..checks import Bounds, real, real_array, said, shown
 
 # Relative to a step: times that miss an end by less are at it, since k * dt is rounded.
 ROUND_OFF = 1e-9
@@ -35,9 +35,16 @@ class Signal:
         of a history ends there.
     """
 
-    _units: ClassVar[dict[str, str]] = {}
     # numpy leaves `number * signal` to the signal.
     __array_ufunc__ = None
+
+    def __post_init__(self) -> None:
+        for own in fields(cast(Any, self)):
+            value = getattr(self, own.name)
+            if "bounds" in own.metadata and not (value is own.default is None):
+                bounds = Bounds(own.metadata["bounds"].get("gt"), own.metadata["bounds"].get("ge"))
+                checked = real(type(self).__name__, own.name, value, own.metadata["unit"], within=bounds)
+                object.__setattr__(self, own.name, checked)
 
     @property
     def highest_frequency(self) -> float | None:
@@ -105,35 +112,20 @@ class Signal:
 
     def __repr__(self) -> str:
         parts, signal = [], cast(Any, self)
-        for field in fields(signal):
-            value, unit = getattr(self, field.name), self._units.get(field.name, "")
+        for own in fields(signal):
+            value, unit = getattr(self, own.name), own.metadata.get("unit", "")
             text = f"{value:.10g}" if isinstance(value, float) else repr(value)
-            parts.append(f"{field.name}={text}{unit and ' ' + unit}")
+            parts.append(f"{own.name}={text}{unit and ' ' + unit}")
         return f"{type(self).__name__}({', '.join(parts)})"
-
-    def _check(self, **checks: Callable) -> None:
-        """Replace the named fields by checked floats."""
-        for name, check in checks.items():
-            object.__setattr__(
-                self, name, check(type(self).__name__, name, getattr(self, name), self._units.get(name, ""))
-            )
-
-
-def not_negative(owner: str, name: str, value: Any, unit: str = "") -> float:
-    """A real number that is not negative; TypeError or ValueError otherwise."""
-    return real(owner, name, value, unit, within=Bounds(least=0.0))
 
 
 @dataclass(frozen=True, repr=False)
 class Constant(Signal):
-    """`value` at all times."""
+    """`value` at all times: a preload beside oscillating loads."""
 
-    value: float
+    value: float = field(metadata=said("value, in the unit of the component"))
 
     end = 0.0
-
-    def __post_init__(self) -> None:
-        self._check(value=real)
 
     def _values(self, t: np.ndarray, side: int = 0) -> np.ndarray:
         return np.full(t.shape, self.value)
@@ -154,11 +146,11 @@ class Custom(Signal):
     """
 
     function: Callable[[np.ndarray], np.ndarray]
-    highest_frequency: float | None = None
-    amplitude: float = 1.0
+    highest_frequency: float | None = field(
+        default=None, metadata=said("top of the band that matters", "Hz", ge=0)
+    )
+    amplitude: float = field(default=1.0, metadata=said("factor on the function"))
     breaks: tuple[float, ...] = ()
-
-    _units = {"highest_frequency": "Hz"}
 
     def __post_init__(self) -> None:
         if not callable(self.function):
@@ -167,9 +159,7 @@ class Custom(Signal):
                 "times is "
                 "expected"
             )
-        self._check(amplitude=real)
-        if self.highest_frequency is not None:
-            self._check(highest_frequency=not_negative)
+        super().__post_init__()
         breaks = real_array("Custom", "breaks", self.breaks, 1)
         object.__setattr__(self, "breaks", tuple(np.unique(breaks).tolist()))
         self._values(np.array([0.0, 1e-6]))

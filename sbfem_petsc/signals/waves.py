@@ -6,22 +6,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..checks import positive, real
-from .signal import JUST, Signal, not_negative
+from ..checks import said
+from .signal import JUST, Signal
+
+_AMPLITUDE = said("amplitude, in the unit of the component")
 
 
 @dataclass(frozen=True, repr=False)
 class Harmonic(Signal):
     """amplitude * sin(2 pi frequency t + phase), at all times; frequency in Hz, phase in radian."""
 
-    amplitude: float
-    frequency: float
-    phase: float = 0.0
-
-    _units = {"frequency": "Hz", "phase": "rad"}
-
-    def __post_init__(self) -> None:
-        self._check(amplitude=real, frequency=positive, phase=real)
+    amplitude: float = field(metadata=_AMPLITUDE)
+    frequency: float = field(metadata=said("frequency", "Hz", gt=0))
+    phase: float = field(default=0.0, metadata=said("phase", "rad"))
 
     @property
     def highest_frequency(self) -> float:
@@ -33,20 +30,13 @@ class Harmonic(Signal):
 
 @dataclass(frozen=True, repr=False)
 class ToneBurst(Signal):
-    """Tone burst of eq. (39): F sin(2 pi fc t) (1 - cos(2 pi fc t / n)) for 0 <= t <= n / fc, zero elsewhere.
-
-    F is `amplitude`, fc the carrier's `frequency` in Hz, n its `cycles` in the burst. The envelope peaks at 2
-    F.
+    """amplitude * sin(2 pi frequency t) * (1 - cos(2 pi frequency t / cycles)) from 0 to cycles / frequency,
+    zero elsewhere: the tone burst of eq. (39), whose envelope peaks at 2 * amplitude.
     """
 
-    amplitude: float
-    frequency: float
-    cycles: float
-
-    _units = {"frequency": "Hz"}
-
-    def __post_init__(self) -> None:
-        self._check(amplitude=real, frequency=positive, cycles=positive)
+    amplitude: float = field(metadata=said("half the peak, in the unit of the component"))
+    frequency: float = field(metadata=said("carrier frequency", "Hz", gt=0))
+    cycles: float = field(metadata=said("cycles in the burst", gt=0))
 
     @property
     def end(self) -> float:
@@ -75,24 +65,15 @@ class Chirp(Signal):
     its beginning and falls at its end.
     """
 
-    amplitude: float
-    start: float
-    stop: float
-    duration: float
-    phase: float = field(default=0.0, kw_only=True)
-    taper: float = field(default=0.0, kw_only=True)
-
-    _units = {"start": "Hz", "stop": "Hz", "duration": "s", "phase": "rad", "taper": "s"}
+    amplitude: float = field(metadata=_AMPLITUDE)
+    start: float = field(metadata=said("first frequency", "Hz", ge=0))
+    stop: float = field(metadata=said("last frequency", "Hz", ge=0))
+    duration: float = field(metadata=said("duration", "s", gt=0))
+    phase: float = field(default=0.0, kw_only=True, metadata=said("phase at the start", "rad"))
+    taper: float = field(default=0.0, kw_only=True, metadata=said("time of rise and of fall", "s", ge=0))
 
     def __post_init__(self) -> None:
-        self._check(
-            amplitude=real,
-            start=not_negative,
-            stop=not_negative,
-            duration=positive,
-            phase=real,
-            taper=not_negative,
-        )
+        super().__post_init__()
         if self.start == self.stop == 0.0:
             raise ValueError(
                 "Chirp: start = 0 Hz and stop = 0 Hz leave no oscillation; one of them must be positive"
@@ -139,14 +120,9 @@ def _smooth(t: np.ndarray, rise: float) -> np.ndarray:
 class Step(Signal):
     """Zero before `time`, `amplitude` from then on; over `rise` (s) it grows as half a cosine."""
 
-    amplitude: float
-    time: float = 0.0
-    rise: float = 0.0
-
-    _units = {"time": "s", "rise": "s"}
-
-    def __post_init__(self) -> None:
-        self._check(amplitude=real, time=real, rise=not_negative)
+    amplitude: float = field(metadata=said("value after the step, in the unit of the component"))
+    time: float = field(default=0.0, metadata=said("instant of the step", "s"))
+    rise: float = field(default=0.0, metadata=said("time of the rise", "s", ge=0))
 
     @property
     def end(self) -> float:

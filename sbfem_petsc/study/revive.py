@@ -50,6 +50,11 @@ def read_any(path: str | os.PathLike[str]) -> RunResults | Sweep:
                 f"{name!r} holds rows of a sweep, but no table of all yet; call  sbfem sweep CASE --output "
                 f"{name}  without --rows, which computes what is missing and writes it"
             )
+        if os.path.isdir(os.path.join(name, PARTS)):
+            raise ValueError(
+                f"{name!r} holds analyses of a run that has not come to its end; call  sbfem run CASE "
+                f"--output {name}  again, which goes on where it was and writes {RESULTS}"
+            )
         raise ValueError(
             f"{name!r} holds neither {RESULTS} nor {FILE}; name the folder that  sbfem run  or  "
             "sbfem sweep  wrote"

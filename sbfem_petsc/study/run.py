@@ -124,11 +124,14 @@ class _Run(contextlib.ExitStack):
         for name in names:
             if name not in pending:
                 self.watch.say(f"{name}: finished before")
-        summary = None if pending else self._write()
-        for k, name in enumerate(pending):
-            self._one(name, f"[{k + 1}/{len(pending)}] {name}")
-            summary = self._write()
-        summary = self.comm.bcast(summary)
+        try:
+            for k, name in enumerate(pending):
+                self._one(name, f"[{k + 1}/{len(pending)}] {name}")
+        except BaseException:
+            if folder is not None and folder.state["done"] and self.comm.size == 1:
+                self._write()  # what it has come to
+            raise
+        summary = self.comm.bcast(self._write())
         return Outcome(self.path, summary, self.failed, self.wrong_input)
 
     def _one(self, name: str, title: str) -> None:

@@ -10,35 +10,12 @@ import numpy as np
 from ..ranks.parallel import alone
 
 
-class Costs:
-    """What rows have taken so far on this rank: the first one of a structure, with mesh, model and reduction,
-    and further ones.
-    """
-
-    def __init__(self) -> None:
-        self._first: list[float] = []
-        self._further: list[float] = []
-
-    def add(self, seconds: float, first: bool) -> None:
-        """Note what a row took."""
-        (self._first if first else self._further).append(seconds)
-
-    def worth_joining(self, left: int) -> bool:
-        """Whether it saves time to make a structure once more for half of the rows that another group has
-        left of it.
-        """
-        if left == 0 or not self._first:
-            return False
-        first = float(np.mean(self._first))
-        row = float(np.mean(self._further)) if self._further else first
-        return 0.5 * left * row > max(first - row, 0.0)
-
-
 class Shares:
     """Rows of structures, each for one group of ranks. Collective to make and to leave.
 
     Whoever is free takes a structure that nobody has begun, so that each is made once; when there is none
-    left, rows of a structure that others are at work on, if that saves time.
+    left, one that others are at work on. A row is taken when the structure has been made for it: those that
+    join others cost these no time, whatever a structure costs.
 
     Parameters
     ----------
@@ -72,18 +49,14 @@ class Shares:
             self.comm.Barrier()
             self._window.Free()
 
-    def structure(self, costs: Costs) -> int | None:
-        """Number of a structure to work on; None when nothing is left that is worth it. Collective over the
-        group.
-        """
+    def structure(self) -> int | None:
+        """Number of a structure to work on; None when no row is left. Collective over the group."""
         found = None
         if self.group.rank == 0:
             found = self._taken(0)
             if found >= len(self._rows):
                 left = self.left()
-                found = int(left.argmax()) if len(left) else None
-                if found is not None and not costs.worth_joining(int(left[found])):
-                    found = None
+                found = int(left.argmax()) if left.any() else None
         return self.group.bcast(found)
 
     def row(self, structure: int) -> int | None:

@@ -26,7 +26,7 @@ from .estimates import ROW
 from .folder import held_folder
 from .kinds.kind import Wanted
 from .rows import Row
-from .shares import Costs, Shares
+from .shares import Shares
 from .structure import Structure
 from .sweep_file import FILE, Sweep, together, write
 
@@ -190,7 +190,6 @@ class _Sweeping:
         self.part, self.numbers = part, part or range(len(self.inputs))
         self.names = self.table.analyses or list(case.tables.analyses)
         self.group = comm.Split(comm.rank // self.table.ranks_per_row, comm.rank)
-        self.costs = Costs()
         group = comm.rank // self.table.ranks_per_row
         self.named = f"rows {self.numbers.start} to {self.numbers.stop - 1}"
         begin = "" if part is None else f"{part.start:07d}-{part.stop:07d}-"
@@ -230,7 +229,7 @@ class _Sweeping:
         alike = self._alike(finished)
         try:
             with Shares(comm, self.group, [len(numbers) for numbers in alike]) as shares:
-                while (place := shares.structure(self.costs)) is not None:
+                while (place := shares.structure()) is not None:
                     self._structure(alike[place], shares, place, total)
         finally:
             if not alone(comm):
@@ -266,40 +265,38 @@ class _Sweeping:
 
     def _structure(self, numbers: list[int], shares: Shares, place: int, total: int) -> None:
         """Rows of one structure, as long as no other group has taken them."""
-        structure: Structure | None = None
-        reason = ""
         results: dict[str, Any] = {}
+        began = time.monotonic()
         with contextlib.ExitStack() as stack:
+            structure, fault = self._tried(
+                lambda: Structure(self.case.with_values(self.inputs[numbers[0]]), self.group)
+            )
+            if structure is not None:
+                stack.callback(structure.close)
             while (taken := shares.row(place)) is not None:
-                number, began, first = numbers[taken], time.monotonic(), structure is None
-                values: dict[str, tuple[Any, str]] = {}
-                if not reason or structure is not None:
-                    try:
-                        case = self.case.with_values(self.inputs[number])
-                        if structure is None:
-                            structure = stack.enter_context(contextlib.closing(Structure(case, self.group)))
-                        values, reason = self._row(case, number, structure, results), ""
-                    except Exception as error:  # a row that fails must not end the others
-                        if isinstance(error, (OutOfMemory, MemoryError)) and self.group.size > 1:
-                            raise  # but ranks that may wait for this one
-                        reason = _reason(error)
-                seconds = time.monotonic() - began
-                self.costs.add(seconds, first)
-                row = Row(
-                    number,
-                    reason,
-                    seconds,
-                    {name: np.asarray(value) for name, (value, _) in values.items()},
-                    {name: unit for name, (_, unit) in values.items()},
-                )
+                number = numbers[taken]
+                work = functools.partial(self._row, number, structure, results)
+                values, reason = (None, fault) if structure is None else self._tried(work)
+                found = values or {}
+                entries = {name: np.asarray(value) for name, (value, _) in found.items()}
+                units = {name: unit for name, (_, unit) in found.items()}
                 if self.group.rank == 0:
-                    row_files.append(self.file, row)
+                    row_files.append(self.file, Row(number, reason, time.monotonic() - began, entries, units))
                 if self.comm.rank == 0:
                     self.watch.fraction(1.0 - shares.left().sum() / total)
+                began = time.monotonic()
 
-    def _row(
-        self, case: Case, number: int, structure: Structure, alike: dict[str, Any]
-    ) -> dict[str, tuple[Any, str]]:
+    def _tried(self, work: Callable[[], Any]) -> tuple[Any, str]:
+        """What a work gives, or why it fails: a row that does must not end the others."""
+        try:
+            return work(), ""
+        except Exception as error:
+            if isinstance(error, (OutOfMemory, MemoryError)) and self.group.size > 1:
+                raise  # ranks may wait for this one
+            return None, _reason(error)
+
+    def _row(self, number: int, structure: Structure, alike: dict[str, Any]) -> dict[str, tuple[Any, str]]:
+        case = self.case.with_values(self.inputs[number])
         points = structure.points(case)
         values: dict[str, tuple[Any, str]] = {}
         for name in self.names:

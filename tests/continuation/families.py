@@ -46,11 +46,11 @@ def motion():
     return sb.switch_branch(branch, point, samples=7)
 
 
-def tori(**file):
+def tori(end=0.6025, **file):
     """A branch of such motions through a change of its samples: their states at the first phase, frequencies,
     lines and exponents.
     """
-    found = sb.quasi_periodic_response(motion(), 0.6025 / TURN, **file)
+    found = sb.quasi_periodic_response(motion(), end / TURN, **file)
     assert found.motions[0].samples < found.motions[-1].samples
     states = [np.append(item.states[0], item.exponents) for item in found.motions]
     lines = abs(found.line(0, 1, "1"))

@@ -17,7 +17,7 @@ import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from meshing.folder_index import INDEX
 from sbfem_petsc.record.found import Found
-from sbfem_petsc.study import revive
+from sbfem_petsc.study import revive, run
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.problems import CaseError
 from sbfem_petsc.study.kinds.kind import Run
@@ -183,8 +183,12 @@ def test_another_case_is_refused(folder, tmp_path):
 
 @pytest.mark.slow
 def test_interrupted_and_resumed(tmp_path, monkeypatch):
-    """Ctrl-C in the third analysis: exit code 130; the next run solves the third and fourth alone."""
-    path, solve, solved = written(tmp_path), Structure.solve, []
+    """Ctrl-C in the third analysis: exit code 130; the next run solves the third and fourth alone. The file
+    of all results is put together once a run, whatever it has come to.
+    """
+    path, solve, solved, made = written(tmp_path), Structure.solve, [], []
+    new = run.new_results
+    monkeypatch.setattr(run, "new_results", lambda *given: made.append(given[1]) or new(*given))
 
     def stopped(self, case, name, **options):
         if name == "steady" and not solved.count("steady"):
@@ -198,7 +202,9 @@ def test_interrupted_and_resumed(tmp_path, monkeypatch):
     assert done.code == 130 and "goes on where it was" in done.err
     partial = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert set(partial) == {"run", "frequencies", "push"} and not partial["run"]["complete"]
+    assert made == ["analysis", "analysis", "run"] and set(read_any(tmp_path / "out").kinds) < set(partial)
     assert sbfem("run", path, "--output", tmp_path / "out", "--quiet").code == 0
+    assert made[3:] == ["analysis", "analysis", "run"]
     assert solved == ["frequencies", "push", "steady", "steady", "burst"]
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["run"]["complete"]
 
@@ -214,7 +220,9 @@ def test_killed_and_resumed(folder, summary, tmp_path):
     process.send_signal(signal.SIGKILL)
     process.communicate()
     state = json.loads((out / "run.json").read_text())
-    assert "frequencies" in state["done"]
+    assert "frequencies" in state["done"] and not (out / "results.h5").exists()
+    with pytest.raises(ValueError, match="a run that has not come to its end; call  sbfem run CASE"):
+        read_any(out)
     stamp = os.stat(out / "analyses" / "frequencies.h5").st_mtime_ns
     left, foreign = out / ".results.h5.1a_b2c3d.part", out / ".mine.part"  # a killed run's, the user's
     left.mkdir()

@@ -22,7 +22,6 @@ from sbfem_petsc.study.case.parameters import words_of
 from sbfem_petsc.study.kinds.kind import Wanted
 from sbfem_petsc.study.revive import read_any
 from sbfem_petsc.study.rows import Row
-from sbfem_petsc.study.shares import Costs
 from sbfem_petsc.study.structure import Structure
 from tests.parallel import on_ranks
 from tests.study.small_case import CASE, SWEEP, WAITING, sbfem, started, stopped_sweep, written
@@ -110,16 +109,6 @@ def test_paths():
     for wrong in ("", "a..b", "[0]", "a[x]", ".a", "a b"):
         with pytest.raises(ValueError, match="is no path"):
             parameters.parsed(wrong)
-
-
-def test_worth_joining():
-    """Half of the rows that are left must take longer than the structure to make."""
-    costs = Costs()
-    assert not costs.worth_joining(100)  # nothing is known yet
-    costs.add(2.0, True)
-    assert costs.worth_joining(1) and not costs.worth_joining(0)  # rows are all that structures cost
-    costs.add(0.5, False)
-    assert costs.worth_joining(7) and not costs.worth_joining(6)  # 7 / 2 * 0.5 > 2.0 - 0.5
 
 
 @pytest.mark.slow
@@ -287,15 +276,14 @@ JOINING = """
 import time
 from mpi4py import MPI
 from sbfem_petsc.cli import main
-from sbfem_petsc.study.shares import Costs, Shares
-comm, taken, costs = MPI.COMM_WORLD, [], Costs()
-costs.add(0.02, True)
+from sbfem_petsc.study.shares import Shares
+comm, taken = MPI.COMM_WORLD, []
 def together():  # both ranks at a row, however busy the machine is
     request, limit = comm.Ibarrier(), time.monotonic() + 60.0
     while not request.Test() and time.monotonic() < limit:
         time.sleep(1e-3)
 with Shares(comm, MPI.COMM_SELF, [9]) as shares:
-    while (place := shares.structure(costs)) is not None:
+    while (place := shares.structure()) is not None:
         while (row := shares.row(place)) is not None:
             taken.append(row)
             if len(taken) <= 3:

@@ -10,50 +10,12 @@ from pydantic import Discriminator, Field, Tag
 
 from meshing import beam, plate
 from meshing.gmsh import reader
-from meshing.shapes import features
 
-from ... import damping, material, supports
+from ... import damping
 from ...options import Pair, item
 from .laws import Law
+from .parts import CrackLine, Hole, Isotropic, Notch, Orthotropic, Support
 from .tables import AnyNames, Name, Problem, Table, by_kind
-
-
-class Notch(Table):
-    """A V-notch or crack from the beam's top or bottom edge; `opening = 0` is a closed crack."""
-
-    made: ClassVar = features.VNotch
-
-    x: float = item(text="position of the tip along the beam", unit="m")
-    depth: float = item(text="vertical distance of the tip from the edge", unit="m", gt=0)
-    opening: float = item(text="total angle between the faces; 0 is a closed crack", unit="degree", ge=0)
-    tilt: float = item(
-        0.0,
-        text="angle of the axis from the vertical, positive with the mouth towards the free end",
-        unit="degree",
-    )
-    edge: Literal["top", "bottom"] = item("top", text="edge that it starts from")
-
-
-class Hole(Table):
-    """A circular hole."""
-
-    made: ClassVar = features.Hole
-
-    x: float = item(text="centre", unit="m")
-    y: float = item(text="centre", unit="m")
-    diameter: float = item(text="diameter", unit="m", gt=0)
-
-
-class CrackLine(Table):
-    """A crack along a polygonal line, from mouth to tip or from tip to tip."""
-
-    made: ClassVar = features.CrackLine
-
-    points: Annotated[list[Pair], Field(min_length=2)] = item(
-        text="points from the mouth to the tip, or from tip to tip", unit="m"
-    )
-    opening: float = item(0.0, text="full angle at the mouth", unit="degree", ge=0)
-    name: Name | None = item(None, text='name of the crack; else "crack1", "crack2", ...')
 
 
 class _Geometry(Table):
@@ -143,38 +105,6 @@ class Mesh(Table):
     tip_element: bool = item(True, text="merge the cells around each crack tip into one S-element")
 
 
-class Isotropic(Table):
-    """Isotropic linear elastic material."""
-
-    made: ClassVar = material.Material
-
-    kind: Literal["isotropic"] = item("isotropic", text="the same in all directions")
-    young: float = item(text="Young's modulus", unit="Pa", gt=0)
-    poisson: float = item(text="Poisson's ratio", gt=-1, le=0.5)
-    density: float = item(text="density", unit="kg/m^3", gt=0)
-    plane: Literal["stress", "strain"] = item("stress", text="plane stress or plane strain")
-
-
-class Orthotropic(Table):
-    """Orthotropic linear elastic material."""
-
-    made: ClassVar = material.OrthotropicMaterial
-
-    kind: Literal["orthotropic"] = item(text="different along two axes")
-    young_1: float = item(text="Young's modulus along axis 1", unit="Pa", gt=0)
-    young_2: float = item(text="Young's modulus along axis 2", unit="Pa", gt=0)
-    poisson_12: float = item(text="-eps_2 / eps_1 under stress along 1")
-    shear_12: float = item(text="shear modulus", unit="Pa", gt=0)
-    density: float = item(text="density", unit="kg/m^3", gt=0)
-    angle: float = item(0.0, text="from the x axis to axis 1, counter-clockwise", unit="degree")
-    plane: Literal["stress", "strain"] = item("stress", text="plane stress or plane strain")
-    young_3: float | None = item(
-        None, text="normal to the plane, plane strain only; default: young_2", unit="Pa", gt=0
-    )
-    poisson_13: float | None = item(None, text="plane strain only; default: poisson_12")
-    poisson_23: float | None = item(None, text="plane strain only; default: poisson_12")
-
-
 def _material_kind(value: Any) -> Any:
     return value.get("kind", "isotropic") if isinstance(value, dict) else getattr(value, "kind", None)
 
@@ -183,16 +113,6 @@ Material = Annotated[
     Annotated[Isotropic, Tag("isotropic")] | Annotated[Orthotropic, Tag("orthotropic")],
     Discriminator(_material_kind),
 ]
-
-
-class Support(Table):
-    """A support of an edge set or a point, direction by direction."""
-
-    made: ClassVar = supports.Support
-
-    where: Name = item(text="edge set or point")
-    x: bool | float = item(True, text="true: held, false: free, a number: stiffness", unit="N/m^3 or N/m")
-    y: bool | float = item(True, text="true: held, false: free, a number: stiffness", unit="N/m^3 or N/m")
 
 
 Ratio = Annotated[float, Field(ge=0, lt=1)]

@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 
 from ...contact import law
 from ...options import item
-from .tables import Table, by_kind
+from .tables import Table, by_kind, table_of
 
 _ACROSS, _ALONG = (f"of an elastic layer on the faces, {way} them" for way in ("across", "along"))
 
@@ -16,34 +16,6 @@ class _Law(Table):
     def rubs(self) -> bool:
         """Whether friction resists the faces' sliding."""
         return False
-
-
-class UnilateralLaw(_Law):
-    """Faces that press on each other and come apart freely, as those of cracks without a law do."""
-
-    made: ClassVar = law.Unilateral
-
-    kind: Literal["unilateral"] = item(text="they press or come apart")
-    compliance: float = item(0.0, text=_ACROSS, unit="m^3/N", ge=0)
-
-
-class TiedLaw(_Law):
-    """Faces that neither come apart nor overlap."""
-
-    made: ClassVar = law.Tied
-
-    kind: Literal["tied"] = item(text="they stay together")
-    compliance: float = item(0.0, text=_ACROSS, unit="m^3/N", ge=0)
-
-
-class ClearanceLaw(_Law):
-    """Faces with play between two stops."""
-
-    made: ClassVar = law.Clearance
-
-    kind: Literal["clearance"] = item(text="they have play between stops")
-    compliance: float = item(0.0, text=_ACROSS, unit="m^3/N", ge=0)
-    width: float = item(text="play", unit="m", ge=0)
 
 
 class CoulombLaw(_Law):
@@ -65,5 +37,10 @@ class CoulombLaw(_Law):
         return self.friction > 0.0 or bool(self.static_friction)
 
 
-LAWS = (UnilateralLaw, TiedLaw, ClearanceLaw, CoulombLaw)
+LAWS = (
+    table_of(law.Unilateral, "UnilateralLaw", "unilateral", "they press or come apart", base=_Law),
+    table_of(law.Tied, "TiedLaw", "tied", "they stay together", base=_Law),
+    table_of(law.Clearance, "ClearanceLaw", "clearance", "they have play between stops", base=_Law),
+    CoulombLaw,
+)
 Law = by_kind(*LAWS)

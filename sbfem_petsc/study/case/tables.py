@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import typing
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, Discriminator, Field, Tag
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Discriminator, Field, Tag, create_model
 
-from ...options import Options
+from ...options import Options, item
 
 Path = tuple[str | int, ...]
 
@@ -92,6 +93,48 @@ _ONE_OR_MORE = BeforeValidator(_listed, json_schema_input_type=str | list[str])
 # One name stands for a list of one.
 Names = Annotated[list[Name], _ONE_OR_MORE, Field(min_length=1)]
 AnyNames = Annotated[list[Name], _ONE_OR_MORE]
+
+
+def table_of(
+    made: type,
+    name: str,
+    kind: Any = None,
+    text: str = "",
+    *,
+    base: type[Table] = Table,
+    types: Mapping[Any, Any] = {},
+) -> Any:
+    """Table of a class of the Python interface, whose fields say what they are (`said`).
+
+    Parameters
+    ----------
+    made : type
+        A dataclass.
+    name : str
+        Of the table.
+    kind, text
+        Its key `kind`, or that and its default, and what it is.
+    base : type
+        Class of the table.
+    types : dict
+        Types of keys by their names, or by their types in Python.
+    """
+    found: dict[str, Any] = {}
+    if kind is not None:
+        named, default = kind if isinstance(kind, tuple) else (kind, ...)
+        found["kind"] = Literal[named], item(default, text=text)
+    hints = typing.get_type_hints(made)
+    for own in dataclasses.fields(made):
+        says, hint = own.metadata, hints[own.name]
+        python = Literal[says["one_of"]] if says["one_of"] else types.get(hint, hint)
+        default = ... if own.default is dataclasses.MISSING else own.default
+        option = item(default, text=says["text"], unit=says["unit"], **says["bounds"])
+        found[own.name] = types.get(own.name, python), option
+    # words of the first paragraph
+    words = (made.__doc__ or "").split("\n\n")[0]
+    table: Any = create_model(name, __base__=base, __doc__=words, __module__=base.__module__, **found)
+    table.made = made
+    return table
 
 
 def kind_of(value: Any) -> Any:
