@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 from typing import Any
@@ -12,6 +11,7 @@ from ..command_line import tell
 from ..progress import watch_for
 from ..ranks.parallel import on_root
 from ..study.case.case import Case, read_case
+from ..writing import as_json
 
 Options = argparse.Namespace
 # Exit code of a sweep that has come to its end, but for some of its rows.
@@ -28,7 +28,7 @@ def _answer(options: Options, comm: Any, facts: Any, text: str) -> None:
     if not options.json:
         _say(options, comm, text)
     elif comm.rank == 0:
-        tell(json.dumps(facts, indent=1, allow_nan=False))
+        tell(as_json(facts))
 
 
 def _case(options: Options, comm: Any) -> Case:

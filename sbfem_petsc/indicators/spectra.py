@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import rfft, rfftfreq
-from scipy.signal import detrend as remove_trend
-from scipy.signal import get_window
 
 from ..checks import choice, shown
 from .record import COHERENT, checked_record, checked_tones, off
@@ -85,16 +83,22 @@ def spectrum(
     """
     t, u, step = checked_record("spectrum", time, values)
     if detrend is not None:
+        from scipy.signal import detrend as remove_trend  # slow to load, for all that know public names
+
         u = remove_trend(u, type=choice("spectrum", "detrend", detrend, ("constant", "linear")))
     if window is not None and not isinstance(window, (str, tuple)):
         raise TypeError(f"spectrum: window = {shown(window)} must be None, a name such as 'hann', or a tuple")
-    try:
-        weights = np.ones(len(u)) if window is None else get_window(window, len(u))
-    except (ValueError, TypeError) as error:
-        raise ValueError(
-            f"spectrum: window = {window!r} is unknown to scipy.signal.get_window ({error}); use None, "
-            '"hann" or "flattop"'
-        ) from None
+    weights = np.ones(len(u))
+    if window is not None:
+        from scipy.signal import get_window
+
+        try:
+            weights = get_window(window, len(u))
+        except (ValueError, TypeError) as error:
+            raise ValueError(
+                f"spectrum: window = {window!r} is unknown to scipy.signal.get_window ({error}); use None, "
+                '"hann" or "flattop"'
+            ) from None
     frequency = rfftfreq(len(u), step)
     one_sided = np.full(len(frequency), 2.0)
     one_sided[0] = 1.0

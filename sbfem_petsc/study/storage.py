@@ -16,6 +16,7 @@ from meshing.whole_file import replaced
 from ..record.about import About
 from ..record.files import opened, written
 from ..record.layout import put, text, text_of
+from ..writing import as_json
 from .case.case import Case
 
 WHAT = "results file"
@@ -24,8 +25,7 @@ WHAT = "results file"
 def write_json(path: str, value: Any) -> None:
     """Write JSON, whole or not at all."""
     with replaced(path, "file") as temporary, open(temporary, "w", encoding="utf-8") as file:
-        json.dump(value, file, indent=1, allow_nan=False)
-        file.write("\n")
+        file.write(f"{as_json(value)}\n")
 
 
 def read_json(path: str) -> Any:

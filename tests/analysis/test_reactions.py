@@ -1,10 +1,13 @@
 """Forces of supports that share nodes: the flexibility of a structure without the support is the oracle."""
 
+import os
+import tempfile
+
 import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from meshing import Beam, Plate, VNotch
+from meshing import Beam, Plate, VNotch, read_gmsh
 from tests.parallel import answer, on_ranks
 
 STEEL = sb.Material(210e9, 0.3, 7800)
@@ -14,8 +17,8 @@ APPLIED = np.array([2e6, -5e6]) * 0.4  # N
 PROGRAM = """
 import json
 from mpi4py import MPI
-from tests.analysis.test_reactions import held_faces, shared
-found = held_faces() | shared()
+from tests.analysis.test_reactions import held_faces, moved, shared
+found = held_faces() | moved() | shared()
 if MPI.COMM_WORLD.rank == 0:
     print(json.dumps(found))
 """
@@ -87,6 +90,16 @@ def held_faces():
     return found
 
 
+def moved():
+    """Force of an end that is moved, of a beam that each rank has read from a gmsh model."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "beam.geo_unrolled")
+        Beam(0.1, 0.005).write(path)
+        read = read_gmsh(path, order=3)
+    model = sb.Model(read, STEEL, clamped="left", supports=[sb.Support("right", x=False)])
+    return {"moved": sb.static(model, sb.EdgeMotion("right", uy=1e-5)).reactions["right"].tolist()}
+
+
 def test_friction_on_a_held_face():
     """Pressure and friction on nodes that do not move are the support's: in balance with the load."""
     mesh = Beam(0.1, 0.01, [VNotch(0.07, 0.004, 0.02)]).mesh(order=3)
@@ -100,7 +113,7 @@ def test_friction_on_a_held_face():
 
 @pytest.fixture(scope="module")
 def on_two():
-    """What two ranks find of `held_faces` and `shared`."""
+    """What two ranks find of `held_faces`, `moved` and `shared`."""
     return answer(on_ranks(2, PROGRAM))
 
 
@@ -114,6 +127,16 @@ def test_contact_with_a_held_face(on_two):
         assert np.sum(forces, axis=0) == pytest.approx([0.0, -3000.0], abs=1e-8 * 3000.0)
     for name, force in one.items():
         assert on_two[name] == pytest.approx(force, abs=1e-6 * 3000.0)
+
+
+def test_an_end_that_is_moved(on_two):
+    """Timoshenko's beam, u = F (L^3 / 3 E I + L / (5/6 G A)): to the clamp's Poisson effect; alike on two
+    ranks.
+    """
+    one = moved()["moved"]
+    bending, shear = 0.1**3 / (3.0 * 210e9 * 0.005**3 / 12.0), 0.1 / (5.0 / 6.0 * 210e9 / 2.6 * 0.005)
+    assert one == pytest.approx([0.0, 1e-5 / (bending + shear)], rel=3e-3, abs=1e-9)
+    assert on_two["moved"] == pytest.approx(one, rel=1e-9, abs=1e-9)
 
 
 def test_nodes_of_several_supports(on_two):

@@ -115,8 +115,7 @@ def test_wrong_command_lines(arguments, words, tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_check(folder):
     """Sizes are those of the model; estimates are positive and grow with the work."""
-    done = sbfem("check", folder / "case.toml", "--json")
-    facts = done.answer
+    facts = sbfem("check", folder / "case.toml", "--json").answer
     assert facts["extent"] == [0.0, 0.0, 0.1, 0.01]
     summary = json.loads((folder / "out" / "summary.json").read_text())["run"]["model"]
     for name in ("unknowns", "boundary_unknowns", "contact_pairs", "elements"):

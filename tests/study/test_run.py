@@ -29,6 +29,9 @@ from tests.parallel import on_ranks
 from tests.results.same import inverted
 from tests.study.small_case import CASE, sbfem, started, written
 
+# Where the dearer analyses of the case begin.
+STEADY, BURST = (CASE.index(f"[analyses.{name}]") for name in ("steady", "burst"))
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
@@ -245,7 +248,7 @@ def test_killed_and_resumed(folder, summary, tmp_path):
 @pytest.mark.slow
 def test_failed_analysis(tmp_path, monkeypatch):
     """A solve that fails: exit code 1, its reason is kept, the others are finished; it is tried again."""
-    path, solve = written(tmp_path), Structure.solve
+    path, solve = written(tmp_path, CASE.replace(CASE[STEADY:BURST], "")), Structure.solve
 
     def failing(self, case, name, **options):
         if name == "push":
@@ -264,7 +267,7 @@ def test_failed_analysis(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_wrong_input_of_an_analysis(tmp_path):
     """What the analysis itself refuses: exit code 2, with the line of its table."""
-    path = written(tmp_path, CASE.replace("count = 5", "count = 5000"))
+    path = written(tmp_path, CASE[:STEADY].replace("count = 5", "count = 5000"))
     done = sbfem("run", path, "--output", tmp_path / "out", "--quiet")
     line = CASE.splitlines().index("count = 5") + 1
     assert (
