@@ -40,10 +40,21 @@ from sbfem_petsc.study.case.geometry import (
     RayleighBand,
 )
 from sbfem_petsc.study.case.given import Output
-from sbfem_petsc.study.case.laws import LAWS
-from sbfem_petsc.study.case.loads import EdgeLoad, EdgeMotion, Force, PointForce, SupportMotion
-from sbfem_petsc.study.case.parts import CrackLine, Hole, Isotropic, Notch, Orthotropic, Support
-from sbfem_petsc.study.case.signals import SIGNALS
+from sbfem_petsc.study.case.parts import (
+    LAWS,
+    SIGNALS,
+    CrackLine,
+    EdgeLoad,
+    EdgeMotion,
+    Force,
+    Hole,
+    Isotropic,
+    Notch,
+    Orthotropic,
+    PointForce,
+    Support,
+    SupportMotion,
+)
 from sbfem_petsc.study.case.sweep import Noise, Range, SweepTable
 from sbfem_petsc.study.case.tables import kind_name
 from sbfem_petsc.study.kinds.basins import StartAxis

@@ -151,11 +151,13 @@ def gather_region(
     for patch in sample(model.tips, {"u": field}, keep=keep, subdivisions=pieces_an_edge, refine=refine):
         quadrilaterals, triangles = (cells.reshape(-1, cells.shape[-1]) for cells in point_grid_cells(patch))
         cells = np.concatenate([quadrilaterals[:, [0, 1, 2]], quadrilaterals[:, [0, 2, 3]], triangles])
-        values = (patch.positions, patch.displacements["u"], patch.stresses["u"])
-        pieces.append([*(v.reshape(-1, v.shape[-1]) for v in values), cells])
+        sampled = (patch.positions, patch.displacements["u"], patch.stresses["u"])
+        pieces.append([*(array.reshape(-1, array.shape[-1]) for array in sampled), cells])
     gathered = model.comm.gather(pieces)
     if gathered is None:
         return None
-    *arrays, triangles = zip(*(piece for several in gathered for piece in several))
-    begin = np.cumsum([0, *map(len, arrays[0])])
-    return Region(*map(np.concatenate, arrays), np.concatenate([t + at for t, at in zip(triangles, begin)]))
+    pieces = [piece for several in gathered for piece in several]
+    begin = np.cumsum([0, *(len(piece[0]) for piece in pieces)])
+    positions, displacements, stress = (np.concatenate([piece[k] for piece in pieces]) for k in range(3))
+    triangles = np.concatenate([piece[3] + first for piece, first in zip(pieces, begin)])
+    return Region(positions, displacements, stress, triangles)

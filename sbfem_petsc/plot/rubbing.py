@@ -5,7 +5,7 @@ losses and harmonics grow with.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,7 +21,7 @@ from ..motion.states import Point
 from ..petsc import MPI
 from ..record.units import force_unit, length_unit, place_unit, time_unit
 from .drawing import BLUE, CYCLE, DASHED, ORANGE, VERMILION, Sheet, above
-from .picture import a_text, optional, picture, place_name, symbol, whole
+from .picture import a_text, named, optional, picture, place_name, symbol, whole
 
 Rubbing = LoadHistory | Motion
 _KINDS = (Motion, LoadHistory)
@@ -111,7 +111,8 @@ def plot_hysteresis(
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    found = {name: _rubbed("plot_hysteresis", motion, window) for name, motion in _each(motions).items()}
+    each: Mapping[str, Rubbing] = named(motions)
+    found = {name: _rubbed("plot_hysteresis", motion, window) for name, motion in each.items()}
     first = next(iter(found.values()))
     if pair is None:
         pair = int(np.argmax(friction_power(*first)))
@@ -159,7 +160,8 @@ def plot_friction_power(
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
     (axes,) = Sheet.of(ax).panels((1, 1), 2.6)
-    for k, (name, motion) in enumerate(_each(motions).items()):
+    each: Mapping[str, Rubbing] = named(motions)
+    for k, (name, motion) in enumerate(each.items()):
         place, pairs, label, length = _along("plot_friction_power", motion, crack)
         slid = motion.slid if isinstance(motion, LoadHistory) else None
         ways = None if slid is None else slid[_within("plot_friction_power", motion, window)]
@@ -169,8 +171,8 @@ def plot_friction_power(
         unit = "W" if label.startswith("pair") else "W/m"
         axes.set(xlabel=label, ylabel=f"power lost to friction ({unit})")
     axes.set_ylim(bottom=0.0)
-    if any(_each(motions)):
-        above(axes, len(_each(motions)))
+    if any(each):
+        above(axes, len(each))
     return axes
 
 
@@ -229,11 +231,6 @@ def plot_losses(
         axes.set_ylim(bottom=0.0)
     above(panels[1], levels.shape[1] - 2)
     return panels
-
-
-def _each(motions: Rubbing | Mapping[str, Rubbing]) -> Mapping[str, Rubbing]:
-    """What `picture` has given names."""
-    return cast(Mapping[str, Rubbing], motions)
 
 
 def _within(owner: str, motion: Rubbing, window: tuple[float, float] | None) -> np.ndarray:

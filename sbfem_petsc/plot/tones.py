@@ -102,18 +102,12 @@ def _highest(seen: Mapping[str, Lines]) -> Lines:
 
 def _line_name(m: int, n: int) -> str:
     """A line's numbers as a sum of tones: f1, 2 f2, f1 - f2."""
-
-    # what is added stands before what is taken away
-    tones = sorted(
-        ((count, tone) for count, tone in ((m, "$f_1$"), (n, "$f_2$")) if count), key=lambda part: part[0] < 0
-    )
-    signed = [f"{'−' if count < 0 else '+'} {_times(abs(count), tone)}" for count, tone in tones]
-    first, *others = signed
-    return " ".join([first.removeprefix("+ ").replace("− ", "−"), *others])
-
-
-def _times(count: int, tone: str) -> str:
-    return tone if count == 1 else f"{count} {tone}"
+    tones = [(count, tone) for count, tone in ((m, "$f_1$"), (n, "$f_2$")) if count]
+    words = ""
+    for count, tone in sorted(tones, key=lambda part: part[0] < 0):  # what is added before what is taken away
+        sign = (" − " if words else "−") if count < 0 else " + " if words else ""
+        words += f"{sign}{'' if abs(count) == 1 else f'{abs(count)} '}{tone}"
+    return words
 
 
 @picture(Sidebands, several=True)

@@ -40,17 +40,8 @@ MODEL = "/model"
 # What compression gains at most; how much time it may take, of 9.
 DEFLATE, SPARE = 1032, 1
 # What reading of what is not there, or is something else, ends in.
-UNSOUND = (
-    ValueError,
-    KeyError,
-    IndexError,
-    TypeError,
-    AttributeError,
-    OSError,
-    RuntimeError,
-    OverflowError,
-    zlib.error,
-)
+_WRONG = (ValueError, TypeError, AttributeError, LookupError, ArithmeticError)
+UNSOUND = (*_WRONG, OSError, RuntimeError, zlib.error)
 
 
 @agreed()

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 
 from .about import About, Entry, Quantity
-from .layout import bare, put, text, text_of, texts_of, value_of, within
+from .layout import bare, groups_of, put_quantity, text, text_of, texts_of, value_of
 from .record import Record
 from .views import Views
 
@@ -135,23 +135,15 @@ class Found(Views):
         group.attrs["coordinates"] = text_of(" ".join(self.coordinates))
         for q in self.found.values():
             array = np.asarray(np.nan if q.value is None else q.value)
-            for dim, names in q.names.items():
-                if dim not in group:
-                    put(group, dim, texts_of(names), About(text=f"names of {dim}"), "1", (dim,))
-            data = put(group, q.name, array, q.about, q.unit, q.dims)
+            data = put_quantity(group, q, array)
             for mark, there in {"detail": q.about.detail, "none": q.value is None}.items():
                 if there:
                     data.attrs[mark] = True
             if q.units.keys() - {""}:
                 data.attrs["units_of_each"] = texts_of(q.units.get(name, q.unit) for name, _ in q.by_name())
         for name, part in self.inner.items():
-            own = within(group, name)
-            for k, one in enumerate(part) if isinstance(part, tuple) else ():
-                one.write(within(own, f"{k:04d}"))
-            if isinstance(part, tuple):
-                own.attrs["several"] = len(part)
-            else:
-                part.write(own)
+            for own, one in groups_of(group, name, part):
+                one.write(own)
 
     @classmethod
     def read(cls, group: h5py.Group, above: Mapping[int, Axis] = {}) -> Found:

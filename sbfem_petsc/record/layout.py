@@ -46,11 +46,7 @@ def write(
         if isinstance(q.value, str):
             group.attrs[q.name] = text_of(q.value)
             continue
-        array = _array(record, q)
-        for dim, names in q.names.items():
-            if not _named(group, dim, names):
-                put(group, dim, texts_of(names), About(text=f"names of {dim}"), "1", (dim,))
-        put(group, q.name, array, q.about, q.unit, q.dims)
+        put_quantity(group, q, _array(record, q))
     for name, entry in entries(type(record)).items():
         if entry.field and isinstance(getattr(record, name), Mapping) and not getattr(record, name):
             group.attrs[entry.called] = h5py.Empty("S2")
@@ -61,13 +57,27 @@ def write(
         if id(part) in seen:
             group.attrs[name] = text_of(seen[id(part)])
             continue
-        own = within(group, name)
-        if isinstance(part, tuple):
-            own.attrs["several"] = len(part)
-            for k, item in enumerate(part):
-                write(within(own, f"{k:04d}"), item, whole, seen=seen)
-        else:
-            write(own, part, whole, expanded(about.dims, given), seen)
+        above = () if isinstance(part, tuple) else expanded(about.dims, given)
+        for own, item in groups_of(group, name, part):
+            write(own, item, whole, above, seen)
+
+
+def put_quantity(group: h5py.Group, q: Quantity, array: np.ndarray) -> h5py.Dataset:
+    """The numbers or texts of a quantity, behind the names along its axes."""
+    for dim, names in q.names.items():
+        if not _named(group, dim, names):
+            put(group, dim, texts_of(names), About(text=f"names of {dim}"), "1", (dim,))
+    return put(group, q.name, array, q.about, q.unit, q.dims)
+
+
+def groups_of(group: h5py.Group, name: str, part: Any) -> Iterator[tuple[h5py.Group, Any]]:
+    """New groups of a part, or of each of several by their numbers."""
+    own = within(group, name)
+    if not isinstance(part, tuple):
+        yield own, part
+        return
+    own.attrs["several"] = len(part)
+    yield from ((within(own, f"{k:04d}"), item) for k, item in enumerate(part))
 
 
 def _array(record: Record, q: Quantity) -> np.ndarray:

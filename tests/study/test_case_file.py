@@ -11,7 +11,7 @@ import pytest
 from mpi4py import MPI
 
 import sbfem_petsc as sb
-from sbfem_petsc.study.case import geometry, laws, loads, objects
+from sbfem_petsc.study.case import geometry, objects, parts
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.locations import parse
 from sbfem_petsc.study.starter import KINDS, starter_text
@@ -279,12 +279,7 @@ def test_the_unit_of_a_drawing(tmp_path):
 
 @pytest.mark.parametrize(
     "table",
-    [
-        table
-        for module in (geometry, laws, loads)
-        for table in vars(module).values()
-        if getattr(table, "made", None)
-    ],
+    [table for table in (vars(geometry) | vars(parts)).values() if getattr(table, "made", None)],
     ids=lambda table: table.__name__,
 )
 def test_tables_are_what_they_stand_for(table):

@@ -10,7 +10,7 @@ from pydantic import Field
 import sbfem_petsc as sb
 
 from ...options import item
-from .laws import Law
+from .parts import Law
 from .tables import Name, Table, by_kind
 
 Triple = Annotated[list[float], Field(min_length=3, max_length=3)]

@@ -32,18 +32,7 @@ class CaseTables(Tables):
 
 
 # Tables on which the results of an analysis depend.
-_DECISIVE = (
-    "geometry",
-    "body",
-    "mesh",
-    "points",
-    "material",
-    "materials",
-    "model",
-    "loads",
-    "analyses",
-    "output",
-)
+_DECISIVE = (*STRUCTURE, "loads", "analyses", "output")
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,8 +13,7 @@ from meshing.gmsh import reader
 
 from ... import damping
 from ...options import Pair, item
-from .laws import Law
-from .parts import CrackLine, Hole, Isotropic, Notch, Orthotropic, Support
+from .parts import CrackLine, Hole, Isotropic, Law, Notch, Orthotropic, Support
 from .tables import AnyNames, Name, Problem, Table, by_kind
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from ...options import Pair, item
 from .body import Body
 from .geometry import Geometry, Material, Mesh, ModelTable
-from .loads import Load
+from .parts import Load
 from .problems import CaseError
 from .sweep import SweepTable
 from .tables import Name, Path, Problem, Table

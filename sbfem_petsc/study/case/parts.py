@@ -1,16 +1,21 @@
-"""Tables of a case file for parts of a structure: what their classes say of themselves."""
+"""Tables of a case file for what a person draws or gives: shapes, materials, supports, laws, signals, loads.
+Of most of them all is said by their classes.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated
+import functools
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from meshing.shapes import features
 
-from ... import material, supports
-from ...options import Pair
-from .tables import Name, table_of
+from ... import loads, material, supports
+from ...contact import law
+from ...options import Pair, item
+from ...signals import samples, signal, waves
+from .tables import Name, Table, by_kind, table_of
 
 _NAMES = {str: Name, str | None: Name | None}
 Notch = table_of(features.VNotch, "Notch")
@@ -23,3 +28,91 @@ CrackLine = table_of(
 Isotropic = table_of(material.Material, "Isotropic", ("isotropic", "isotropic"), "the same in all directions")
 Orthotropic = table_of(material.OrthotropicMaterial, "Orthotropic", "orthotropic", "different along two axes")
 Support = table_of(supports.Support, "Support", types=_NAMES)
+
+_ACROSS, _ALONG = (f"of an elastic layer on the faces, {way} them" for way in ("across", "along"))
+
+
+class _Law(Table):
+    @property
+    def rubs(self) -> bool:
+        """Whether friction resists the faces' sliding."""
+        return False
+
+
+class CoulombLaw(_Law):
+    """Faces that rub where they press on each other, in static and load_history."""
+
+    made: ClassVar = law.Coulomb
+
+    kind: Literal["coulomb"] = item(text="they rub")
+    friction: float = item(text="coefficient of faces that slip", ge=0)
+    static_friction: float | None = item(
+        None, text="coefficient up to which they stick; default: the same", ge=0
+    )
+    compliance: float = item(0.0, text=_ACROSS, unit="m^3/N", ge=0)
+    tangential_compliance: float = item(0.0, text=_ALONG, unit="m^3/N", ge=0)
+
+    @property
+    def rubs(self) -> bool:
+        """Unless both coefficients are zero."""
+        return self.friction > 0.0 or bool(self.static_friction)
+
+
+LAWS = (
+    table_of(law.Unilateral, "UnilateralLaw", "unilateral", "they press or come apart", base=_Law),
+    table_of(law.Tied, "TiedLaw", "tied", "they stay together", base=_Law),
+    table_of(law.Clearance, "ClearanceLaw", "clearance", "they have play between stops", base=_Law),
+    CoulombLaw,
+)
+Law = by_kind(*LAWS)
+
+
+class SampledSignal(Table):
+    """Samples from a text file of two columns, time and value."""
+
+    made: ClassVar = samples.Samples.from_csv
+
+    kind: Literal["samples"] = item(text="samples from a file")
+    file: Name = item(text="path of the file, relative to the case file")
+    interpolation: Literal["linear", "cubic"] = item("linear", text="between the samples")
+    time_scale: float = item(1.0, text="factor on the times: 1e-3 for ms", gt=0)
+    value_scale: float = item(1.0, text="factor on the values")
+
+
+SIGNALS = (
+    table_of(waves.Harmonic, "HarmonicSignal", "harmonic", "a sine"),
+    table_of(waves.ToneBurst, "ToneBurstSignal", "tone_burst", "a windowed sine"),
+    table_of(waves.Chirp, "ChirpSignal", "chirp", "a sine of running frequency"),
+    table_of(waves.Step, "StepSignal", "step", "a jump, or a smooth rise"),
+    table_of(signal.Constant, "ConstantSignal", "constant", "a constant, a preload"),
+    SampledSignal,
+)
+Component: Any = by_kind(*SIGNALS, number=True)
+
+
+class _Load(Table):
+    @property
+    def components(self) -> dict[str, Any]:
+        """Numbers and tables of signals by name."""
+        names = (name for name in type(self).model_fields if name not in ("kind", *loads.PLACES))
+        return {name: getattr(self, name) for name in names}
+
+
+class Force(_Load):
+    """A force on a body of another code, along the direction of a named point."""
+
+    kind: Literal["force"] = item(text="a force on a point of a [body]")
+    point: Name = item(text="named point of the body")
+    force: Component = item(text="along the point's direction, number or signal table", unit="N")
+
+
+_loaded = functools.partial(table_of, base=_Load, types={str: Name, float | signal.Signal: Component})
+PointForce = _loaded(loads.PointForce, "PointForce", "point_force", "a force on a point")
+EdgeLoad = _loaded(loads.EdgeLoad, "EdgeLoad", "edge_load", "a traction on edges")
+SupportMotion = _loaded(
+    loads.SupportMotion, "SupportMotion", "support_motion", "acceleration of the supports"
+)
+EdgeMotion = _loaded(
+    loads.EdgeMotion, "EdgeMotion", "edge_motion", "a displacement of supported edges or a supported point"
+)
+Load = by_kind(PointForce, EdgeLoad, SupportMotion, EdgeMotion, Force)

@@ -80,13 +80,8 @@ class QuasiPeriodic(QuasiPeriodicOptions, TwoTones):
             yield lines("lines_x", "x")
         text = "(|c_1,1| + |c_1,-1|) / |c_1,0| of u_y"
         yield column(of_points("modulation_index", points, result.modulation_index, "1", text))
-
-        def carrier(point: str) -> float:
-            return abs(result.line(1, 0, point))
-
-        yield column(
-            of_points("carrier_amplitude", points, carrier, "m", "amplitude of u_y at the first tone")
-        )
+        text, carrier = "amplitude of u_y at the first tone", lambda point: abs(result.line(1, 0, point))
+        yield column(of_points("carrier_amplitude", points, carrier, "m", text))
         yield column(labelled("residual", float(result.residuals[-1]), text="the last residual"))
         yield column(labelled("iterations", len(result.residuals) - 1, text="Newton iterations"))
         if len(result.exponents):
