@@ -227,9 +227,9 @@ def test_killed_and_resumed(folder, summary, tmp_path):
     with pytest.raises(ValueError, match="a run that has not come to its end; call  sbfem run CASE"):
         read_any(out)
     stamp = os.stat(out / "analyses" / "frequencies.h5").st_mtime_ns
-    left, foreign = out / ".results.h5.1a_b2c3d.part", out / ".mine.part"  # a killed run's, the user's
+    left, foreign = out / ".run.json.1a_b2c3d.part", out / ".mine.part"  # a killed run's, the user's
     left.mkdir()
-    (left / "results.h5").touch()
+    (left / "run.json").touch()
     foreign.touch()
     refused = sbfem("run", path, "--output", out, "--quiet")
     assert refused.code == 2 and "'.mine.part'" in refused.err and foreign.exists() and left.exists()
@@ -240,9 +240,7 @@ def test_killed_and_resumed(folder, summary, tmp_path):
     found = json.loads((out / "summary.json").read_text())
     one, two = (np.array(s["steady"]["harmonics"]["A"]["magnitude"])[:3, 1] for s in (summary, found))
     np.testing.assert_allclose(two, one, rtol=1e-6)
-    assert not [
-        name for name in os.listdir(out) if name.startswith(".results") or name.startswith(".summary")
-    ]
+    assert not [name for name in os.listdir(out) if name.startswith((".results", ".summary", ".run"))]
 
 
 @pytest.mark.slow
