@@ -116,13 +116,17 @@ def _common(
     import shapely
 
     x, y = places
-    right = [shapely.Polygon(y[face[: _corners(face)]]) for face in other]
-    near, tree = APART * np.sqrt(min(face.area for face in right)), shapely.STRtree(right)
+    areas = shapely.area(right := [shapely.Polygon(y[face[: _corners(face)]]) for face in other])
+    across = np.flatnonzero(areas > APART * areas.max())  # others lie along the normal
+    near, tree = APART * np.sqrt(areas[across].min()), shapely.STRtree([right[k] for k in across])
     for face in own:
         for nodes in ([face[k] for k in hat] for hat in HATS[len(face)]):
             hat = shapely.Polygon(x[nodes]) if len(nodes) == 3 else shapely.Point(x[nodes]).buffer(near)
-            for k in tree.query(hat, predicate="intersects"):
-                common = right[k].intersection(hat)
+            found = across[tree.query(hat, predicate="intersects")]
+            parts = [right[k].intersection(hat) for k in found]
+            if sum(part.area for part in parts) > (1.0 + APART) * hat.area:
+                raise ValueError("contact: right nodes lie behind each other; give those of one face")
+            for k, common in zip(found, parts):
                 if common.area <= ROUNDING * hat.area:
                     continue
                 points, weights = _quadrature(shapely.get_coordinates(common)[:-1])

@@ -217,6 +217,8 @@ def test_gaps_of_planes_that_lean(body):
     assert crack.gap == pytest.approx(gap, rel=1e-9)
     with pytest.raises(ValueError, match="have no partner .* say matching=False"):
         body.contact("LEFT", "RIGHT", normal="x")
+    with pytest.raises(ValueError, match="right nodes lie behind each other; give those of one face"):
+        body.contact("LEFT", [n for n in moved if n > 1000], normal="x", matching=False)
     inner = [n for n in body.sets["RIGHT"] if moved[n][1] < 0.006]
     with pytest.raises(ValueError, match="8 of 20 left nodes, node .* lie beside the right face"):
         body.contact("LEFT", inner, normal="x", matching=False)
