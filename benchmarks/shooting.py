@@ -33,11 +33,11 @@ import sbfem_petsc as sb
 from examples.paper.bench import REFINED, Bench
 from sbfem_petsc.contact.marching import march
 from sbfem_petsc.contact.tangent import Derivative
-from sbfem_petsc.continuation.multipliers import multipliers
+from sbfem_petsc.continuation.multipliers import multipliers_of
 from sbfem_petsc.continuation.shooting import shoot
 from sbfem_petsc.motion import period_map
 from sbfem_petsc.motion.excitation import Excitation
-from sbfem_petsc.motion.period_map import Period
+from sbfem_petsc.motion.period_map import FixedPoint, Period
 
 DAMPING, FORCE, MODES, STEPS = 0.002, 300.0, 80, 512
 FREQUENCIES, FORCES, RANGE = (3000.0, 20140.0), (300.0, 500.0, 700.0, 1500.0), (13900.0, 14600.0)
@@ -119,7 +119,7 @@ def jacobian(reduced, repeats, unknowns):
             for work in (
                 partial(driven.run, state),
                 lambda driven=driven, motion=motion, size=size: driven.carried(motion, np.eye(size)),
-                partial(multipliers, driven, motion),
+                lambda found=(state, driven, motion): multipliers_of(FixedPoint(*found)),
             )
         ]
         print(

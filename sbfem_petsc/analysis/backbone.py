@@ -15,7 +15,7 @@ from ..errors import SolveError, on_all_ranks
 from ..motion.loading import communicator
 from ..motion.preparation import period_memory
 from ..motion.step_plan import contact_steps
-from ..progress import Progress, progress_bar
+from ..progress import Progress
 from ..ranks.capacity import FEW, require_compiler, require_memory, room
 from ..ranks.parallel import collective
 from ..reduction.build import reduced
@@ -105,10 +105,7 @@ def backbone(
     comm = communicator(model)
     require_compiler("backbone", comm)
     most = _room_for(reduction, steps, points)
-    with (
-        progress_bar(comm, "backbone", progress) as report,
-        LineFile(comm, file, resume=resume, report=report) as run,
-    ):
+    with LineFile(comm, file, resume=resume, task="backbone", progress=progress) as run:
         told: dict[str, Any] = {"mode": mode, "start": start, "stop": stop, "steps": steps}
         told |= {"damped": damping, "interactions": interactions, "refine": refine, "stability": stability}
         told |= {"largest_step": largest_step or "none", "largest_change": largest_change}

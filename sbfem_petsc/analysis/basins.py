@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..checks import instance, shown
+from ..checks import shown
 from ..contact.repeating import Patience
 from ..continuation.attraction import Attraction
 from ..continuation.basins import Basins, StartAxis, count_of, initial_states, state_of
-from ..continuation.orbit import Orbit
+from ..continuation.orbit import Orbit, require_at
 from ..errors import SolveError, on_all_ranks
 from ..motion.loading import communicator
 from ..motion.preparation import PeriodSettings, beginning, check_guess, prepare, refuse_falling
@@ -135,7 +135,5 @@ def _checked_orbits(orbits, around, frequency: float) -> tuple[Orbit, ...]:
         raise TypeError(f"basins: orbits = {shown(orbits)} must be a sequence of Orbit")
     named = [(f"orbits[{k}]", orbit) for k, orbit in enumerate(orbits)]
     for name, orbit in named + ([] if around is None else [("around", around)]):
-        instance("basins", name, orbit, Orbit, "an Orbit")
-        if abs(orbit.frequency - frequency) > 1e-9 * frequency:
-            raise ValueError(f"basins: {name} is at {orbit.frequency:.9g} Hz, not at {frequency:.9g} Hz")
+        require_at("basins", name, orbit, frequency)
     return tuple(orbits)

@@ -16,13 +16,20 @@ from ..continuation.branch import Branch
 from ..continuation.follow import CLOSED
 from ..continuation.line_file import LineFile
 from ..continuation.multipliers import eigenvalues
-from ..continuation.problems.driven_orbits import Family
-from ..continuation.problems.grazing import OpenRowFamily, find_grazing, grazing_row
-from ..continuation.problems.locus import AT_END, KINDS, PACE, Locus, follow_locus
+from ..continuation.problems.driven_orbits import Family, OpenRowFamily
+from ..continuation.problems.locus import (
+    AT_END,
+    KINDS,
+    PACE,
+    Locus,
+    find_grazing,
+    follow_locus,
+    grazing_row,
+)
 from ..continuation.problems.locus_problem import LocusStart
 from ..errors import SolveError, warn
 from ..motion.preparation import refuse_falling
-from ..progress import Progress, progress_bar
+from ..progress import Progress
 from ..ranks.parallel import collective
 from .analysis import analysis
 from .options import GrazingOptions, LociOptions, LocusOptions
@@ -139,10 +146,7 @@ def locus(
     begin = LocusStart(bifurcation.kind, bifurcation.state, driven.frequency, value, bifurcation.multiplier)
     limits, factor = (min(start, stop), max(start, stop)), driven.factor
     period = branch.period if branch.parameter == parameter else driven.period
-    with (
-        progress_bar(comm, "locus", progress) as report,
-        LineFile(comm, file, resume=resume, report=report) as run,
-    ):
+    with LineFile(comm, file, resume=resume, task="locus", progress=progress) as run:
         told = {"kind": bifurcation.kind, "row": -1 if row is None else row, "parameter": parameter}
         told |= {"start": start, "stop": stop, "factor": factor, "largest_step": largest_step or "none"}
         told["frequency"] = begin.frequency

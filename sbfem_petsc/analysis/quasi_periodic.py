@@ -21,17 +21,15 @@ from ..continuation.orbit import LOWEST
 from ..continuation.problem import Point
 from ..continuation.problems.curve_system import require_room, resampled
 from ..continuation.problems.own_tone import OwnTone, curve_near
-from ..continuation.problems.tone_errors import line_error_estimates
 from ..continuation.problems.tones import (
     EXPONENTS,
     TURNS,
     QuasiPeriodic,
     own_curve,
     own_motion,
-    tone_lines,
     warn_if_unresolved,
 )
-from ..continuation.problems.torus import Torus, exponents
+from ..continuation.problems.torus import Torus, exponents, line_error_estimates
 from ..errors import SolveError, on_all_ranks, warn
 from ..motion.contact_work import MOST, times_more, warn_of_contact_work
 from ..motion.excitation import Excitation
@@ -131,7 +129,8 @@ def quasi_periodic(
                 "the motion's own its errors are not told: leave it out"
             )
         assert guess is not None  # checked
-        found = _with_own_tone(model, load, asked, guess, _Wanted(samples, steps, modes, stability))
+        settings = PeriodSettings(steps=steps, modes=modes)
+        found = _with_own_tone(model, load, asked, guess, (settings, samples, stability))
         warn_if_unresolved("quasi_periodic", found)
         return found
     frequencies = asked
@@ -153,8 +152,6 @@ def quasi_periodic(
     growth, curve = np.zeros(0), point.state
     if stability:
         growth = exponents(curve.maps(smooth=True), torus.rotation, EXPONENTS, TURNS) * ordered[0]
-    linear = tuple(zip(driven, (torus.base.amplitudes, torus.pumped)))
-    lines = tone_lines(torus.period, curve.motions, torus.rotation, linear, comm)
     steps = torus.period.steps
     found = QuasiPeriodic(
         frequencies,
@@ -165,7 +162,7 @@ def quasi_periodic(
         point.residuals,
         growth,
         curve.peak,
-        lines,
+        curve.lines(),
         swapped,
         mode_error=told,
         **curve.rubbed(ordered[0]),
@@ -306,30 +303,23 @@ def _checked(frequencies, samples: int, guess: QuasiPeriodic | None) -> tuple[fl
 SHRUNK = 1e-6
 
 
-class _Wanted(NamedTuple):
-    """Samples of the curve, steps a period, modes, and whether the exponents are computed."""
-
-    samples: int
-    steps: int | None
-    modes: int | None
-    stability: bool
-
-
 def _with_own_tone(
     model: Model | ReducedModel,
     load,
     first: float,
     begin: QuasiPeriodic,
-    wanted: _Wanted,
+    wanted: tuple[PeriodSettings, int, bool],
 ) -> QuasiPeriodic:
-    """The motion with a tone of its own near another one."""
+    """The motion with a tone of its own near another one: settings, samples and whether the exponents are
+    wanted.
+    """
     assert begin.own is not None  # the caller has asked
-    samples, steps, modes, stability = wanted
+    settings, samples, stability = wanted
     comm, old = communicator(model), begin.own.period
     periods = old.excitation.periods
-    if modes is None and isinstance(model, Model):
-        modes = len(begin.reduced.omega)
-    settings = PeriodSettings(periods, old.steps // periods if steps is None else steps, modes)
+    settings = replace(settings, periods=periods, steps=settings.steps or old.steps // periods)
+    if settings.modes is None and isinstance(model, Model):
+        settings = replace(settings, modes=len(begin.reduced.omega))
     period = prepare("quasi_periodic", model, load, first * periods, settings=settings)
     refuse_falling("quasi_periodic", period.friction)
     with collective(comm):

@@ -13,7 +13,7 @@ from ..continuation.problems.curve_branch import PACE, QuasiPeriodicBranch, foll
 from ..continuation.problems.own_tone import Curves, curve_near
 from ..continuation.problems.tones import QuasiPeriodic, own_curve
 from ..errors import SolveError, on_all_ranks
-from ..progress import Progress, progress_bar
+from ..progress import Progress
 from ..ranks.parallel import collective
 from .analysis import analysis
 from .options import QuasiPeriodicResponseOptions
@@ -90,10 +90,7 @@ def quasi_periodic_response(
         if abs(stop - known[-1]) <= SAME * stop:
             raise ValueError(f"{what}: stop = {stop:g} is where guess is; give another end")
     growing, pace = parameter is None, replace(PACE, points=points, largest_step=largest_step or np.inf)
-    with (
-        progress_bar(own.comm, "quasi-periodic response", progress) as report,
-        LineFile(own.comm, file, resume=resume, report=report) as run,
-    ):
+    with LineFile(own.comm, file, resume=resume, task="quasi-periodic response", progress=progress) as run:
         told: dict[str, Any] = {"stop": stop, "stability": stability, "growing": growing}
         told |= {"samples": own.samples, "parameter": own.parameter, "frequency": own.frequency or 0.0}
         told |= {"load": own.load, "damping": own.damping, "gap": own.gap}

@@ -4,22 +4,20 @@ gaps.
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ..checks import instance
 from ..continuation.accuracy import Accuracy, TooInaccurate
 from ..continuation.branch import Branch
 from ..continuation.branch_following import HARMONICS, BranchSettings, follow_response, linear_branch
 from ..continuation.harmonic_errors import begun
 from ..continuation.line_file import LineFile, conditions_of
-from ..continuation.orbit import Orbit
+from ..continuation.orbit import Orbit, require_at
 from ..continuation.problems.driven_orbits import Orbits, ParameterRange
 from ..continuation.problems.unreduced import UnreducedOrbits, UnreducedSteady
 from ..continuation.search import find_steady_state
@@ -40,7 +38,7 @@ from ..motion.preparation import (
 )
 from ..motion.unreduced.period import UnreducedPeriod, prepare_unreduced
 from ..petsc import MPI
-from ..progress import Progress, progress_bar
+from ..progress import Progress
 from ..ranks.capacity import FEW, require_memory, room
 from ..ranks.parallel import collective
 from ..reduction.reduced_model import ReducedModel
@@ -215,14 +213,10 @@ class _Run:
         """The model's ranks."""
         return communicator(self.model)
 
-    @contextlib.contextmanager
-    def _opened(self, over: ParameterRange) -> Iterator[LineFile]:
+    def _file(self, over: ParameterRange) -> LineFile:
         """Where it is kept, and whom it tells."""
-        with (
-            progress_bar(self.comm, f"{over.name} response", self.progress) as report,
-            LineFile(self.comm, self.file, "branch", resume=self.resume, report=report) as run,
-        ):
-            yield run
+        shown: dict[str, Any] = {"task": f"{over.name} response", "progress": self.progress}
+        return LineFile(self.comm, self.file, "branch", resume=self.resume, **shown)
 
     def _conditions(self, over: ParameterRange) -> dict[str, Any]:
         """What a run must have been begun with to be gone on with."""
@@ -244,7 +238,13 @@ class _Run:
         begins = over.frequency or over.start
         with collective(self.comm):
             check_reduction(what, reduction)
-            check_begin(what, guess, begins, self.settings.periods)
+            if guess is not None:
+                require_at(what, "guess", guess, begins)
+                if self.settings.periods not in (None, guess.periods):
+                    raise ValueError(
+                        f"{what}: guess takes {guess.periods} forcing periods, not periods = "
+                        f"{self.settings.periods}"
+                    )
         settings, asked = replace(self.settings, periods=self.settings.periods or 1), self.asked
         settings = saving(settings, self.model, guess)
         if guess is not None:  # its own steps and periods; from one beside a period doubling away from it
@@ -258,7 +258,7 @@ class _Run:
         def prepared(settings: PeriodSettings) -> Period:
             return prepare(what, self.model, self.load, begins, settings=settings, guess=guess)
 
-        with self._opened(over) as run:
+        with self._file(over) as run:
             period = self._begun(over, asked.accuracy, prepared, settings, run)
             asked = replace(asked, stability=tells_stability(what, period, stability))
             asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
@@ -322,7 +322,7 @@ class _Run:
         settings = replace(self.settings, periods=self.settings.periods or 1)
         begins = over.frequency or over.start
         with (
-            self._opened(over) as run,
+            self._file(over) as run,
             prepare_unreduced(what, self.model, self.load, begins, settings=settings) as period,
         ):
             if self.file is not None:
@@ -372,14 +372,3 @@ def _with_room(what: str, period: Period | UnreducedPeriod, settings: BranchSett
     if settings.points <= most:
         return settings
     return replace(settings, points=most, more="there is no memory for more points: give fewer modes")
-
-
-def check_begin(what: str, guess: Orbit | None, frequency: float, periods: int | None = None) -> None:
-    """Raise unless a motion to begin from, if there is one, is at a frequency and of so many periods."""
-    if guess is None:
-        return
-    instance(what, "guess", guess, Orbit, "an Orbit")
-    if abs(guess.frequency - frequency) > 1e-9 * frequency:
-        raise ValueError(f"{what}: guess is at {guess.frequency:g} Hz, not at {frequency:g} Hz")
-    if periods not in (None, guess.periods):
-        raise ValueError(f"{what}: guess takes {guess.periods} forcing periods, not periods = {periods}")

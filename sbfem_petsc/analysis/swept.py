@@ -7,9 +7,8 @@ import math
 
 import numpy as np
 
-from ..checks import instance
 from ..continuation.accuracy import Accuracy
-from ..continuation.orbit import Orbit
+from ..continuation.orbit import Orbit, require_at
 from ..continuation.problems.driven_orbits import ParameterRange
 from ..errors import wrong_input
 from ..motion.integration import Steps
@@ -96,9 +95,7 @@ def swept_response(
     what, comm = "swept_response", communicator(model)
     with collective(comm):
         if initial is not None:
-            instance(what, "initial", initial, Orbit, "an Orbit")
-            if abs(initial.frequency - start) > 1e-9 * start:
-                raise ValueError(f"{what}: initial is at {initial.frequency:g} Hz, not at {start:g} Hz")
+            require_at(what, "initial", initial, start)
         amplitudes_only(what, load)
         loads = loading(what, model, load, lambda value: Chirp(value, start, stop, duration))
         loads = loads.over(what, duration, rest=False)

@@ -22,23 +22,23 @@ from .bifurcations import Bifurcation
 from .follow import points_of, ran_out
 from .multipliers import FLOOR
 from .orbit import (
-    LOWEST,
+    OfOrbits,
     Orbit,
-    Orbits,
+    ToldError,
     component,
     in_words,
-    largest_error,
     make_orbit,
     multiplier_error,
     run_again,
+    told_error,
     verdict_of,
     why_undecided,
 )
-from .problems.driven_orbits import ParameterRange
+from .problems.driven_orbits import OverParameter, ParameterRange
 
 
 @described
-class Branch(Orbits, OfPeriod):
+class Branch(OfOrbits, OverParameter, ToldError, OfPeriod):
     """A branch of periodic motions, point by point in order of arc length.
 
     `map` is the period map whose fixed points these are, None for an unreduced model, whose states and
@@ -50,14 +50,6 @@ class Branch(Orbits, OfPeriod):
     labels: ClassVar = {"place": "names"}
     coordinates: ClassVar = ("value", "frequency", "stable")
 
-    parameter: str = quantity(text="what it is over", one_of=("frequency", "load", "damping", "gap"))
-    value: np.ndarray = quantity(
-        "Hz or 1",
-        "forcing frequency, or factor on the oscillating loads, all damping ratios or all gaps",
-        "point",
-        least=0.0,
-        unit_of=lambda branch: "Hz" if branch.parameter == "frequency" else "1",
-    )
     states: np.ndarray = quantity(
         "m sqrt(kg)/s",
         "(Omega q, q') at t = 0, and what faces that rub remember: slips over the root of their compliance",
@@ -98,21 +90,11 @@ class Branch(Orbits, OfPeriod):
     names: tuple[str, ...]
     map: Period | None = field(repr=False)
     fixed_frequency: float | None = quantity("Hz", "if it is not the parameter", default=None, least=0.0)
-    mode_error: np.ndarray = quantity(
-        "1",
-        "error of harmonics 0 to 4 of the named points and of the contact resultant by left-out modes and "
-        "the steps, the largest of both ends, the peak and where harmonics 2 to 4 are largest; inf where it "
-        "is not found, nan where it is not told",
-        "low_harmonic",
-        finite=False,
-        default_factory=lambda: np.full(LOWEST, np.nan),
+    mode_error: np.ndarray = told_error(
+        "harmonics 0 to 4 of the named points and of the contact resultant",
+        ", the largest of both ends, the peak and where harmonics 2 to 4 are largest",
     )
     unlocated: str = quantity(text="where bifurcations are that are not located, and why", default="")
-
-    @derived("1", "largest error of harmonics 1 to 4, each by its order", row=True, finite=False)
-    def largest_mode_error(self) -> float:
-        """Largest of `mode_error[k] / k`."""
-        return largest_error(self.mode_error)
 
     @property
     def _map(self) -> Period | None:
@@ -242,9 +224,6 @@ class Branch(Orbits, OfPeriod):
             later = functools.partial(multiplier_error, fixed, values[0])
             return make_orbit(fixed, values, later, "point of a curve")
         return make_orbit(fixed, values, error, "point of a curve")
-
-    def __len__(self) -> int:
-        return len(self.value)
 
     def __repr__(self) -> str:
         unit = " Hz" if self.parameter == "frequency" else ""

@@ -15,10 +15,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..errors import PetscFailure, SolveError
+from ..errors import SolveError
 from .events import Way, in_finer_steps, place_of
 from .follow import Line
 from .multipliers import multipliers_of, outside
+from .newton import attempt
 from .orbit import uncertainty_of
 from .problem import Point, Wider
 
@@ -65,21 +66,8 @@ def uncertainty_at(line: Line, k: int, largest: np.ndarray) -> float:
 
 
 def fold(line: Line, k: int, point: Point) -> tuple[float, float]:
-    """Value and uncertainty of a fold at a point between point k and the next one: to first order the
-    parameter's extremum does not move along the branch.
-    """
-    place, near = place_of(line, k, point), point
-
-    def located(times: int) -> float:
-        nonlocal near
-        near = _in_steps(line, k, times)(place, near.u, point)
-        return near.value
-
-    def in_modes(more: _MoreModes) -> float:
-        begun = more.begun(near)
-        return more.solve(place, begun.u, begun).value
-
-    return extrapolated(point.value, located, lambda value: _moved(line, k, in_modes, value))
+    """Value and uncertainty of a fold at a point between point k and the next one."""
+    return _told(line, k, _Fold(line, k, point))
 
 
 def passage(
@@ -93,22 +81,23 @@ def passage(
         sought = _Passage(line, k, found, spectra, value)
     except SolveError:
         return found[0].value, math.nan
-    return extrapolated(
-        sought.own,
-        lambda times: sought.located(_in_steps(line, k, times)),
-        lambda value: _moved(line, k, sought.in_modes, value),
-    )
+    return _told(line, k, sought)
 
 
 def jump(line: Line, k: int, found: Found) -> tuple[float, float]:
     """The same where multipliers jump over the unit circle."""
     sought = _Jump(line, k, found)
-    value, error = extrapolated(
-        found[0].value,
-        lambda times: sought.located(_in_steps(line, k, times)),
+    value, error = _told(line, k, sought)
+    return value, error + sought.resolved
+
+
+def _told(line: Line, k: int, sought: _Fold | _Passage | _Jump) -> tuple[float, float]:
+    """Value and uncertainty of what is sought between point k and the next one."""
+    return extrapolated(
+        sought.own,
+        lambda times: sought.located(lambda *place: in_finer_steps(line, times, (k, place[0]), *place[1:])),
         lambda value: _moved(line, k, sought.in_modes, value),
     )
-    return value, error + sought.resolved
 
 
 def extrapolated(
@@ -134,17 +123,13 @@ def extrapolated(
     return last + moved, max(abs(last - values[-1]), abs(last - earlier)) + left
 
 
-def _in_steps(line: Line, k: int, times: int) -> Solve:
-    """Points of the way from point k in so many times the steps."""
-    return lambda place, start, near: in_finer_steps(line, times, (k, place), start, near)
-
-
 def _moved(line: Line, k: int, located: Callable[[_MoreModes], float], value: float) -> tuple[float, float]:
     """How far a value in twice the steps moves in more modes, and what those that are left out then may do; 0
     where nothing is known of them, or there are none. The latter is nan if it is not found in these, or they
     have no part in the motion.
     """
-    try:
+
+    def change() -> tuple[float, float]:
         more = line.points[k + 1].problem.wider(TIMES[0])
         if more is None:
             return 0.0, 0.0
@@ -152,10 +137,8 @@ def _moved(line: Line, k: int, located: Callable[[_MoreModes], float], value: fl
             return 0.0, math.nan
         moved = located(_MoreModes(line, k, more)) - value
         return moved, max(more.factor - 1.0, LEFT) * abs(moved)
-    except PetscFailure:
-        raise
-    except SolveError:
-        return 0.0, math.nan
+
+    return attempt(change, SolveError) or (0.0, math.nan)
 
 
 class _MoreModes:
@@ -180,6 +163,23 @@ class _MoreModes:
     def solve(self, place: float, start: np.ndarray, near: Point) -> Point:
         """See `Solve`."""
         return self.way.point(self.more.problem, place, start, near.linear)
+
+
+class _Fold:
+    """A fold: to first order the parameter's extremum does not move along the branch."""
+
+    def __init__(self, line: Line, k: int, point: Point):
+        self.place, self.point, self.near, self.own = place_of(line, k, point), point, point, point.value
+
+    def in_modes(self, more: _MoreModes) -> float:
+        """Its value in more modes."""
+        begun = more.begun(self.near)
+        return more.solve(self.place, begun.u, begun).value
+
+    def located(self, solve: Solve) -> float:
+        """Its value in other steps."""
+        self.near = solve(self.place, self.near.u, self.point)
+        return self.near.value
 
 
 class _Passage:
@@ -260,7 +260,8 @@ class _Jump:
     """A jump of multipliers over the unit circle, between two places with different numbers outside."""
 
     def __init__(self, line: Line, k: int, found: Found):
-        _, one, other = found
+        point, one, other = found
+        self.own = point.value
         self.ends = {place_of(line, k, item): item for item in (one, other)}
         self.width = max(self.ends) - min(self.ends)
         self.counts = [self._count(self.ends[place]) for place in sorted(self.ends)]

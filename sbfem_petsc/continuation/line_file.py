@@ -18,7 +18,7 @@ from ..motion.files.run_file import RunFile
 from ..motion.period_map import Period
 from ..motion.unreduced.ranks import Labels, alike, kept_layouts, layout_of, layouts_in, moved_whole
 from ..petsc import MPI
-from ..progress import silent
+from ..progress import Progress, progress_bar, silent
 from ..ranks.parallel import collective, on_root
 from ..record.files import image
 from ..record.journal import Frame
@@ -45,8 +45,8 @@ class LineFile(RunFile):
     ----------
     comm, path, kept, resume
         See `RunFile`.
-    report : callable
-        Is told the fraction done by those who follow the lines.
+    task, progress
+        See `progress_bar`: `report` is told the fraction done by those who follow the lines.
     """
 
     def __init__(
@@ -56,15 +56,25 @@ class LineFile(RunFile):
         kept: str = "result",
         *,
         resume: bool = False,
-        report: Callable[[float], None] = silent,
+        task: str = "",
+        progress: Progress = None,
     ):
         super().__init__(comm, path, kept, resume=resume)
-        self.report = report
+        self.report: Callable[[float], None] = silent
+        self._bar = progress_bar(comm, task, progress)
         self._head, self._lines = dict[str, Any](), list[Frame]()
         self._recorded: list[tuple[list[Point], tuple]] = []
         self._begun, self._written = False, -np.inf
         self._model: ReducedModel | None = None  # that of the head, on rank 0
         self._layouts: dict[str, np.ndarray] = {}  # those that are to stand in the next frame; on rank 0
+
+    def __enter__(self) -> LineFile:
+        self.report = self._bar.__enter__()
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._bar.__exit__(*error)
+        super().__exit__(*error)
 
     def begin(
         self,

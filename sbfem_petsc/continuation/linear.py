@@ -1,4 +1,6 @@
-"""Linearised equations: a matrix and its factors, or products and GMRES (prefix ``shooting_``)."""
+"""Linearised equations: a matrix, dense or sparse, and its factors, or products and GMRES (prefix
+``shooting_``).
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import linalg
+from scipy import linalg, sparse
+from scipy.sparse.linalg import splu
 
 from ..petsc import MPI, PETSc, check_ksp, configure, free, require_thread, scripted, solving
 from .problem import Lost
@@ -289,85 +292,34 @@ def by_gmres(
         free(comm, ksp, pc, given, found, matrix)
 
 
-class Cyclic:
-    """Equations D_k x_k - x_(k+1) + c_k v, cyclic in k, of n unknowns x_k each and a last one, v.
+class Sparse:
+    """Equations as a sparse matrix (n, n + 1)."""
 
-    Parameters
-    ----------
-    blocks : (count, n, n) array
-        D_k.
-    column : (count, n) array
-        c_k.
-    """
+    def __init__(self, matrix: sparse.spmatrix):
+        self.matrix, self.rows = matrix, matrix.shape[0]
 
-    def __init__(self, blocks: np.ndarray, column: np.ndarray):
-        self.blocks, self.column, self.rows = blocks, column, column.size
-
-    def bordered(self, row: np.ndarray) -> CyclicBorder:
+    def bordered(self, row: np.ndarray) -> SparseBorder:
         """See `problem.Linear`."""
-        return CyclicBorder(self, row)
+        return SparseBorder(self.matrix, row)
 
-    def mixed(self, others: Sequence[Any], weights: Sequence[float]) -> Cyclic:
+    def mixed(self, others: Sequence[Any], weights: Sequence[float]) -> Sparse:
         """See `problem.Linear`."""
-        return Cyclic(
-            np.tensordot(weights, [other.blocks for other in others], 1),
-            np.tensordot(weights, [other.column for other in others], 1),
-        )
+        return Sparse(sum(weight * other.matrix for weight, other in zip(weights, others)))
 
 
-class CyclicBorder:
-    """Condensed to the first block's unknowns and the last one by orthogonal transformations, which multiply
-    no derivatives (S. J. Wright, SIAM J. Sci. Stat. Comput. 13, 742, 1992).
-    """
+class SparseBorder:
+    """Sparse LU factors with partial pivoting; the border is made as large as the other rows."""
 
-    def __init__(self, linear: Cyclic, row: np.ndarray):
-        self.shape = count, n = linear.column.shape
-        self.size = float(np.abs(linear.blocks).max()) / max(float(np.abs(row).max()), 1e-300)
-        border = self.size * row
-        # A x_0 + B x_k + c v = f for the blocks up to k; one after the other x_k is eliminated
-        first, last, column = linear.blocks[0], -np.eye(n), linear.column[0]
-        self._kept: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-        for block, beside in zip(linear.blocks[1:], linear.column[1:]):
-            q, r = np.linalg.qr(np.concatenate([last, block]), mode="complete")
-            rows = np.zeros((2 * n, 2 * n + 1))
-            rows[:n, :n], rows[:n, -1] = first, column
-            rows[n:, n:-1], rows[n:, -1] = -np.eye(n), beside
-            rows = q.T @ rows
-            # x_k = -r^-1 (of x_0 and v, of x_(k+1))
-            self._kept.append((q, r[:n], rows[:n]))
-            first, last, column = rows[n:, :n], rows[n:, n:-1], rows[n:, -1]
-        # all unknowns by x_0 and v
-        following = np.eye(n, n + 1)
-        self._shares = np.zeros((count, n, n + 1))
-        self._shares[0] = following
-        for k in range(count - 1, 0, -1):
-            _, upper, rows = self._kept[k - 1]
-            of_first = np.column_stack([rows[:, :n], rows[:, -1]])
-            following = linalg.solve_triangular(upper, -of_first - rows[:, n:-1] @ following)
-            self._shares[k] = following
-        self._blocks = border[:-1].reshape(count, n)
-        whole = np.zeros((n + 1, n + 1))
-        whole[:n, :n], whole[:n, n] = first + last, column
-        whole[n] = np.einsum("ki,kij->j", self._blocks, self._shares)
-        whole[n, n] += border[-1]
-        self._condensed = Factors(whole)
-        # the transformations' own determinants are the same for all matrices of these sizes
-        turned = sum(int((np.diagonal(upper) < 0.0).sum()) for _, upper, _ in self._kept)
-        self.sign: float | None = (self._condensed.sign or 1.0) * (-1.0) ** turned
+    sign: float | None = None
+
+    def __init__(self, matrix: sparse.spmatrix, row: np.ndarray):
+        self.size = float(abs(matrix).max()) / max(float(np.abs(row).max()), 1e-300) or 1.0
+        try:
+            self._factors = splu(sparse.vstack([matrix, self.size * row], format="csc"))
+        except RuntimeError as error:
+            raise Lost(f"solutions are not isolated: {error}") from None
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """See `problem.Border`."""
-        count, n = self.shape
-        missed, result = right[:-1].reshape(count, n), np.zeros((count, n))
-        carried, kept = missed[0], []
-        for (q, _, _), miss in zip(self._kept, missed[1:]):
-            turned = q.T @ np.append(carried, miss)
-            kept.append(turned[:n])
-            carried = turned[n:]
-        for k in range(count - 1, 0, -1):
-            _, upper, rows = self._kept[k - 1]
-            following = result[k + 1] if k + 1 < count else 0.0 * carried
-            result[k] = linalg.solve_triangular(upper, kept[k - 1] - rows[:, n:-1] @ following)
-        told = self.size * right[-1] - float((self._blocks * result).sum())
-        found = self._condensed.solve(np.append(carried, told))
-        return np.append((result + self._shares @ found).ravel(), found[-1])
+        found: np.ndarray = self._factors.solve(np.append(right[:-1], self.size * right[-1]))
+        return found

@@ -38,18 +38,10 @@ class Multipliers:
     direction : callable
         The eigenvector of the k-th value, (2 m,) complex of unit length, in the state x = (Omega q, q'), a
         Floquet direction; its largest component is real and positive.
-    monodromy : (2 m, 2 m) array or None
-        Where it was made whole.
     """
 
-    def __init__(
-        self,
-        values: np.ndarray,
-        direction: Callable[[int], np.ndarray],
-        monodromy: np.ndarray | None = None,
-    ):
-        self.values, self.monodromy = values, monodromy
-        self._direction = direction
+    def __init__(self, values: np.ndarray, direction: Callable[[int], np.ndarray]):
+        self.values, self._direction = values, direction
 
     def direction(self, k: int) -> np.ndarray:
         """(2 m,) complex: the Floquet direction of the k-th value."""
@@ -58,18 +50,11 @@ class Multipliers:
         return found * (largest.conjugate() / abs(largest) / np.linalg.norm(found))
 
 
-def multipliers(
-    driven: DrivenPeriod,
-    motion: PeriodMotion,
-    whole: bool | None = None,
-    monodromy: Callable[[], np.ndarray] | None = None,
-) -> Multipliers:
-    """Floquet multipliers of a periodic motion.
+def multipliers_of(fixed: FixedPoint, whole: bool | None = None) -> Multipliers:
+    """Floquet multipliers of a fixed point, whose monodromy matrix is made once.
 
     Parameters
     ----------
-    driven, motion : DrivenPeriod, PeriodMotion
-        Of a converged fixed point.
     whole : bool, optional
         All of them from the monodromy matrix by LAPACK, or the largest by SLEPc's Krylov-Schur method on
         products with it. Default: all up to 1200 unknowns.
@@ -79,14 +64,14 @@ def multipliers(
     SolveError
         If SLEPc finds fewer than were asked for.
     """
-    size = driven.period.unknowns
+    size = fixed.driven.period.unknowns
     if size > WHOLE if whole is None else not whole:
-        return _largest(driven, motion, size)
-    matrix = driven.monodromy(motion) if monodromy is None else monodromy()
+        return _largest(fixed.driven, fixed.motion, size)
+    matrix = fixed.monodromy
     values = eigenvalues(matrix)
     order = np.argsort(-np.abs(values), kind="stable")
     values = values[order]
-    return Multipliers(values, lambda k: inverse_iteration(matrix, values[k]), matrix)
+    return Multipliers(values, lambda k: inverse_iteration(matrix, values[k]))
 
 
 def eigenvalues(matrix: np.ndarray) -> np.ndarray:
@@ -98,11 +83,6 @@ def eigenvalues(matrix: np.ndarray) -> np.ndarray:
     if n < len(matrix):
         return np.append(eigenvalues(matrix[np.ix_(acts, acts)]), np.zeros(len(matrix) - n))
     return linalg.eigvals(matrix, check_finite=False) if n else np.zeros(0, dtype=complex)
-
-
-def multipliers_of(fixed: FixedPoint) -> Multipliers:
-    """Those of a fixed point, whose monodromy matrix is made once."""
-    return multipliers(fixed.driven, fixed.motion, monodromy=lambda: fixed.monodromy)
 
 
 def inverse_iteration(matrix: np.ndarray, value: complex) -> np.ndarray:

@@ -140,14 +140,15 @@ class _Newton:
             size = self._size(whole)
             share, following = self._backtracked(here, whole)
             if following is None:
-                if size <= ROUNDED * problem.settled:
+                if size <= ROUNDED * problem.settled or here.norm <= problem.scatter:
                     break
                 if self.exact:
                     raise self._failed(here.norm)
                 self.inverse = None  # the exact derivative, from where it is
                 continue
             self.residuals.append(following.norm)
-            if share == 1.0 and size <= problem.settled:
+            ended = self.exact and problem.gain * here.norm < following.norm <= problem.scatter
+            if ended or (share == 1.0 and size <= problem.settled):
                 here = following
                 break
             self._learn(here, following, share, whole)

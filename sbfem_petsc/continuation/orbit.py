@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import choice
+from ..checks import choice, instance
 from ..errors import SolveError, at_point, called, on_all_ranks
 from ..motion.excitation import one_sided
 from ..motion.history import Motion
 from ..motion.period_map import DrivenPeriod, FixedPoint
 from ..motion.period_motion import PeriodMotion
 from ..motion.states import ModalStates, Point
-from ..record.record import derived, described, quantity
+from ..record.record import Record, derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
 from ..system.elements.plausibility import furthest_of_lines
 from .multipliers import FLOOR, multipliers_of
@@ -36,8 +36,31 @@ LOWEST = 5
 HARMONICS = 41
 
 
+def told_error(what: str, where: str = "") -> Any:
+    """A field of errors by left-out modes and the steps, see `harmonic_error_estimates`."""
+    return quantity(
+        "1",
+        f"error of {what} by left-out modes and the steps{where}; inf where it is not found, nan where it is "
+        "not told",
+        "low_harmonic",
+        finite=False,
+        default_factory=lambda: np.full(LOWEST, np.nan),
+    )
+
+
+class ToldError(Record):
+    """A result with `mode_error`."""
+
+    mode_error: np.ndarray
+
+    @derived("1", "largest error of orders 1 to 4, each by its order", row=True, finite=False)
+    def largest_mode_error(self) -> float:
+        """Largest of `mode_error[k] / k`."""
+        return largest_error(self.mode_error)
+
+
 @described
-class Orbit(Motion):
+class Orbit(Motion, ToldError):
     """A periodic motion; its instants are the equal steps of one period, the end left out.
 
     `path` is how it was reached: "Newton", "history" (some periods integrated before it), "ramp of the load",
@@ -82,20 +105,7 @@ class Orbit(Motion):
     sticking: int | None = quantity(
         "1", "slips that stick throughout the period, on which the motion depends", kinds="iu", default=None
     )
-
-    mode_error: np.ndarray = quantity(
-        "1",
-        "error of harmonics 0 to 4 of the named points and of the contact resultant by left-out modes and "
-        "the steps, see `harmonic_error_estimates`; inf where it is not found, nan where it is not told",
-        "low_harmonic",
-        finite=False,
-        default_factory=lambda: np.full(LOWEST, np.nan),
-    )
-
-    @derived("1", "largest error of harmonics 1 to 4, each by its order", row=True, finite=False)
-    def largest_mode_error(self) -> float:
-        """Largest of `mode_error[k] / k`."""
-        return largest_error(self.mode_error)
+    mode_error: np.ndarray = told_error("harmonics 0 to 4 of the named points and of the contact resultant")
 
     @property
     def iterations(self) -> int:
@@ -222,7 +232,7 @@ def why_undecided(reduced: ReducedModel | None) -> str:
     return "stability not asked for"
 
 
-class Orbits:
+class OfOrbits:
     """What the motions of a branch are asked at a point. Those kept are of named points, amplitudes of u_y;
     for others each motion is integrated again from its state.
     """
@@ -276,6 +286,13 @@ class Orbits:
 
     def _index(self, point: str) -> int:
         return at_point({name: k for k, name in enumerate(self.points)}, point)
+
+
+def require_at(owner: str, name: str, orbit: object, frequency: float) -> None:
+    """Raise unless an argument of that name is an orbit at a frequency, Hz."""
+    known: Orbit = instance(owner, name, orbit, Orbit, "an Orbit")
+    if abs(known.frequency - frequency) > 1e-9 * frequency:
+        raise ValueError(f"{owner}: {name} is at {known.frequency:.9g} Hz, not at {frequency:.9g} Hz")
 
 
 def orbit_stability(fixed: FixedPoint) -> tuple[np.ndarray, Callable[[], float]]:

@@ -93,6 +93,9 @@ class Problem:
         Norm of the residual over its scale at which a solution is taken ...
     settled : float
         ... and change of the unknowns in their units after which it is.
+    scatter : float
+        Norm of the residual, over its scale, up to which the equations jump from one place to the next: a
+        step by their own derivative that hardly gains there is the last one.
     patience : int
         Newton's steps are taken that leave less to miss than at one of so many last iterates.
     shares : tuple of float
@@ -112,7 +115,7 @@ class Problem:
         What may help where a branch comes to a stop.
     """
 
-    closed, settled, patience, corners, narrow = 1e-11, 1e-9, 1, False, 0.0
+    closed, settled, scatter, patience, corners, narrow = 1e-11, 1e-9, 0.0, 1, False, 0.0
     shares: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1, 0.03)
     gain = GAIN
     begins: np.ndarray | None = None
@@ -145,8 +148,10 @@ class Problem:
         return local
 
     def alike(self, one: Point, other: Point) -> bool:
-        """Whether two points lie on one smooth part of the branch."""
-        return True
+        """Whether two points lie on one smooth part of the branch: where it may have corners, the same pairs
+        touch.
+        """
+        return not self.corners or bool((one.state.touching == other.state.touching).all())
 
     def refuse(self, last: Point, point: Point) -> str:
         """Why a converged point is none of this branch, for good: it ends there; "" if it is one."""

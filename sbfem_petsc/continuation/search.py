@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,12 +122,14 @@ def find_steady_state(
         raise
     except SolveError as error:
         first = error
-    tried = _Attempts(driven, guess, jacobian, multiples, search or Search())
+    search = search or Search()
+    tried = _Attempts(driven, guess, jacobian, multiples, search)
+    near = [1.0 + distance for distance in search.neighbours]
     ways = [
         (tried.settle_first, "history"),
         (tried.raise_load, "ramp of the load"),
-        (tried.lower_damping, "ramp of the damping"),
-        (tried.from_neighbours, "neighbouring frequency"),
+        (lambda: tried.along("damping", search.dampings), "ramp of the damping"),
+        (lambda: tried.along("frequency", near), "neighbouring frequency"),
         (tried.settle, "history"),
     ]
     if driven.factor != 1.0:  # branches go to the whole load
@@ -230,19 +232,15 @@ class _Attempts:
     def __init__(
         self, driven: DrivenPeriod, guess: np.ndarray, jacobian: str, multiples: bool, search: Search
     ):
-        self.period, self.frequency, self.guess = driven.period, driven.frequency, guess
-        self.factor = driven.factor
+        self.driven, self.period, self.guess = driven, driven.period, guess
         self.jacobian, self.multiples, self.search = jacobian, multiples, search
         self.notes: list[str] = []
         self.share = _Share()
         self._own = _History(driven, guess, search.longest)
 
-    def _newton(
-        self, period: Period, state: np.ndarray, frequency: float, factor: float = 1.0
-    ) -> FixedPoint | None:
+    def _newton(self, driven: DrivenPeriod, state: np.ndarray) -> FixedPoint | None:
         """The fixed point near a state, or None."""
         try:
-            driven = period.at(frequency, factor * self.factor)
             return shoot(driven, state, self.jacobian, self.search.attempt)
         except SolveError:
             return None
@@ -272,8 +270,8 @@ class _Attempts:
 
     def _followed(self, history: _History, most: float = math.inf) -> FixedPoint | None:
         """Fixed point behind a history, which is gone on with to so many periods, or None."""
-        period, frequency = history.driven.period, history.driven.frequency
-        most = min(most, self._patience(period, history.driven.duration))
+        driven, period = history.driven, history.driven.period
+        most = min(most, self._patience(period, driven.duration))
         for target in self._rounds(history.done, most):
             if not history.reach(target, lambda done: self.share.tell(done / most)):
                 return None
@@ -284,21 +282,17 @@ class _Attempts:
                 or not history.change > NEARER * history.tried_at
             ):
                 history.tried_at = history.change
-                shot = self._newton(period, history.past[-1], frequency)
+                shot = self._newton(driven, history.past[-1])
                 if shot is not None:
                     return shot
             repeat = history.repeat
             if repeat and self.multiples:
-                shot = self._newton(period.repeated(repeat), history.past[-1], frequency)
+                longer = period.repeated(repeat).at(driven.frequency, driven.factor)
+                shot = self._newton(longer, history.past[-1])
                 if shot is not None:
                     return shot
             history.over = 0 < repeat and not self.multiples and history.changes[repeat - 1] < 1e-2 * RETURNED
         return None
-
-    def _settled(self, period: Period, frequency: float) -> FixedPoint | None:
-        """The fixed point behind a history of another period from its linear motion, or None."""
-        driven = period.at(frequency)
-        return self._followed(_History(driven, driven.linear_state, self.search.longest), SHORT)
 
     def _rounds(self, done: int, most: float) -> Iterator[int]:
         """Periods after which Newton's method is tried, of which so many are done."""
@@ -328,93 +322,67 @@ class _Attempts:
         """The end of a branch from a small load. With nothing but touching faces and no constant load, the
         motion is proportional to the load and nothing is gained.
         """
-        period, frequency, ramp = self.period, self.frequency, self.search.ramp
-        if (
-            ramp <= 0.0
-            or not (period.excitation.orders == 0).any()
-            and (period.reduced.homogeneous or not period.pairs)
-        ):
+        period, ramp = self.period, self.search.ramp
+        preloaded = (period.excitation.orders == 0).any()
+        if ramp <= 0.0 or not preloaded and (period.reduced.homogeneous or not period.pairs):
             return None
-        first = self._newton(period, period.at(frequency, ramp).linear_state, frequency, ramp)
-        if first is None:
-            self.notes.append(f"a ramp of the load, without a motion at {ramp:g} of it")
-            return None
-        shot, ended = self._along(first, ramp, ParameterRange("load", ramp, 1.0, frequency))
-        if shot is None:
-            self.notes.append(f"a ramp of the load, which ended as well: {ended} of the full load")
-        return shot
+        return self.along("load", (ramp,))
 
-    def lower_damping(self) -> FixedPoint | None:
-        """The end of a branch from a motion with larger damping."""
-        if not self.period.reduced.damping.any():
+    def along(self, name: str, values: Sequence[float]) -> FixedPoint | None:
+        """The end of a branch over a parameter, from a motion at one of some values of it, relative to the
+        wanted one, of which the first alone counts but of the frequency.
+        """
+        ends, lost, share = list[str](), list[str](), self.share
+        fixed = None if name == "frequency" else self.driven.frequency
+        goal = self.driven.frequency if fixed is None else 1.0
+        if name == "damping" and not self.period.reduced.damping.any():
             return None
-        start, factor, share = None, 1.0, self.share
-        for k, factor in enumerate(self.search.dampings):
-            self.share = share.part(k, len(self.search.dampings) + 1)
-            damped = self.period.scaled(damping=factor)
-            start = self._newton(damped, damped.at(self.frequency).linear_state, self.frequency)
-            if start is None:
-                start = self._settled(damped, self.frequency)
-            if start is not None and start.driven.period is damped:
-                break
-            start = None
-        if start is None:
-            if self.search.dampings:
-                self.notes.append(f"more damping, without a motion at up to {factor:g} times the given one")
-            return None
-        self.share = share.part(len(self.search.dampings), len(self.search.dampings) + 1)
-        shot, ended = self._along(start, factor, ParameterRange("damping", factor, 1.0, self.frequency))
-        if shot is None:
-            self.notes.append(f"a ramp of the damping, which ended: {ended} times the given one")
-        return shot
-
-    def from_neighbours(self) -> FixedPoint | None:
-        """The end of a branch over the frequency, from either side."""
-        ends, share = [], self.share
-        for k, distance in enumerate(self.search.neighbours):
-            self.share = share.part(k, len(self.search.neighbours))
-            value = self.frequency * (1.0 + distance)
-            shot = self._newton(self.period, self.period.at(value).linear_state, value)
-            if shot is None:
-                shot = self._settled(self.period, value)
-            if shot is None or shot.driven.period is not self.period:
-                ends.append(f"{value:.6g} Hz (no motion there)")
+        for k, begin in enumerate(goal * value for value in values):
+            self.share = share.part(k, len(values))
+            over = ParameterRange(name, begin if fixed else 2.0 * begin - goal, goal, fixed)
+            driven = over.at(self.period, begin)
+            first = self._newton(driven, driven.linear_state)
+            if first is None:  # behind a history from there
+                history = _History(driven, driven.linear_state, self.search.longest)
+                first = self._followed(history, SHORT)
+            if first is None or first.driven.period is not driven.period:
+                lost.append(f"{begin:.6g}")
                 continue
-            beyond = value + (value - self.frequency)
-            parameter = ParameterRange("frequency", beyond, self.frequency)
-            found, ended = self._along(shot, value, parameter, NEAR_BY)
-            if found is not None:
-                return found
-            ends.append(f"{value:.6g} Hz (until {ended})")
-        if ends:
-            self.notes.append(f"continuation from {', '.join(ends)}")
+            shot, ended = self._followed_branch(first, begin, over)
+            if shot is not None:
+                return shot
+            ends.append(f" from {begin:.6g} (until {ended})")
+            if fixed:
+                break
+        if values:
+            nowhere = f" (no motion at {', '.join(lost)})" if lost else ""
+            self.notes.append(f"continuation over the {name}{','.join(ends)}{nowhere}")
         return None
 
-    def _along(
-        self, first: FixedPoint, value: float, parameter: ParameterRange, points: int = POINTS
+    def _followed_branch(
+        self, first: FixedPoint, value: float, over: ParameterRange
     ) -> tuple[FixedPoint | None, str]:
         """The wanted motion at the end of a branch from one at a value of a parameter, and why that ended."""
-        orbits = Orbits(self.period, parameter)
-        line = Line([Point.known(orbits, np.append(first.state, value))])
-        begin, extent, effort = parameter.start, parameter.range.extent, 0.0
+        line = Line([Point.known(Orbits(self.period, over), np.append(first.state, value))])
+        points, effort = POINTS if over.frequency else NEAR_BY, 0.0
 
         def tell(line: Line) -> None:
             nonlocal effort
-            self.share.tell(abs(line.points[-1].value - begin) / extent)
+            self.share.tell(abs(line.points[-1].value - over.start) / over.range.extent)
             effort += line.points[-1].effort
             if effort > EFFORT:
                 raise SolveError(f"{EFFORT} Newton iterations, at {line.points[-1].value:.6g}")
 
         try:
-            follow(line, parameter.range, Settings(points), tell)
+            follow(line, over.range, Settings(points), tell)
         except PetscFailure:
             raise
         except FAILURES as error:
             return None, str(error)
-        if not parameter.reached(line.points[-1].value):
+        if not over.reached(line.points[-1].value):
             return None, line.reason
         # of the map itself, not of a copy of it
-        return self._newton(self.period, line.points[-1].u[:-1], self.frequency), line.reason
+        return self._newton(self.driven, line.points[-1].u[:-1]), line.reason
 
 
 def _recurrence(changes: list[float]) -> int:

@@ -165,9 +165,7 @@ def prepare(
         A motion to begin from, of the same model.
     """
     with collective(communicator(system)):
-        loads = loading(owner, system, load, lambda value: Harmonic(value, frequency))
-        excitation = Excitation.of(loads.signals, frequency, settings.periods, settings.longest)
-        _refuse_jumps(owner, loads, excitation)
+        loads, excitation = driving(owner, system, load, frequency, settings=settings)
     require_compiler(owner, communicator(system))
     unknown = any(signal.highest_frequency is None for signal in loads.signals)
     highest = max(frequency if unknown else 0.0, loads.highest_frequency)
@@ -206,11 +204,18 @@ def steps_of(
     return steps
 
 
-def _refuse_jumps(owner: str, loads: Loading, excitation: Excitation) -> None:
-    """Raise ValueError for a prescribed displacement that jumps."""
+def driving(
+    owner: str, system: Model | ReducedModel, load: Any, frequency: float, *, settings: PeriodSettings
+) -> tuple[Loading, Excitation]:
+    """A user's loads, checked, and what they are over a common period; ValueError for a prescribed
+    displacement that jumps. Not collective.
+    """
+    loads = loading(owner, system, load, lambda value: Harmonic(value, frequency))
+    excitation = Excitation.of(loads.signals, frequency, settings.periods, settings.longest)
     if excitation.jumps is not None:
         for k in loads.edges:
             loads.require_continuous(owner, k, bool(excitation.jumps.sizes[:, k].any()))
+    return loads, excitation
 
 
 def period_memory(reduced: ReducedModel, steps: int, orders: int, contact: bool = True) -> float:

@@ -200,6 +200,7 @@ def test_refused():
             (lambda: sb.periodic(pushed, tone, 100.0), other),
             (lambda: sb.transient(reduced, jump, 1e-3), f"uy of 'edge4' = Step.*{rise}"),
             (lambda: sb.periodic(reduced, leaping, 100.0), rise),
+            (lambda: sb.periodic(model, leaping, 100.0, steps=49, reduction=None), rise),
             (lambda: sb.transient(reduced, PULL, 1e-3), "is 0.0001 m at t = 0, where a structure at rest"),
             (
                 lambda: sb.basins(reduced, tone, 100.0, [sb.StartAxis([0.0, 1.0], "impulse")]),

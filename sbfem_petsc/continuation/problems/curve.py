@@ -16,9 +16,11 @@ from typing import Any
 import numpy as np
 
 from ...errors import SolveError
+from ...motion.excitation import Excitation
 from ...motion.period_map import DrivenPeriod, Period
 from ...motion.period_motion import PeriodMotion
 from ...petsc import MPI
+from ...reduction.outputs import LinearOutput
 from ..problem import Linear, Point, Problem
 from .curve_system import CurveBorder, CurveMaps, Harmonics, filtered, shift, tangents
 
@@ -29,6 +31,8 @@ RESOLVED = 0.01
 ROUNDING = 1e-9
 # Difference of the parameter by which the map's rate with it is found.
 DIFFERENCE = 1e-7
+# Multiples of the faster tone of which lines are kept, and instants that are looked at together.
+LINES, INSTANTS = 20, 512
 
 
 def spectral_tail(states: np.ndarray) -> float:
@@ -75,6 +79,12 @@ class InvariantCurves(Problem):
 
     def at_sample(self, value: float) -> Callable[[int], DrivenPeriod]:
         """The map of a sample's index."""
+        raise NotImplementedError
+
+    def linear_response(self, value: float) -> Sequence[tuple[Excitation, np.ndarray]]:
+        """Loads of the faster tone, and of the slower one, with the modal amplitudes (k, m) of the linear
+        response.
+        """
         raise NotImplementedError
 
     def at(self, u: np.ndarray) -> CurveState:
@@ -185,6 +195,12 @@ class CurveState:
     def _missed(self) -> np.ndarray:
         return (self.ends - filtered(self.states, shift(len(self.states), self.rotation))).ravel()
 
+    def lines(self, points: LinearOutput | None = None) -> np.ndarray:
+        """(21, k, points, 2) lines at multiples of the faster tone plus those of the slower one, m, of all
+        named points or of others. Collective.
+        """
+        return _lines(self, points or self.problem.period.reduced.points)
+
     @property
     def peak(self) -> float:
         """Largest contact resultant, N. Collective."""
@@ -272,6 +288,48 @@ class CurveLinear:
         state, problem = self.state, self.state.problem
         units = problem.units(state.u)[0], problem.unit
         return CurveBorder(*state.linearised(self.smooth), problem.phase, row, units)
+
+
+def _lines(state: CurveState, points: LinearOutput) -> np.ndarray:
+    """See `CurveState.lines`."""
+    problem, motions, rotation = state.problem, state.motions, state.rotation
+    period, samples = problem.period, len(motions)
+    steps, half = period.steps, samples // 2
+    lines = min(LINES, steps // 2 - 1)
+    orders, seen = np.arange(-half, half + 1), points.modes.shape[:2]
+    found = np.zeros((lines + 1, len(orders), *seen), dtype=complex)
+    mine = [(i, motion) for i, motion in enumerate(motions) if motion is not None]
+    over_samples = np.exp(-2j * np.pi * orders[:, None] * [i for i, _ in mine] / samples) / samples
+    for begin in range(0, steps if mine else 0, INSTANTS):
+        part = slice(begin, min(begin + INSTANTS, steps))
+        u = np.array([_moved(points, period.pairs, motion, part) for _, motion in mine])
+        # the slower tone's lines over the samples at each instant, then the faster one's over the instants
+        slow = np.tensordot(over_samples, u, axes=1)
+        share = np.arange(part.start, part.stop) / steps
+        forward = np.exp(-2j * np.pi * np.arange(lines + 1)[:, None] * share) / steps
+        for j, order in enumerate(orders):
+            turned = np.exp(-2j * np.pi * order * rotation * share)[:, None] * slow[j]
+            found[:, j] += (forward @ turned).reshape(-1, *seen)
+    problem.comm.Allreduce(MPI.IN_PLACE, found)
+    found *= 2.0
+    found[0, half] *= 0.5
+    if samples % 2 == 0:  # both ends of the range are the same harmonic of the samples
+        found[:, [0, -1]] *= 0.5
+    for tone, (drive, amplitudes) in enumerate(problem.linear_response(state.value)):
+        response = np.einsum("pim,km->kpi", points.modes, amplitudes)
+        response += np.einsum("pil,kl->kpi", points.loads, drive.amplitudes)
+        for order, value in zip(drive.orders, response):
+            place = (order, half) if tone == 0 else (0, half + order)
+            if place[0] <= lines and place[1] < len(orders):
+                found[place] += value
+    return found
+
+
+def _moved(points: LinearOutput, pairs: int, motion: PeriodMotion, part: slice) -> np.ndarray:
+    """(n, 2 points): displacements of points at some instants, without the linear response."""
+    u = np.einsum("pim,nm->npi", points.modes, motion.states[part], optimize=True)
+    u += np.einsum("pic,nc->npi", points.contact[..., :pairs], motion.forces[part], optimize=True)
+    return u.reshape(len(u), -1)
 
 
 def named(error: SolveError | None) -> str:

@@ -10,11 +10,12 @@ import numpy as np
 
 from ...errors import SolveError, on_all_ranks
 from ...motion.states import Point as Place
-from ...record.record import Record, derived, described, quantity
+from ...record.record import derived, described, quantity
 from ..events import refine
 from ..follow import CLOSED, Follower, Line, Settings, points_of, ran_out
 from ..line_file import LineFile
 from ..problem import Point, Range
+from .driven_orbits import OverParameter
 from .own_tone import beginning
 from .tones import QuasiPeriodic, attracts, own_motion, recorded_motion
 
@@ -32,20 +33,12 @@ MAIN = {"f1": (1, 0), "f2": (0, 1), "f1_plus_f2": (1, 1), "f1_minus_f2": (1, -1)
 
 
 @described
-class QuasiPeriodicBranch(Record):
+class QuasiPeriodicBranch(OverParameter):
     """A branch of quasi-periodic motions with a tone of their own, in order of arc length."""
 
     labels: ClassVar = {"place": "points", "tone": "tones", "line": "main"}
     coordinates: ClassVar = ("value", "frequencies", "stable")
 
-    parameter: str = quantity(text="what it is over", one_of=("frequency", "load", "damping", "gap"))
-    value: np.ndarray = quantity(
-        "Hz or 1",
-        "forcing frequency, or factor on the oscillating loads, all damping ratios or all gaps",
-        "point",
-        least=1e-300,
-        unit_of=lambda branch: "Hz" if branch.parameter == "frequency" else "1",
-    )
     motions: tuple[QuasiPeriodic, ...] = quantity(text="in order", part="QuasiPeriodic", detail=True)
     reason: str = quantity(text="why the curve ends")
     complete: bool = quantity("1", "whether it reached the end of the range, or has closed", row=True)
@@ -74,9 +67,6 @@ class QuasiPeriodicBranch(Record):
     def main(self) -> tuple[str, ...]:
         """Names of the lines that tables have."""
         return tuple(MAIN)
-
-    def __len__(self) -> int:
-        return len(self.motions)
 
     @derived("Hz", "f1 and the motion's own f2", "point tone")
     def frequencies(self) -> np.ndarray:

@@ -15,8 +15,9 @@ from ...motion.contact_work import contact_work
 from ...motion.period_map import DrivenPeriod, FixedPoint, Period
 from ...motion.period_motion import PeriodMotion
 from ...motion.steps import free_motion
+from ...record.record import Record, described, quantity
 from ...reduction.build import in_further_modes
-from ...reduction.reduced_model import ReducedModel
+from ...reduction.reduced_model import ReducedModel, held_in
 from ..harmonic_errors import beyond, carried_derivative, if_room, in_modes, in_more_modes
 from ..linear import Dense
 from ..orbit import modal_motion
@@ -79,6 +80,23 @@ class ParameterRange:
         return period.at(self.frequency, **{self.name: value})
 
 
+@described
+class OverParameter(Record):
+    """A result over a parameter."""
+
+    parameter: str = quantity(text="what it is over", one_of=("frequency", "load", "damping", "gap"))
+    value: np.ndarray = quantity(
+        "Hz or 1",
+        "forcing frequency, or factor on the oscillating loads, all damping ratios or all gaps",
+        "point",
+        least=0.0,
+        unit_of=lambda branch: "Hz" if branch.parameter == "frequency" else "1",
+    )
+
+    def __len__(self) -> int:
+        return len(self.value)
+
+
 class Family:
     """The periods of a reduced model over the forcing frequency and a second parameter.
 
@@ -109,6 +127,45 @@ class Family:
         behind = self.at(driven.frequency, value - step).run(state)
         rate = (ahead.residual - behind.residual) / (2.0 * step)
         return np.column_stack([driven.carried(motion, identity, ("frequency",)), rate])
+
+
+class OpenRowFamily(Family):
+    """The periods of a reduced model without one of its contact rows, whose gap is watched: where the row
+    begins to touch, its least gap over the period passes through zero smoothly.
+
+    Parameters
+    ----------
+    period : Period
+        Of the whole model.
+    row : int
+    parameter, factor
+        See `Family`.
+    """
+
+    def __init__(self, period: Period, row: int, parameter: str, factor: float = 1.0):
+        others = np.delete(np.arange(len(period.reduced.initial_gap)), row)
+        reduced = held_in(period.reduced, others)
+        super().__init__(Period(reduced, period.excitation, period.steps), parameter, factor)
+        self.whole, self.row = period, row
+        gap = period.reduced.gap
+        self._modes, self._loads = gap.modes[row], gap.loads[row]
+        self._contact = np.delete(gap.contact[row], row)
+
+    def gap(self, driven: DrivenPeriod, motion: PeriodMotion, value: float) -> np.ndarray:
+        """(n + 1,): how far the row is from being held over the period, m."""
+        p, factor = driven.period, value if self.parameter == "gap" else 1.0
+        linear = p.over_time(driven.amplitudes @ self._modes) + driven.loads @ self._loads
+        shut = motion.states @ self._modes + motion.forces @ self._contact
+        gap = linear + shut + factor * float(self.whole.reduced.initial_gap[self.row])
+        return self.whole.laws.room(gap, self.row)
+
+
+def least(values: np.ndarray) -> float:
+    """Minimum of equal samples of a period, between them by the parabola through the lowest three."""
+    k = int(np.argmin(values))
+    before, middle, after = values[k - 1], values[k], values[(k + 1) % len(values)]
+    bend = before - 2.0 * middle + after
+    return float(middle - 0.125 * (after - before) ** 2 / bend) if bend > 0.0 else float(middle)
 
 
 class Orbits(Problem):
@@ -158,10 +215,6 @@ class Orbits(Problem):
         size = max(self.period.size(u[:-1]), self.least, 1e-300)
         unit = self.extent / SPAN or max(abs(float(u[-1])), LEAST)
         return np.append(np.full(len(u) - 1, size), unit), np.ones(len(u))
-
-    def alike(self, one: Point, other: Point) -> bool:
-        """See `Problem`: the same pairs touch."""
-        return bool((one.state.touching == other.state.touching).all())
 
     def refuse(self, last: Point, point: Point) -> str:
         """See `Problem`: motions of fewer periods are of another branch."""

@@ -212,10 +212,6 @@ class FreeMotions(Problem):
         """See `Problem`: the energy is none of the unknowns."""
         return u
 
-    def alike(self, one: Point, other: Point) -> bool:
-        """See `Problem`: the same pairs touch."""
-        return bool((one.state.touching == other.state.touching).all())
-
     def of_energy(self, u: np.ndarray, energy: float, near: Linear | None = None) -> Point:
         """The motion of an energy near some unknowns. Raises `Lost` if there is none."""
         point = correct(self, u, Metric(self, u).level(u, energy), near)

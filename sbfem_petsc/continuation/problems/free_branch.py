@@ -19,7 +19,7 @@ from ..events import folds
 from ..events import refine as refine_points
 from ..follow import Line, Settings, follow, points_of, ran_out
 from ..line_file import LineFile
-from ..orbit import Orbit, Orbits, make_orbit, run_again
+from ..orbit import OfOrbits, Orbit, make_orbit, run_again
 from ..problem import Lost, Point, Range
 from .free import ADDED, FreeMotions, FreeState, FreeSystem
 from .free_stability import FreeEvent, Interactions, free_events, free_multipliers
@@ -43,7 +43,7 @@ PACE = Settings(points=400, first=0.05, largest=0.4, smallest=1e-6, turn=0.25)
 
 
 @described
-class Backbone(Orbits, Record):
+class Backbone(OfOrbits, Record):
     """Free periodic motions, point by point along their branch.
 
     Errors are what half the step changes, estimates; nan without refinement, or where half the step leads

@@ -3,6 +3,9 @@
 With the motions x(T; f, p) - x(0) = 0 a two-dimensional surface over (f, p), a locus is the line on it
 along which a multiplier stays on the unit circle. The equations are in `locus_problem`; each side of a known
 point is a line of its own.
+
+Where a row begins to touch, the orbit of the model is also one of the model without that row, on which the
+row's least gap over the period passes through zero smoothly: that is what is solved for, from either side.
 """
 
 from __future__ import annotations
@@ -14,15 +17,21 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...errors import SolveError
+from meshing.warnings import BranchWarning
+
+from ...errors import SolveError, warn
+from ...motion.period_map import DrivenPeriod
+from ...motion.period_motion import PeriodMotion
 from ...record.record import Record, described, quantity
+from ..bifurcations import Bifurcation
+from ..branch import Branch
 from ..events import folds
+from ..extrapolation import extrapolated
 from ..follow import CLOSED, Line, Settings, follow, points_of, ran_out
 from ..line_file import LineFile
-from ..newton import correct
 from ..orbit import make_orbit, run_again
-from ..problem import Lost, Metric, Point, Range
-from .driven_orbits import Family
+from ..problem import Lost, Point, Range
+from .driven_orbits import Family, OpenRowFamily, least
 from .locus_problem import LocusProblem, LocusStart
 
 KINDS = ("fold", "period doubling", "Neimark-Sacker", "grazing")
@@ -30,6 +39,11 @@ PARAMETERS = ("load", "damping", "gap")
 # How a side is followed: its points, the first one included, and lengths of steps.
 PACE = Settings(points=101, first=0.02, largest=0.2, smallest=1e-4)
 AT_END = "end of the range"
+# Distance of a grazing point from the last one that is open, in steps of the branch: further away it belongs
+# to another part of it.
+NEAR = 3.0
+# Residual, last step and gap of one, relative.
+EXACT = 1e-12, 1e-9, 0.0
 
 
 @described
@@ -133,14 +147,13 @@ def _first(problem: LocusProblem) -> Point:
     """The point of the locus next to its start, with the second parameter held, or the frequency: a fold's
     locus may run along the parameter's axis.
     """
-    u, failure = problem.begin, None
-    metric = Metric(problem, u)
-    for axis in (problem.modes2 + 1, problem.modes2):
+    failure = None
+    for held in (1, 0):
         try:
-            return correct(problem, u, metric.plane(np.eye(len(u))[axis], u))
+            return problem.first(held)
         except Lost as error:
             failure = failure or error
-    _, frequency, value = problem.split(u)
+    _, frequency, value = problem.split(problem.begin)
     raise SolveError(
         f"locus: no {problem.kind} was found near {frequency:.8g} Hz and the factor {value:.6g}: {failure}"
     )
@@ -184,3 +197,96 @@ def _largest_displacement(family: Family, locus: Locus) -> float:
 def _reason(line: Line) -> str:
     """Why a side ends, the points of which are counted without the first one."""
     return points_of(len(line.points) - 1) if ran_out(line.reason) else line.reason or "unfinished"
+
+
+# ---------------------------------------------------------------------- grazing points of a branch
+def least_gaps(driven: DrivenPeriod, motion: PeriodMotion) -> np.ndarray:
+    """(rows,): how far rows that are always free are from being held, m, at the least over the period; of the
+    others minus the overlap that their largest force stands for; -inf of those that are never free.
+    """
+    p = driven.period
+    gaps = driven.free_gap + motion.states @ p.right @ p.left.T + motion.forces @ p.residual_flexibility
+    room, force = p.laws.room(gaps[:-1]), np.abs(motion.forces).max(axis=0)
+    overlap = -force * np.diag(driven.constants.flexibility[0] + p.residual_flexibility)
+    always = [least(row) if np.isfinite(row).all() else -np.inf for row in room.T]
+    return np.where((force > 0.0) & np.isfinite(always), overlap, always)
+
+
+def grazing_row(driven: DrivenPeriod, state: np.ndarray) -> int:
+    """The row that is nearest to begin or cease touching on an orbit."""
+    return int(np.argmin(np.abs(least_gaps(driven, driven.run(state)))))
+
+
+def find_grazing(branch: Branch, every: bool) -> list[Bifurcation]:
+    """Grazing points between the points of a branch.
+
+    Parameters
+    ----------
+    branch : Branch
+    every : bool
+        Of every row; False: only where the motion without any contact begins or ends.
+
+    Warns
+    -----
+    BranchWarning
+        Of one that is not found.
+    """
+    period, result = branch.period, []
+    touching = np.zeros((len(branch), period.pairs), dtype=bool)
+    for k, (value, state) in enumerate(zip(branch.value, branch.states)):
+        driven = branch.over.at(period, float(value))
+        gaps = least_gaps(driven, driven.run(state))
+        touching[k] = (gaps < 0.0) & np.isfinite(gaps)
+    for k in range(1, len(branch)):
+        changed = touching[k] != touching[k - 1]
+        if not every and touching[k].any() == touching[k - 1].any():
+            continue
+        found = []
+        for row in np.flatnonzero(changed):
+            try:
+                found.append(_grazing(branch, k, int(row), bool(touching[k, row])))
+            except SolveError as error:
+                warn(str(error), BranchWarning)
+        if found and not every:  # of several rows the first that touches
+            opened = not touching[k].any()
+            open_end = float(branch.value[k if opened else k - 1])
+            found = [min(found, key=lambda item: abs(item.value - open_end))]
+        result += found
+    return result
+
+
+def _grazing(branch: Branch, k: int, row: int, closes: bool) -> Bifurcation:
+    """Where a row begins (or ceases) to touch between the points k - 1 and k."""
+    inside, outside = (k - 1, k) if closes else (k, k - 1)
+    begin, end = float(branch.value[inside]), float(branch.value[outside])
+
+    def located(times: int, near: Point | None = None) -> Point:
+        """In so many times the steps, from the point in the branch's own."""
+        period = branch.period.in_steps(times * branch.period.steps)
+        over, state, value = branch.parameter, branch.states[inside], begin
+        if near is not None:
+            state, value = near.u[: near.problem.modes2], near.value
+        driven, held = branch.over.at(period, value), int(over == "frequency")
+        family = OpenRowFamily(period, row, "load" if held else over)
+        factor = 1.0 if held else value
+        start = LocusStart("grazing", state, driven.frequency, factor, complex(np.nan))
+        problem = LocusProblem(family, start, factor or 1.0)
+        problem.closed, problem.settled, problem.band = EXACT
+        found = problem.first(held)
+        found.value = float(found.u[problem.modes2 + 1 - held])
+        if abs(found.value - value) > NEAR * max(abs(end - begin), 1e-9 * abs(begin)):
+            raise Lost(f"row {row} does not begin to touch there")
+        return found
+
+    try:
+        point = located(1)
+    except SolveError:
+        raise SolveError(
+            f"grazing_points: where contact row {row} begins to touch between the points {k - 1} and {k} of "
+            f"the branch, at {begin:.8g} and {end:.8g}, was not found; give a branch with a smaller "
+            "largest_step"
+        ) from None
+    value, error = extrapolated(point.value, lambda times: located(times, point).value)
+    state = point.u[: point.problem.modes2]
+    direction, none = np.zeros(len(state), complex), complex(np.nan)
+    return Bifurcation("grazing", value, none, state, direction, k, point.value, error, row)

@@ -28,9 +28,9 @@ from scipy import linalg
 from ...motion.period_map import DrivenPeriod
 from ...motion.period_motion import PeriodMotion
 from ..multipliers import inverse_iteration
-from ..problem import Linear, Lost, Point, Problem
-from .driven_orbits import Family
-from .grazing import OpenRowFamily, least
+from ..newton import correct
+from ..problem import Linear, Lost, Metric, Point, Problem
+from .driven_orbits import Family, OpenRowFamily, least
 
 # Unit of the frequency: itself over this number. Share of g in the residual.
 SPAN, FINE = 20.0, 0.3
@@ -95,7 +95,7 @@ class LocusProblem(Problem):
         The unknowns of the start.
     """
 
-    closed, settled = 1e-9, 1e-6
+    closed, settled, scatter, band = 1e-9, 2e-7, 1e-7, BAND
 
     def __init__(self, family: Family, start: LocusStart, extent: float, borders: Sequence[np.ndarray] = ()):
         self.family, self.kind, self.extent = family, start.kind, max(extent, 1e-300)
@@ -112,6 +112,7 @@ class LocusProblem(Problem):
         self.unit = 1.0
         if isinstance(family, OpenRowFamily):
             self.unit = max(float(np.ptp(family.gap(driven, driven.run(start.state), start.value))), 1e-300)
+            self.scatter = 0.0  # gaps are smooth
         elif not self.borders:
             matrix = driven.monodromy(driven.run(start.state), rubbing=True)
             self.borders = _null_vectors(matrix, self.place(self.begin))
@@ -126,6 +127,13 @@ class LocusProblem(Problem):
         if not (frequency > 0.0 and value >= -2.0 * APART * self.extent):
             raise Lost("the parameters have left their range")
         return u[: self.modes2], frequency, value
+
+    def first(self, held: int) -> Point:
+        """The point next to the start at the same frequency (0) or second parameter (1). Raises `Lost` if
+        there is none.
+        """
+        u = self.begin
+        return correct(self, u, Metric(self, u).plane(np.eye(1, len(u), self.modes2 + held)[0], u))
 
     def run(self, u: np.ndarray) -> tuple[DrivenPeriod, PeriodMotion]:
         """The driven period and the motion over it."""
@@ -211,7 +219,7 @@ class LocusState:
     def __init__(self, problem: LocusProblem, u: np.ndarray):
         self.problem, self.u, self.scale = problem, u, problem.size
         self._begin()
-        off = np.where(np.abs(self.condition) > BAND, self.condition, 0.0)
+        off = np.where(np.abs(self.condition) > problem.band, self.condition, 0.0)
         self.residual = np.append(self.motion.residual, FINE * self.scale * off)
         # orthonormal directions in units, and the slopes of g along them
         self._known: list[tuple[np.ndarray, np.ndarray]] = []
@@ -247,15 +255,17 @@ class LocusState:
         """Right and left, of length one, where there are any."""
         return ()
 
-    def slope(self, direction: np.ndarray) -> np.ndarray:
-        """Of g along a change of the unknowns in units, by differences only along what is not known of it."""
+    def slope(self, direction: np.ndarray, whole: bool = True) -> np.ndarray:
+        """Of g along a change of the unknowns in units, by differences only along what is not known of it; or
+        of what is known alone.
+        """
         rest, total = direction.copy(), np.zeros(len(self.condition))
         for _ in range(2):  # twice is enough for orthogonal to rounding
             for known, rate in self._known:
                 share = float(known @ rest)
                 rest, total = rest - share * known, total + share * rate
         length = float(np.linalg.norm(rest))
-        if length > NEGLECTED * float(np.linalg.norm(direction)):
+        if whole and length > NEGLECTED * float(np.linalg.norm(direction)):
             steepest = max((float(np.abs(rate).max()) for _, rate in self._known), default=0.0)
             for apart in (APART, 10.0 * APART):
                 u = self.u + apart / length * rest * self.problem.units(self.u)[0]
@@ -279,8 +289,10 @@ class LocusState:
         return result * problem.units(self.u)[0]
 
     def linear(self, smooth: bool = False) -> _Augmented:
-        """The same for Newton's method and for tangents."""
-        return _Augmented(self)
+        """The same for Newton's method and for tangents; of those of a point nearby, g along what the motion
+        misses is left to updates, for it takes as long as an iteration.
+        """
+        return _Augmented(self, smooth)
 
 
 class _AtMultiplier(LocusState):
@@ -339,8 +351,8 @@ class _AtGrazing(LocusState):
 class _Augmented:
     """The linearised equations of a state; they have no sum with those of others."""
 
-    def __init__(self, state: LocusState):
-        self.state, self.rows = state, len(state.residual)
+    def __init__(self, state: LocusState, smooth: bool):
+        self.state, self.smooth, self.rows = state, smooth, len(state.residual)
 
     def mixed(self, others: Sequence[Linear], weights: Sequence[float]) -> Linear:
         """Itself."""
@@ -348,7 +360,7 @@ class _Augmented:
 
     def bordered(self, row: np.ndarray) -> _AugmentedBorder:
         """With one more row."""
-        return _AugmentedBorder(self.state, row)
+        return _AugmentedBorder(self, row)
 
 
 class _AugmentedBorder:
@@ -358,8 +370,9 @@ class _AugmentedBorder:
 
     sign: float | None = None
 
-    def __init__(self, state: LocusState, row: np.ndarray):
-        self.state, self.units = state, state.problem.units(state.u)[0]
+    def __init__(self, linear: _Augmented, row: np.ndarray):
+        state = self.state = linear.state
+        self.smooth, self.units = linear.smooth, state.problem.units(state.u)[0]
         surface, scaled = state.surface, row * self.units
         self.size = float(np.linalg.norm(surface, axis=1).max()) / max(float(np.linalg.norm(scaled)), 1e-300)
         q, r = linalg.qr(np.vstack([surface, self.size * scaled]).T, check_finite=False)
@@ -373,7 +386,8 @@ class _AugmentedBorder:
         try:
             known = linalg.solve_triangular(self.triangle, known, trans="T", check_finite=False)
             particular = self.range @ known
-            wanted = right[self.known - 1 : -1] / (FINE * self.state.scale) - self.state.slope(particular)
+            slope = self.state.slope(particular, not (self.smooth and right[:-1].any()))
+            wanted = right[self.known - 1 : -1] / (FINE * self.state.scale) - slope
             return self.units * (particular + self.null @ np.linalg.solve(self.slopes, wanted))
         except np.linalg.LinAlgError:
             raise Lost("the locus has no single direction") from None

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import PetscFailure, SolveError
+from ...motion.excitation import Excitation
 from ...motion.of_period import OfPeriod
 from ...motion.period_map import DrivenPeriod, Period
 from ...petsc import MPI
@@ -158,6 +159,11 @@ class Curves(InvariantCurves):
         """See `InvariantCurves`: the same for all."""
         driven = self.tone.driven(value)
         return lambda i: driven
+
+    def linear_response(self, value: float) -> Sequence[tuple[Excitation, np.ndarray]]:
+        """See `InvariantCurves`: of one tone."""
+        driven = self.tone.driven(value)
+        return ((self.period.excitation.scaled(driven.factor), driven.amplitudes),)
 
     def off_phase(self, u: np.ndarray) -> float:
         """See `InvariantCurves`."""

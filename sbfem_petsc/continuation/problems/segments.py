@@ -9,39 +9,46 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy import sparse
 
 from ...errors import PetscFailure, SolveError, called, failed_solve
-from ...motion.period_map import DrivenPeriod, FixedPoint, Period
+from ...motion.period_map import FixedPoint, Period
 from ...motion.period_motion import PeriodMotion
 from ...motion.states import ModalStates
 from ..harmonic_errors import in_modes
-from ..linear import Cyclic
+from ..linear import Sparse
 from ..newton import correct
 from ..orbit import Orbit, uncertainty_of
-from ..problem import Metric, Point
-from ..segment_products import product_eigenvalues
-from .driven_orbits import DIFFERENCE, Orbits, ParameterRange
+from ..problem import Problem
+
+# Rounds until subspaces part, at most; what is left between subspaces that part; how many times as large as
+# one another moduli of one subspace are at most, as in its product small ones lose as many digits; what is
+# rounding in a factor.
+ROUNDS, PARTED, SPREAD, ZERO = 300, 1e-10, 1e6, 1e-15
 
 
-class SegmentedOrbits(Orbits):
-    """Unknowns are the states at the segments' beginnings, as differences to the linear steady state, and the
-    parameter.
+class SegmentedMotion(Problem):
+    """Unknowns are the states at the segments' beginnings, as differences to the linear steady state, and a
+    number that is held at zero.
 
     Parameters
     ----------
     period : Period
-    parameter : ParameterRange
+    frequency : float
+        Hz.
     count : int
         Segments of equal numbers of steps, of which the period has a multiple of it.
     """
 
-    patience = 5  # where pairs switch, a step may lead up before it leads down
+    # to rounding, as steady states are found; where pairs switch, a step may lead up before it leads down
+    closed, settled, patience = 1e-12, 1e-12, 5
 
-    def __init__(self, period: Period, parameter: ParameterRange, count: int):
-        super().__init__(period, parameter)
-        self.count, self.short = count, period.of(period.steps // count)
+    def __init__(self, period: Period, frequency: float, count: int):
+        short = period.of(period.steps // count)
+        self.period, self.count, self.driven = period, count, period.at(frequency)
+        self.parts = [self.driven.part(short, k * short.steps) for k in range(count)]
 
-    def at(self, u: np.ndarray) -> Segments:  # type: ignore[override]
+    def at(self, u: np.ndarray) -> Segments:
         """See `Problem`."""
         return Segments(self, u)
 
@@ -49,66 +56,33 @@ class SegmentedOrbits(Orbits):
         """See `Problem`: of the whole motion, not of what is left of it without the linear one, which is
         nothing before contact.
         """
-        units, weights = super().units(np.append(np.zeros(2 * self.period.modes), u[-1]))
-        whole = self.driven(float(u[-1])).oscillation
-        size = max(float(np.linalg.norm(u[:-1])), whole * self.count**0.5, self.least, 1e-300)
-        return np.append(np.full(len(u) - 1, size), units[-1]), np.ones(len(u))
-
-    def refuse(self, last: Point, point: Point) -> str:
-        """See `Problem`."""
-        return super().refuse(_whole(last), _whole(point))
-
-    def finer(self, times: int) -> SegmentedOrbits:
-        """See `Problem`."""
-        return SegmentedOrbits(self.period.in_steps(times * self.period.steps), self.parameter, self.count)
-
-
-def _whole(point: Point) -> Point:
-    return Point(point.problem, point.u, point.state.joined(), point.value)
+        size = max(float(np.linalg.norm(u)), self.driven.oscillation * self.count**0.5, 1e-300)
+        return np.append(np.full(len(u) - 1, size), 1.0), np.ones(len(u))
 
 
 class Segments:
     """The motions of all segments from their beginnings."""
 
-    def __init__(self, problem: SegmentedOrbits, u: np.ndarray):
-        self.problem, self.value = problem, float(u[-1])
-        self.states = u[:-1].reshape(problem.count, -1)
-        self.driven = problem.driven(self.value)
-        self._residual, self.motions = self._run(self.value)
-        self.residual = self._residual.ravel()
-        size = max(float(np.linalg.norm(self.driven.linear_state)), float(np.linalg.norm(u[:-1])), 1e-300)
+    def __init__(self, problem: SegmentedMotion, u: np.ndarray):
+        self.problem, self.states = problem, u[:-1].reshape(problem.count, -1)
+        self.motions = [part.run(state) for part, state in zip(problem.parts, self.states)]
+        ends = self.states + np.array([motion.residual for motion in self.motions])
+        # how far each segment's end is from the next one's beginning
+        self.residual = (ends - np.roll(self.states, -1, axis=0)).ravel()
+        size = max(float(np.linalg.norm(problem.driven.linear_state)), float(np.linalg.norm(u)), 1e-300)
         self.scale = size * problem.count**0.5
-
-    def _run(self, value: float) -> tuple[np.ndarray, list[PeriodMotion]]:
-        """(count, 2 m): how far each segment's end is from the next one's beginning, and the motions."""
-        motions = [part.run(state) for part, state in zip(self._parts(value), self.states)]
-        ends = self.states + np.array([motion.residual for motion in motions])
-        return ends - np.roll(self.states, -1, axis=0), motions
-
-    def _parts(self, value: float) -> list[DrivenPeriod]:
-        driven, short = self.problem.driven(value), self.problem.short
-        return [driven.part(short, k * short.steps) for k in range(self.problem.count)]
-
-    @property
-    def touching(self) -> np.ndarray:
-        """(pairs,) bool: pairs that touch at any time of the period."""
-        return np.any([(motion.forces != 0.0).any(axis=0) for motion in self.motions], axis=0)
 
     def derivatives(self, located: bool) -> np.ndarray:
         """(count, 2 m, 2 m): dx(end) / dx(begin) of each segment."""
-        unit = np.eye(self.states.shape[1])
-        return np.array(
-            [
-                part.carried(motion, unit, located=located)
-                for part, motion in zip(self._parts(self.value), self.motions)
-            ]
-        )
+        unit, pairs = np.eye(self.states.shape[1]), zip(self.problem.parts, self.motions)
+        return np.array([part.carried(motion, unit, located=located) for part, motion in pairs])
 
-    def linear(self, smooth: bool = False) -> Cyclic:
+    def linear(self, smooth: bool = False) -> Sparse:
         """See `problem.State`."""
-        step = DIFFERENCE * max(abs(self.value), self.problem.smallest)
-        column = (self._run(self.value + step)[0] - self._residual) / step
-        return Cyclic(self.derivatives(smooth), column)
+        count, size = self.states.shape
+        following = sparse.kron(np.roll(np.eye(count), 1, axis=1), np.eye(size))
+        along = sparse.block_diag(self.derivatives(smooth)) - following
+        return Sparse(sparse.hstack([along, np.zeros((count * size, 1))]))
 
     def forget(self) -> None:
         """See `problem.State`."""
@@ -121,9 +95,9 @@ class Segments:
             return np.concatenate([part[:-1] for part in parts] + [parts[-1][-1:]])
 
         residual = self.states[-1] + self.motions[-1].residual - self.states[0]
-        work = np.concatenate([motion.work for motion in self.motions])
+        work, driven = np.concatenate([motion.work for motion in self.motions]), self.problem.driven
         motion = PeriodMotion(residual, whole("states"), whole("velocities"), whole("forces"), work)
-        return FixedPoint(self.states[0] + self.driven.linear_state, self.driven, motion, residuals)
+        return FixedPoint(self.states[0] + driven.linear_state, driven, motion, residuals)
 
 
 def at_segments(guess: Orbit, period: Period, frequency: float, segments: int) -> np.ndarray:
@@ -170,12 +144,10 @@ def shoot_segments(
     SolveError
         If Newton's method does not converge.
     """
-    orbits = SegmentedOrbits(period, ParameterRange("frequency", frequency, frequency), count)
-    orbits.settled = orbits.closed  # to rounding, as steady states are found
+    problem = SegmentedMotion(period, frequency, count)
     guess = np.zeros((count, 2 * period.modes)) if states is None else states
-    u = np.append(guess.ravel(), frequency)
     try:
-        point = correct(orbits, u, Metric(orbits, u).level(u, frequency))
+        point = correct(problem, np.append(guess, 0.0), problem.value)
     except PetscFailure:
         raise
     except SolveError as error:
@@ -191,7 +163,7 @@ def segmented_stability(segments: Segments) -> tuple[np.ndarray, Callable[[], fl
     computes the uncertainty of the largest modulus, by the same motion in twice the steps.
     """
     values = product_eigenvalues(segments.derivatives(located=True))
-    frequency, period = segments.value, segments.problem.period
+    frequency, period = segments.problem.driven.frequency, segments.problem.period
     begins = [
         np.append(period.weights * motion.states[0], motion.velocities[0]) for motion in segments.motions
     ]
@@ -205,3 +177,66 @@ def segmented_stability(segments: Segments) -> tuple[np.ndarray, Callable[[], fl
         return uncertainty_of(abs(values[0]) - abs(product_eigenvalues(other.derivatives(located=True))[0]))
 
     return values, error
+
+
+# ---------------------------------------------------------------------- eigenvalues of a product
+def product_eigenvalues(factors: np.ndarray) -> np.ndarray:
+    """Eigenvalues of F_n ... F_2 F_1 by falling modulus, without the product, in whose rounding small ones
+    are lost.
+
+    Orthogonal Q_k and triangular R_k with F_k Q_(k-1) = Q_k R_k are carried through all factors, and again
+    from the last Q: subspaces of eigenvalues of different moduli part (F. L. Bauer, Z. Angew. Math. Phys. 8,
+    214, 1957), and those in one of them are the eigenvalues of the product of the R_k's diagonal blocks
+    there.
+
+    Each is that of factors which differ from the given ones by about 1e-15 of their norms: relative errors
+    are that times the condition of the eigenvalue, whatever its size beside the largest.
+
+    Parameters
+    ----------
+    factors : (n, s, s) array
+
+    Raises
+    ------
+    SolveError
+        If the factors are not finite, or the iteration does not end.
+    """
+    norms, size = np.abs(factors).max(axis=(1, 2)), factors.shape[1]
+    if not np.isfinite(norms).all():
+        raise failed_solve("Floquet multipliers: the derivative of a segment is not finite")
+    if not norms.all():
+        return np.zeros(size, dtype=complex)
+    turned, triangles, enough, taken = np.eye(size), np.empty(factors.shape), 0, 0
+    while not enough or taken < enough:
+        taken += 1
+        begin = turned
+        for k, factor in enumerate(factors / norms[:, None, None]):
+            turned, triangles[k] = np.linalg.qr(factor @ turned)
+        closing = begin.T @ turned
+        parted = [k for k in range(1, size) if np.abs(closing[k:, :k]).max() < PARTED]
+        blocks = [slice(*ends) for ends in zip([0, *parted], [*parted, size])]
+        # what is rounding in a factor is zero
+        moduli = np.log(np.maximum(np.abs(np.einsum("kii->ki", triangles)), ZERO)).sum(axis=0)
+        if not enough and max(float(np.ptp(moduli[block])) for block in blocks) < np.log(SPREAD):
+            enough = 2 * taken if parted else taken  # in as many again what is left squares
+        if not enough and taken == ROUNDS:
+            raise failed_solve(
+                f"Floquet multipliers: subspaces of {size} eigenvalues have not parted in {ROUNDS} "
+                "rounds through the segments; take another number of them"
+            )
+    values = np.concatenate(
+        [_of_block(closing[block, block], triangles[:, block, block]) for block in blocks]
+    )
+    with np.errstate(over="ignore", under="ignore"):
+        values = values * np.exp(np.log(norms).sum())
+    return values[np.argsort(-np.abs(values), kind="stable")]
+
+
+def _of_block(closing: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Eigenvalues of the product of triangular matrices and an orthogonal one behind it."""
+    product, logarithm = np.eye(len(closing)), 0.0
+    for triangle in triangles:
+        product = triangle @ product
+        scale = float(np.abs(product).max()) or 1.0
+        product, logarithm = product / scale, logarithm + np.log(scale)
+    return np.linalg.eigvals(closing @ product) * np.exp(logarithm)

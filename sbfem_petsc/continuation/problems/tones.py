@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -12,27 +11,19 @@ from meshing.warnings import StepWarning
 
 from ...checks import integer
 from ...errors import at_point, caller_level, on_all_ranks
-from ...motion.excitation import Excitation
-from ...motion.period_map import Period
-from ...motion.period_motion import PeriodMotion
 from ...motion.states import Point
-from ...petsc import MPI
-from ...record.record import Record, derived, described, quantity
+from ...record.record import derived, described, quantity
 from ...reduction.outputs import LinearOutput
 from ...reduction.reduced_model import ReducedModel
 from ...system.elements.plausibility import furthest_of_lines
 from ...system.fields.places import checked_place
-from ..orbit import LOWEST, component, in_words, largest_error
+from ..orbit import ToldError, component, in_words, told_error
 from ..problem import Point as CurvePoint
-from .curve import RESOLVED, CurveState, spectral_tail
+from .curve import RESOLVED, spectral_tail
 from .curve_system import tangents
 from .own_tone import Curves, OwnTone, strays
 from .torus import exponents
 
-# Multiples of the first tone of which lines are kept.
-LINES = 20
-# Instants at which displacements are looked at together.
-INSTANTS = 512
 # Lyapunov exponents that are followed, and turns of the map they are averaged over.
 EXPONENTS, TURNS = 4, 400
 # A history that strays so far, in its swings, from a curve that is said to attract it refutes the curve: 0.03
@@ -43,7 +34,7 @@ WHOLE = 1e-9
 
 
 @described
-class QuasiPeriodic(Record):
+class QuasiPeriodic(ToldError):
     """A steady state of two tones: u = Re sum c_mn exp(2 pi i (m f1 + n f2) t).
 
     Where f2 is the motion's own, f1 is the inverse of the period of the motion it leaves, f2 is below f1, and
@@ -95,21 +86,9 @@ class QuasiPeriodic(Record):
     sticking: int | None = quantity(
         "1", "slips that stick throughout, on which the motion depends", kinds="iu", default=None, least=0
     )
-
-    mode_error: np.ndarray = quantity(
-        "1",
-        "error of the lines m f1 + n f2, |m| + |n| = 0 to 4, of the named points by left-out modes and the "
-        "steps, the largest of each such order; inf where it is not found, nan where no accuracy was asked "
-        "for",
-        "low_harmonic",
-        finite=False,
-        default_factory=lambda: np.full(LOWEST, np.nan),
+    mode_error: np.ndarray = told_error(
+        "the lines m f1 + n f2, |m| + |n| = 0 to 4, of the named points", ", the largest of each such order"
     )
-
-    @derived("1", "largest error of such lines, each by its order", row=True, finite=False)
-    def largest_mode_error(self) -> float:
-        """Largest of `mode_error[k] / k`."""
-        return largest_error(self.mode_error)
 
     def check(self) -> None:
         """Raise ValueError unless curve, lines and model belong together."""
@@ -237,7 +216,7 @@ class QuasiPeriodic(Record):
         if place not in known:
             found, u = self.reduced.output_at("displacement", place), own_curve(self)
             alone = LinearOutput((), found.modes[None], found.loads[None], found.contact[None])
-            known[place] = _own_lines(self.own, Curves(self.own, u).at(u), alone)[:, :, 0]
+            known[place] = Curves(self.own, u).at(u).lines(alone)[:, :, 0]
         return known[place]
 
     def line(self, m: int, n: int, point: Point, direction: str = "y") -> complex:
@@ -282,83 +261,10 @@ class QuasiPeriodic(Record):
         )
 
 
-def tone_lines(
-    period: Period,
-    motions: Sequence[PeriodMotion | None],
-    rotation: float,
-    linear: Sequence[tuple[Excitation, np.ndarray]],
-    comm: MPI.Comm,
-    points: LinearOutput | None = None,
-) -> np.ndarray:
-    """(21, k, points, 2) lines of all named points, m. Collective.
-
-    Parameters
-    ----------
-    period : Period
-        Of the faster tone.
-    motions : sequence of PeriodMotion or None
-        From each of the samples; this rank's.
-    rotation : float
-        Turns of the slower tone in a period of the faster one.
-    linear : sequence of (Excitation, (k, m) array)
-        Loads of the faster tone, and of the slower one, with the modal amplitudes of the linear response.
-    comm : MPI.Comm
-        Ranks that share the samples.
-    points : LinearOutput, optional
-        Others than the named ones.
-    """
-    points, samples = points or period.reduced.points, len(motions)
-    steps, half = period.steps, samples // 2
-    lines = min(LINES, steps // 2 - 1)
-    orders, seen = np.arange(-half, half + 1), points.modes.shape[:2]
-    found = np.zeros((lines + 1, len(orders), *seen), dtype=complex)
-    mine = [(i, motion) for i, motion in enumerate(motions) if motion is not None]
-    over_samples = np.exp(-2j * np.pi * orders[:, None] * [i for i, _ in mine] / samples) / samples
-    for begin in range(0, steps if mine else 0, INSTANTS):
-        part = slice(begin, min(begin + INSTANTS, steps))
-        u = np.array([_moved(points, period.pairs, motion, part) for _, motion in mine])
-        # the slower tone's lines over the samples at each instant, then the faster one's over the instants
-        slow = np.tensordot(over_samples, u, axes=1)
-        share = np.arange(part.start, part.stop) / steps
-        forward = np.exp(-2j * np.pi * np.arange(lines + 1)[:, None] * share) / steps
-        for j, order in enumerate(orders):
-            turned = np.exp(-2j * np.pi * order * rotation * share)[:, None] * slow[j]
-            found[:, j] += (forward @ turned).reshape(-1, *seen)
-    comm.Allreduce(MPI.IN_PLACE, found)
-    found *= 2.0
-    found[0, half] *= 0.5
-    if samples % 2 == 0:  # both ends of the range are the same harmonic of the samples
-        found[:, [0, -1]] *= 0.5
-    for tone, (drive, amplitudes) in enumerate(linear):
-        response = np.einsum("pim,km->kpi", points.modes, amplitudes)
-        response += np.einsum("pil,kl->kpi", points.loads, drive.amplitudes)
-        for order, value in zip(drive.orders, response):
-            place = (order, half) if tone == 0 else (0, half + order)
-            if place[0] <= lines and place[1] < len(orders):
-                found[place] += value
-    return found
-
-
-def _moved(points: LinearOutput, pairs: int, motion: PeriodMotion, part: slice) -> np.ndarray:
-    """(n, 2 points): displacements of points at some instants, without the linear response."""
-    u = np.einsum("pim,nm->npi", points.modes, motion.states[part], optimize=True)
-    u += np.einsum("pic,nc->npi", points.contact[..., :pairs], motion.forces[part], optimize=True)
-    return u.reshape(len(u), -1)
-
-
-def _own_lines(own: OwnTone, state: CurveState, points: LinearOutput | None = None) -> np.ndarray:
-    """`tone_lines` of a motion with a tone of its own. Collective."""
-    driven = own.driven(state.value)
-    linear = ((own.period.excitation.scaled(driven.factor), driven.amplitudes),)
-    return tone_lines(own.period, state.motions, state.rotation, linear, own.comm, points)
-
-
 def own_motion(point: CurvePoint, stability: bool) -> QuasiPeriodic:
     """The motion of an invariant curve with a tone of its own, a point of `Curves`. Collective."""
     state, own = point.state, point.problem.tone
-    driven = own.driven(state.value)
-    lines = _own_lines(own, state)
-    growth = np.zeros(0)
+    driven, lines, growth = own.driven(state.value), state.lines(), np.zeros(0)
     if stability:
         maps, along = state.linearised(smooth=True)[0].maps, tangents(state.states)
         growth = exponents(maps, state.rotation, EXPONENTS, TURNS, along) / driven.duration

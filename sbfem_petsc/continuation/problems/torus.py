@@ -8,6 +8,7 @@ is known in closed form.
 from __future__ import annotations
 
 import copy
+import functools
 import math
 from collections.abc import Callable, Sequence
 
@@ -18,8 +19,11 @@ from ...motion.excitation import Excitation, modal_forces
 from ...motion.period_map import DrivenPeriod, Period
 from ...motion.period_motion import PeriodMotion
 from ...petsc import MPI
+from ...reduction.build import wider
 from ...reduction.reduced_model import ReducedModel
-from ..newton import correct
+from ..harmonic_errors import FAINT, SECOND, beyond, in_modes
+from ..newton import attempt, correct
+from ..orbit import LOWEST
 from ..problem import Point
 from .curve import InvariantCurves, named
 from .curve_system import CurveMaps, filtered, shift
@@ -95,6 +99,10 @@ class Torus(InvariantCurves):
         """See `InvariantCurves`."""
         return lambda i: self.driven(i / self.samples)
 
+    def linear_response(self, value: float) -> Sequence[tuple[Excitation, np.ndarray]]:
+        """See `InvariantCurves`."""
+        return tuple(zip(self.drives, (self.base.amplitudes, self.pumped)))
+
     def driven(self, theta: float) -> DrivenPeriod:
         """The map at a phase of the second tone, in differences to the linear response."""
         result = copy.copy(self.base)
@@ -139,14 +147,11 @@ class Torus(InvariantCurves):
             begin = np.tile(self.linear, (self.samples, 1)) if states is None else states
             u = np.append(begin.ravel(), 0.0)
 
-        def held(x: np.ndarray) -> tuple[float, np.ndarray]:
-            return float(x[-1]), np.eye(1, len(x), len(x) - 1)[0]
-
         done, failed = 0, None
         for target in (0, *SETTLING):
             u, done = self._followed(u, target - done), target
             try:
-                return correct(self, u, held)
+                return correct(self, u, self.value)
             except PetscFailure:
                 raise
             except SolveError as error:
@@ -235,3 +240,59 @@ def exponents(
             counted += 1
     comm.Bcast(growth)  # ranks may have rounded differently
     return np.sort(growth / counted)[::-1]
+
+
+# ---------------------------------------------------------------------- what is told of the lines' errors
+def line_error_estimates(
+    torus: Torus, point: Point, make: Callable[[ReducedModel, int], Torus]
+) -> np.ndarray:
+    """(2, 5): errors by left-out modes and by the steps of the lines m f1 + n f2 of all named points, the
+    largest of each order |m| + |n| = 0 to 4, relative to the line or to 1e-3 of the largest that oscillates;
+    as `harmonic_error_estimates` has those of one tone. Collective.
+
+    Parameters
+    ----------
+    torus : Torus
+    point : Point
+        Its invariant curve.
+    make : callable
+        The same map of a model in so many steps.
+    """
+    r, steps = torus.reduced, torus.period.steps
+    more = wider(r)
+    if more is None or not len(r.points.names):
+        return np.full((2, LOWEST), np.nan)
+    errors, added = np.full((2, LOWEST), np.inf), point.state.states - torus.linear
+    own = point.state.lines()
+    if not point.state.peak:  # known in closed form
+        errors[1] = 0.0
+    elif found := _nearby(lambda: make(r, 2 * steps), added):
+        errors[1] = SECOND * _by_order(found[0] - own, own)
+        steps, (own, added) = 2 * steps, found
+    factor = beyond(r, more)
+    if np.isfinite(factor) and (found := _nearby(lambda: make(more, steps), in_modes(added, r, more))):
+        errors[0] = factor * _by_order(found[0] - own, own)
+    return errors
+
+
+def _nearby(make: Callable[[], Torus], added: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Lines of an invariant curve near a difference to the linear response, and its own; None if there is
+    none, or no room for it. Collective.
+    """
+    torus = attempt(make, ValueError)  # there may be no memory for it
+    if torus is None:
+        return None
+    point = attempt(functools.partial(torus.solve, added + torus.linear), SolveError)
+    return None if point is None else (point.state.lines(), point.state.states - torus.linear)
+
+
+def _by_order(off: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """(5,): of lines (m, n, points, xy), the largest error of each order."""
+    count = min(len(off), len(own))
+    off, own = (np.linalg.norm(part[:count], axis=(2, 3)) for part in (off, own))
+    middle = own.shape[1] // 2
+    off[0, :middle] = 0.0  # conjugate to those of positive n, but for the linear response, which these have
+    order = np.arange(count)[:, None] + np.abs(np.arange(own.shape[1]) - middle)
+    least = max(FAINT * own[order > 0].max(initial=0.0), np.finfo(float).tiny)
+    errors = off / np.maximum(own, least)
+    return np.array([errors[order == k].max(initial=0.0) for k in range(LOWEST)])

@@ -63,7 +63,7 @@ class UnreducedOrbits(Problem):
 
     def sum(self, local: float) -> float:
         """See `Problem`."""
-        return self.period.total(local)
+        return float(self.comm.allreduce(local))
 
     def norm(self, vector: np.ndarray) -> float:
         """Of this rank's part and those of the others. Collective."""
@@ -99,10 +99,6 @@ class UnreducedOrbits(Problem):
         sizes = self.comm.allgather(self.period.unknowns)
         begin = sum(sizes[: self.comm.rank])
         return np.append(u[begin : begin + sizes[self.comm.rank]], u[-1])
-
-    def alike(self, one: Point, other: Point) -> bool:
-        """See `Problem`: the same rows touch."""
-        return bool((one.state.touching == other.state.touching).all())
 
 
 class UnreducedState:

@@ -16,19 +16,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...checks import positive
 from ...petsc import stage
 from ...ranks.capacity import require_compiler, require_memory
 from ...ranks.parallel import collective
-from ...signals.waves import Harmonic
 from ...system.model import Model
 from ...system.solve.demand import require_steps
 from ...system.solve.modes import lowest_modes
 from ...system.solve.pencil import Pencil
 from ..excitation import Excitation
 from ..integration import Steps
-from ..loading import Loading, loading, warn_of_unreduced
-from ..preparation import STEPS, PeriodSettings
+from ..loading import Loading, warn_of_unreduced
+from ..preparation import STEPS, PeriodSettings, driving
 from ..states import Rows, SampledStates
 from .history import row_of, row_size, sampled
 from .kept_fields import KeptFields
@@ -130,10 +128,6 @@ class UnreducedPeriod:
             march = UnreducedSteps(self.model, self.pencil, self.loads.units, steps, self.found)
         self._marches[frequency] = march
         return march
-
-    def total(self, local: float) -> float:
-        """Sum over the ranks. Collective."""
-        return float(self.comm.allreduce(local))
 
 
 class UnreducedDriven:
@@ -281,9 +275,7 @@ def prepare_unreduced(
     """
     model.require_support(owner)
     with collective(model.comm):
-        positive(owner, "frequency", frequency, "Hz")
-        loads = loading(owner, model, load, lambda value: Harmonic(value, frequency))
-        excitation = Excitation.of(loads.signals, frequency, settings.periods, settings.longest)
+        loads, excitation = driving(owner, model, load, frequency, settings=settings)
         if model.rayleigh[1] == 0.0:
             raise ValueError(
                 f"{owner}: the unreduced model needs stiffness-proportional damping, Model(rayleigh=(a, b)) "
