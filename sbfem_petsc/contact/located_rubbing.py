@@ -23,8 +23,8 @@ from .closed_sets import Contacts
 from .friction import ALONG, STICKS
 from .held_rows import extent_of
 from .law import FREE
-from .marching import StepConstants
 from .rubbing_tangent import LEAST
+from .step_data import StepConstants
 
 
 class _Operators(NamedTuple):
@@ -82,7 +82,7 @@ def located_rubbing(
     ----------
     step : StepConstants
     history : (n + 1, c + k) int8 and float arrays, (n, k, 3) array
-        States of the rows at the steps' ends, their forces, and where they land (`marching.StepHistory`).
+        States of the rows at the steps' ends, their forces, and where they land (`step_data.StepHistory`).
     gaps : callable
         Gaps and slips of rows at instants, (k,) and (k,) int arrays.
     units : (k,) array

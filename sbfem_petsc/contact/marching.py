@@ -10,170 +10,21 @@ normal ones, and of the step before their slips count too.
 
 from __future__ import annotations
 
-import math
+import operator
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from .compiled import compiled_loops, inner_loops, typeof, typeof_impl, types
+from .compiled import Address, compiled_loops, inner_loops, layout_of
 from .friction import STICKS
-from .held_rows import NO_ROOM, NOTHING, Rubbing, Sets, rubbing_room
-from .law import FREE, RowLaws, Table
+from .held_rows import NO_ROOM, NOTHING, Sets, rubbing_room
+from .law import FREE, RowLaws
+from .pivoted_step import pivoted_step
 from .pivoting import Factor, add_rows, empty_factor, products
 from .rubbing import rubbing_forces, smooth_forces
+from .step_data import NEVER, Halving, Marched, StepConstants, StepHistory, StepLoads, StepState
 from .step_work import End, energy_of_modes, lost_to_friction, work_of_contact
-
-
-class Halving(NamedTuple):
-    """Which steps are taken as two halves, and these as halves again, as far as there are constants: those in
-    which the faces' contact, which does no work in the exact motion but for what friction takes, does more of
-    it than so much.
-
-    Attributes
-    ----------
-    tolerance : float
-        Of the energy of the modes at the step's end; infinite: no step.
-    floor : float
-        Energy that is added to it, J.
-    """
-
-    tolerance: float
-    floor: float
-
-
-NEVER = Halving(math.inf, 0.0)
-
-
-class StepConstants(NamedTuple):
-    """What the steps of a reduced model have in common; see `step_constants`.
-
-    Attributes
-    ----------
-    coefficients : (levels, 10, m) array
-        aqq, aqv, bq, dq, cq, avq, avv, bv, dv, cv of each mode, of a step h, of h / 2, h / 4, ..
-    left, right : (r, pairs), (r, m) arrays
-        Rows of the factors of C = U V^T, gaps of the modes: U^T and V^T.
-    flexibility : (levels, pairs, pairs) array
-        W of each of these steps.
-    residual : (pairs, pairs) array
-        R, which alone gives the forces of a state from which no step leads back.
-    laws : Table
-        Of the normal rows.
-    rubbing : Rubbing
-    stiffness : (m,) array
-        omega^2, of the energy that the work of contact is compared with.
-    halving : Halving
-    """
-
-    coefficients: np.ndarray
-    left: np.ndarray
-    right: np.ndarray
-    flexibility: np.ndarray
-    residual: np.ndarray
-    laws: Table
-    rubbing: Rubbing
-    stiffness: np.ndarray
-    halving: Halving
-
-
-class StepLoads(NamedTuple):
-    """What drives several steps, at their n + 1 ends.
-
-    Attributes
-    ----------
-    external : (n + 1, m) array
-        Modal forces of the loads; (0, m) where there are none.
-    free_gap : (n + 1, pairs) array
-        Initial gaps and the residual flexibility's share of the loads.
-    levels : (n,) int8 array
-        Of the steps, whose lengths are h / 2^level. Loads and gaps are linear in each.
-    """
-
-    external: np.ndarray
-    free_gap: np.ndarray
-    levels: np.ndarray
-
-
-class StepState(NamedTuple):
-    """A state between two steps, advanced in place.
-
-    Attributes
-    ----------
-    q, v : (m,) arrays
-        Modal coordinates and rates.
-    force : (pairs,) array
-        Of contact, N.
-    rows : (pairs,) int8 array
-        States of the contact rows, see `law` and `friction`.
-    slip : (k,) array
-        Of the tangential rows, m: what faces that rub remember.
-    """
-
-    q: np.ndarray
-    v: np.ndarray
-    force: np.ndarray
-    rows: np.ndarray
-    slip: np.ndarray = np.empty(0)
-
-
-class StepHistory(NamedTuple):
-    """Filled with what the steps lead to.
-
-    Attributes
-    ----------
-    states, velocities, forces : (n, m), (n, m), (n, pairs) arrays
-        q, v and the contact forces after each step.
-    work : (n,) array
-        Of the contact forces in each, J: mean force times change of the gap, of its parts one by one, but for
-        what is lost to friction.
-    parts : (n 2^(levels - 1) + 1,) or (0,) int8 array
-        Levels of the steps as they were taken, whose number is told; not kept in an empty one.
-    lost : (n,) or (0,) array
-        To friction in each, J; not kept in an empty one.
-    rows : (n, pairs) or (0, 0) int8 array
-        States of the rows after each step; not kept in an empty one.
-    kept : (k,) or (0,) array
-        Slips that the tangential rows keep in the last step, m; not told in an empty one.
-    landings : (n, k, 3) or (0, 0, 3) array
-        Zeros, but for where tangential rows land in each step, see `held_rows.Sets`; not kept in an empty
-        one.
-    told, aside : (n, pairs) or (0, 0) int8 and float arrays
-        States and forces from which it is told where they land in each step; not kept where landings are not.
-    """
-
-    states: np.ndarray
-    velocities: np.ndarray
-    forces: np.ndarray
-    work: np.ndarray
-    parts: np.ndarray = np.empty(0, dtype=np.int8)
-    lost: np.ndarray = np.empty(0)
-    rows: np.ndarray = np.empty((0, 0), dtype=np.int8)
-    kept: np.ndarray = np.empty(0)
-    landings: np.ndarray = np.empty((0, 0, 3))
-    told: np.ndarray = np.empty((0, 0), dtype=np.int8)
-    aside: np.ndarray = np.empty((0, 0))
-
-
-class Marched(NamedTuple):
-    """What has been done.
-
-    Attributes
-    ----------
-    steps : int
-        Fewer than n: a contact problem was not solved.
-    exchanges : int
-        Of active sets, in all.
-    unresolved : int
-        Steps of the last level in which contact does more work than `Halving` allows.
-    taken : int
-        Steps and parts of steps.
-    """
-
-    steps: int
-    exchanges: int
-    unresolved: int
-    taken: int
 
 
 class Room(NamedTuple):
@@ -245,8 +96,23 @@ def march(
     `kept` from call to call is `begun` of these constants.
     """
     external = loads.external if loads.external.any() else loads.external[:0]
-    loads = StepLoads(*map(np.ascontiguousarray, (external, *loads[1:])))
-    return Marched(*_march(step, loads, state, history, *(kept or begun(step))))
+    loads, kept = StepLoads(*map(np.ascontiguousarray, (external, *loads[1:]))), kept or begun(step)
+    total, rubs = Marched(0, 0, 0, 0), step.rubbing.rows.size > 0
+    while True:
+        found = Marched(*_march(step, loads, state, history, *kept))
+        total = Marched(*map(operator.add, total, found))
+        if found.steps == len(history.states) or not rubs:
+            return total
+        # the kernel has left the state alone: to where it ended, over the next step, and on
+        place, behind = slice(found.steps), slice(found.steps, found.steps + 1)
+        _march(step, loads.part(place), state, history.part(place), *kept)
+        if not pivoted_step(step, loads.part(behind), state, history.part(behind, found.taken)):
+            return total
+        total = total._replace(steps=total.steps + 1, taken=total.taken + 1)
+        if found.steps + 1 == len(history.states):
+            return total
+        rest = slice(found.steps + 1, None)
+        loads, history = loads.part(rest), history.part(rest, found.taken + 1)
 
 
 def begun(step: StepConstants) -> tuple[Room, Address]:
@@ -279,29 +145,6 @@ def _begin(step: StepConstants, loads: StepLoads, state: StepState, room: Room) 
         end.gap[i] = state.slip[i - count]
 
 
-class Address(types.WrapperAddressProtocol):
-    """Where the code of a kernel for arguments as those given stands; kernels take it for a function."""
-
-    def __init__(self, kernel: Any, *arguments: object):
-        kinds = tuple(map(typeof, arguments))
-        kernel.compile(kinds)
-        found = kernel.overloads[kinds]
-        self._signature = found.signature
-        self.kind = types.FunctionType(found.signature)
-        self._place = found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name)
-
-    def __wrapper_address__(self) -> int:
-        return int(self._place)
-
-    def signature(self) -> Any:
-        """What numba calls it with."""
-        return self._signature
-
-
-# numba would make it for each call of a kernel, which is as long as half of a short period.
-typeof_impl.register(Address, lambda address, context: address.kind)
-
-
 # numba looks for the kind of arguments for a millisecond, which is as long as a period.
 _addresses: dict[tuple, Address] = {}
 
@@ -311,17 +154,10 @@ def contact_kernel(step: StepConstants, room: Room) -> Address:
     one, other = room.before, room.after
     gaps, held = (other.gap, one.gap), (step.laws, step.rubbing, one.rows)
     given, rubs = (step.flexibility[0], gaps, held, room.sets, one.force), step.rubbing.rows.size > 0
-    layout = (rubs, _layout(given))
+    layout = (rubs, layout_of(given))
     if layout not in _addresses:
         _addresses[layout] = Address(rubbing_forces if rubs else smooth_forces, *given)
     return _addresses[layout]
-
-
-def _layout(given: Any) -> object:
-    """What tells kinds of arguments apart: of arrays dimensions, numbers and places in memory."""
-    if isinstance(given, tuple):
-        return tuple(map(_layout, given))
-    return (given.ndim, given.dtype.char, given.flags.num) if isinstance(given, np.ndarray) else type(given)
 
 
 @inner_loops

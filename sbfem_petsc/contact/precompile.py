@@ -7,7 +7,8 @@ from __future__ import annotations
 import numpy as np
 
 from .law import RowLaws
-from .marching import StepHistory, StepLoads, StepState, march, step_constants
+from .marching import march, step_constants
+from .step_data import StepHistory, StepLoads, StepState
 
 
 def compile_kernels() -> None:

@@ -12,15 +12,12 @@ from .friction import STICKS
 from .law import FREE
 from .marching import (
     Room,
-    StepConstants,
-    StepHistory,
-    StepLoads,
-    StepState,
     _march,
     _sets,
     begun,
 )
 from .pivoting import add_rows, caught, products
+from .step_data import StepConstants, StepHistory, StepLoads, StepState
 
 # What a motion has come to; from 0 on the number of a known one.
 UNSOLVED, UNSETTLED, REPEATS = -3, -2, -1

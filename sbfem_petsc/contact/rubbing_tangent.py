@@ -23,8 +23,8 @@ from .compiled import compiled_loops, inner_loops, inner_sums
 from .friction import STICKS
 from .held_rows import Rubbing, Sets, empty_sets, follow, pull_of, pulled
 from .law import FREE
-from .marching import StepConstants
 from .pivoting import add_rows, products
+from .step_data import StepConstants
 
 # Directions of contact that change the position in a step, in units of it, by less than this are left out, or
 # where that is enough by less than another.
@@ -69,7 +69,7 @@ def rubbing_contacts(
     step : StepConstants
     history : (n + 1, c + k) int8 array, (n, k, 3) array, (n, c + k) int8 array
         States of the rows at the steps' ends, where they land in these, and from which states this is told
-        (`marching.StepHistory`).
+        (`step_data.StepHistory`).
     units : (k,) array
         Those of the slips in the state, m.
     gap_rates : (n + 1, c + k, e) array, (n, c + k, e) array

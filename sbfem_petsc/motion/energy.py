@@ -13,7 +13,7 @@ from ..record.record import Record, described, quantity
 from ..reduction.reduced_model import ReducedModel
 
 if TYPE_CHECKING:  # its kernels take a third of a second and 60 MB, and reading a history does not need them
-    from ..contact.marching import StepHistory
+    from ..contact.step_data import StepHistory
 
 # Work of the contact forces, relative to the energy supplied, beyond which a history is refused.
 WORK_LIMIT = 0.01

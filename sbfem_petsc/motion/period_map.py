@@ -20,10 +20,11 @@ from ..contact.closed_sets import exact_contacts, located_contacts
 from ..contact.friction import STICKS
 from ..contact.held_rows import empty_sets
 from ..contact.located_rubbing import located_rubbing
-from ..contact.marching import StepHistory, StepLoads, StepState, march
+from ..contact.marching import march
 from ..contact.pivoting import contact_forces, empty_factor
 from ..contact.rubbing import rubbing_forces
 from ..contact.rubbing_tangent import LEAST, ROUGH, rubbing_contacts
+from ..contact.step_data import StepHistory, StepLoads, StepState
 from ..contact.tangent import Derivative
 from ..errors import called, failed_solve
 from ..petsc import MPI

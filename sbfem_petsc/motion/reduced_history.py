@@ -8,14 +8,8 @@ import numpy as np
 
 from ..contact.complementarity import Complementarity
 from ..contact.friction import Memory, solve_contact
-from ..contact.marching import (
-    Marched,
-    StepConstants,
-    StepHistory,
-    StepLoads,
-    StepState,
-    march,
-)
+from ..contact.marching import march
+from ..contact.step_data import Marched, StepConstants, StepHistory, StepLoads, StepState
 from ..errors import failed_solve, wrong_input
 from ..reduction.reduced_model import ReducedModel
 from ..signals.rate import rate_of

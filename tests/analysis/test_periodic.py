@@ -12,7 +12,7 @@ import pytest
 
 import sbfem_petsc as sb
 from sbfem_petsc.contact.closed_sets import thin_factors
-from sbfem_petsc.contact.marching import Marched
+from sbfem_petsc.contact.step_data import Marched
 from sbfem_petsc.continuation import search as steady
 from sbfem_petsc.continuation.search import NEWTON_ALONE, Search
 from sbfem_petsc.errors import PetscFailure

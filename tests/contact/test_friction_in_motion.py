@@ -16,8 +16,9 @@ from sbfem_petsc.contact.complementarity import Complementarity
 from sbfem_petsc.contact.friction import AGAINST, ALONG, STICKS, Friction, Memory, solve_friction
 from sbfem_petsc.contact.held_rows import empty_sets, rubbing_of
 from sbfem_petsc.contact.law import FREE, RowLaws
-from sbfem_petsc.contact.marching import NEVER, StepHistory, StepState, march
+from sbfem_petsc.contact.marching import march
 from sbfem_petsc.contact.rubbing import rubbing_forces
+from sbfem_petsc.contact.step_data import NEVER, StepHistory, StepState
 from sbfem_petsc.motion import reduced_history
 from sbfem_petsc.motion.integration import Steps
 from tests.contact.test_friction import check, enumerated, problem, square

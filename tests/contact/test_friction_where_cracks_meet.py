@@ -7,9 +7,13 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import CrackLine, Plate
+from sbfem_petsc.contact import marching
 from sbfem_petsc.contact.law import FREE
+from sbfem_petsc.contact.step_data import NEVER, StepState
+from sbfem_petsc.motion import reduced_history
 from sbfem_petsc.motion.preparation import PeriodSettings, prepare
 from tests.contact.test_friction import LINES
+from tests.contact.test_friction_in_motion import slider
 from tests.systems import ALUMINIUM
 
 FREQUENCY, MODES = 3000.0, 8
@@ -87,19 +91,56 @@ def test_derivative_of_a_period(name, law):
 
 
 @pytest.mark.parametrize(
-    "name", ["kink", *[pytest.param(n, marks=pytest.mark.long) for n in ("crossing", "T")]]
+    "name, law",
+    [
+        ("kink", sb.Coulomb(0.2, static_friction=0.3)),
+        ("kink", sb.Coulomb(2.0)),
+        pytest.param("crossing", sb.Coulomb(0.2, static_friction=0.3), marks=pytest.mark.long),
+        pytest.param("crossing", sb.Coulomb(1.2), marks=pytest.mark.long),
+        pytest.param("T", sb.Coulomb(0.2, static_friction=0.3), marks=pytest.mark.long),
+        pytest.param("T", sb.Coulomb(2.0), marks=pytest.mark.long),
+    ],
 )
-def test_friction_that_falls_where_a_slip_begins(name):
-    """No step ends without a solution: what none is found for with the coefficient that sticking ends at has
-    one with the other, which obeys both. Forces are within their bounds, and energy is kept.
+def test_no_step_ends_without_a_solution(name, law):
+    """What has none with the coefficient that sticking ends at has one with the other, which obeys both; what
+    exchanges and sweeps find none for, Lemke's method does. Forces are within their bounds, and energy is
+    kept.
     """
     lines = [[(0.05, 0.1), (0.04, 0.07), (0.06, 0.05)]] if name == "kink" else LINES[name]
-    with plate_of(lines, sb.Coulomb(0.2, static_friction=0.3)) as model:
+    with plate_of(lines, law) as model:
         found = sb.transient(model, SHAKEN, 30 / FREQUENCY, 1 / (64 * FREQUENCY), modes=MODES)
         pressure, friction = np.maximum(found.contact_force, 0.0), np.abs(found.friction_force)
-        assert (friction <= 0.3 * pressure + 1e-9 * pressure.max()).all()
-        assert (friction > 0.201 * pressure + 1e-6 * pressure.max()).any()
+        most = law.static_friction
+        assert (friction <= most * pressure + 1e-9 * pressure.max()).all()
+        assert (friction > 0.67 * most * pressure + 1e-6 * pressure.max()).any()
         assert np.abs(found.energy.balance).max() < 1e-3 * found.energy.external.max()
+
+
+def test_steps_on_the_host_are_those_of_kernels(monkeypatch):
+    """Where kernels end at every fifth step, histories of faces that stick and slip are the same."""
+    monkeypatch.setattr(reduced_history, "HALVING", NEVER)
+    reduced, push = slider(damping=0.02), [sb.Harmonic(3.0, 0.25), sb.Constant(-2.0)]
+    expected = sb.transient(reduced, push, 12.0, 0.02, initial="equilibrium")
+    kernel = marching._march
+
+    def ends(step, loads, state, history, *kept):
+        if len(history.states) < 5:
+            return kernel(step, loads, state, history, *kept)
+        first, copied = slice(4), StepState(*(part.copy() for part in state))
+        return kernel(step, loads.part(first), copied, history.part(first), *kept)
+
+    monkeypatch.setattr(marching, "_march", ends)
+    found = sb.transient(reduced, push, 12.0, 0.02, initial="equilibrium")
+    assert len(np.unique(np.sign(np.round(np.diff(found.slip[:, 0]), 12)))) == 3
+    for name in ("displacement", "velocity", "slip", "contact_force", "friction_force"):
+        one, other = getattr(found, name), getattr(expected, name)
+        if name in ("displacement", "velocity"):
+            one, other = one("x"), other("x")
+        assert one == pytest.approx(other, abs=1e-12 * np.abs(other).max()), name
+    # they part what a step takes otherwise where a slip begins in it
+    one, other = found.energy, expected.energy
+    assert one.friction == pytest.approx(other.friction, abs=1e-2 * other.friction[-1])
+    assert one.contact + one.friction == pytest.approx(other.contact + other.friction, abs=1e-12)
 
 
 @pytest.mark.long

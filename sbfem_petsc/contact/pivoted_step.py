@@ -1,0 +1,40 @@
+"""A time step by Lemke's method on the host, of which the kernels find no solution."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import SolveError
+from .friction import Friction, Memory, solve_friction
+from .law import RowLaws
+from .step_data import StepConstants, StepHistory, StepLoads, StepState
+
+
+def pivoted_step(step: StepConstants, loads: StepLoads, state: StepState, history: StepHistory) -> bool:
+    """Take one step, of which kernels find no solution, by Lemke's method; whether there is one. What lands
+    is held where it stood before.
+    """
+    level, count, (q, v, force, rows, slip) = loads.levels[0], step.rubbing.beside.size, state
+    a, pull = step.coefficients[level], step.left @ force @ step.right
+    ends = [a[n] * q + a[n + 1] * v + a[n + 4] * pull for n in (0, 5)]
+    for n, end in zip((2, 7), ends if len(loads.external) else []):
+        end += a[n] * loads.external[0] + a[n + 1] * loads.external[1]
+    gap = loads.free_gap[0] + (step.right @ q) @ step.left + step.residual @ force
+    gap[count:] = slip
+    free = loads.free_gap[1] + (step.right @ ends[0]) @ step.left
+    friction = Friction(step.rubbing.rows, step.rubbing.kinetic, step.rubbing.static)
+    memory = Memory(slip, force[count:], force[:count], rows[:count], rows[count:], np.zeros(count), slip)
+    try:
+        found = solve_friction(step.flexibility[level], free, RowLaws(step.laws), friction, memory)
+    except SolveError:
+        return False
+    lost = Memory.of(found, count).lost_since(memory, friction)
+    history.work[0] = 0.5 * (force + found.force) @ (found.gap - gap) + lost
+    pull = step.left @ found.force @ step.right
+    told = [ends[0] + a[4] * pull, ends[1] + a[9] * pull, found.force, found.state, found.gap[count:]]
+    history.states[0], history.velocities[0], history.forces[0] = told[:3]
+    history.rows[:1] = found.state if history.rows.size else 0
+    history.kept[:], history.lost[:1], history.parts[:1] = slip[: len(history.kept)], lost, level
+    for part, value in zip(state, told):
+        part[:] = value
+    return True
