@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from sbfem_petsc.bodies.calculix import read_deck
 
 FILES = Path(__file__).parent / "calculix"
 
@@ -95,6 +96,22 @@ def test_calculix_itself(job):
     assert found.unknowns.tolist() == right.unknowns.tolist()
     assert np.abs((found.stiffness - right.stiffness).toarray()).max() < 1e-9 * abs(right.stiffness).max()
     assert np.abs((found.mass - right.mass).toarray()).max() < 1e-9 * abs(right.mass).max()
+
+
+def test_lines_of_a_deck(tmp_path):
+    """Nodes of an element go on in the next line, with or without a comma; directions 4 to 6 are held, too;
+    springs, and sets of them, are passed over.
+    """
+    nodes = "".join(f"{k}, {k}., 0., 0.\n" for k in range(1, 21))
+    one, two = ", ".join(map(str, range(1, 16))), ", ".join(map(str, range(16, 21)))
+    springs = "*ELEMENT, TYPE=SPRINGA, ELSET=S\n9, 1, 2\n*ELSET, ELSET=T\n9, S\n"
+    held = "*BOUNDARY\n3, 4, 6\n4, 2\n"
+    for comma in ("", ","):
+        file = tmp_path / "lines.inp"
+        file.write_text(f"*NODE\n{nodes}*ELEMENT, TYPE=C3D20R\n7, {one}{comma}\n{two}\n{springs}{held}")
+        deck = read_deck("test", str(file))
+        assert deck.cells["hexahedron20"].tolist() == [list(range(1, 21))] and len(deck.cells) == 1
+        assert deck.held == {(3, 3), (3, 4), (3, 5), (4, 1)}
 
 
 # Rows of the file of unknowns by other nodes.

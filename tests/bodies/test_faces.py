@@ -9,6 +9,8 @@ import scipy.sparse.linalg
 
 import sbfem_petsc as sb
 
+# Corners of edges in VTK's order, by the corners of a solid.
+SOLIDS = {4: "01 12 20 03 13 23".split(), 8: "01 12 23 30 45 56 67 74 04 15 26 37".split()}
 YOUNG, AREA, LENGTH = 210e9, 1e-4, 0.04
 
 
@@ -110,6 +112,29 @@ def test_pairs_that_are_given_twice(body):
         sb.static(twice, -1.0)
 
 
+def test_a_front_that_both_faces_have():
+    """Two squares each, of which the first ones begin at the same two nodes: these are no pairs, and all of a
+    uniform pressure is shared out to the others, 2 on two squares, whose right nodes carry 1/4 or 1/2.
+    """
+    places = [(y, z) for z in (0.0, 1.0, 2.0) for y in (0.0, 1.0)]
+    nodes = {side + k: (0.0, *place) for side in (1, 11) for k, place in enumerate(places)}
+    left, right = [1, 2, 3, 4, 5, 6], [1, 2, 13, 14, 15, 16]
+    squares = [[*(a[:2]), a[3], a[2]] for face in (left, right) for a in (face[:4], face[2:])]
+    labels = sorted({*left, *right})
+    body = sb.FiniteElementModel(
+        scipy.sparse.identity(len(labels)),
+        1e9 * scipy.sparse.identity(len(labels)),
+        [(label, 0) for label in labels],
+        nodes,
+        elements={"quad": squares},
+    )
+    crack = body.contact(left, right, normal="x", matching=False)
+    on_right = crack.rows.toarray()[:, [labels.index(label) for label in right[2:]]]
+    assert crack.rows.shape[0] == 4 and not crack.rows[:, :2].toarray().any()
+    forces = np.linalg.solve(on_right.T, [0.5, 0.5, 0.25, 0.25])
+    assert (forces > 0.0).all() and forces.sum() == pytest.approx(2.0, rel=1e-12)
+
+
 def test_two_bars_in_closed_form(body):
     """A pressure on the left bar's end closes a gap g: N = (F / k - g) / (2 / k), and the faces' meshes, 12
     and 4 cells, pass it on uniformly (each left node by itself before the right face: 1.8e-3 of N off).
@@ -139,8 +164,8 @@ def test_two_bars_in_closed_form(body):
 
 def test_pressure_passes_through_faces_of_any_elements():
     """Patch test: a block under pressure on one end, held at the other so that it may widen, of tetrahedra of
-    second order against hexahedra, neither finer than the other in both directions. Displacements are linear,
-    forces between the faces all press (each node by itself: displacements 2e-2 off, some forces pull).
+    ten nodes against hexahedra of twenty, neither finer than the other in both directions. Displacements are
+    linear, forces between the faces all press (each node by itself: 2e-2 off, some forces pull).
     """
     skfem = pytest.importorskip("skfem")
     from skfem.models.elasticity import lame_parameters, linear_elasticity
@@ -148,7 +173,7 @@ def test_pressure_passes_through_faces_of_any_elements():
     parts, blocks = [], []
     for first, start, kinds, counts in (
         (1, 0.0, (skfem.MeshTet, skfem.ElementTetP2), (2, 3, 2)),
-        (1001, 0.03, (skfem.MeshHex, skfem.ElementHex1), (2, 2, 4)),
+        (1001, 0.03, (skfem.MeshHex, skfem.ElementHexS2), (2, 2, 4)),
     ):
         sides = zip((start, 0.0, 0.0), (0.03, 0.01, 0.01), counts)
         mesh = kinds[0].init_tensor(*(np.linspace(at, at + size, n + 1) for at, size, n in sides))
@@ -162,14 +187,15 @@ def test_pressure_passes_through_faces_of_any_elements():
                 along[dofs[d]] = d
         blocks.append(linear_elasticity(*lame_parameters(YOUNG, 0.3)).assemble(basis))
         corners = back.ravel()[basis.nodal_dofs[0][mesh.t]]
-        if first == 1:
-            middles = [
-                [np.abs(places - 0.5 * (places[i] + places[j])).sum(axis=1).argmin() for i, j in zip(*ends)]
-                for ends in (corners[[a, b]] for a, b in ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)))
-            ]
-            cells = {"tetra10": first + np.vstack([corners, middles]).T}
-        else:
-            cells = {"hexahedron": first + corners[[0, 3, 6, 2, 1, 5, 7, 4]].T}
+        if first == 1001:
+            corners = corners[[0, 3, 6, 2, 1, 5, 7, 4]]
+        edges = SOLIDS[len(corners)]
+        middles = [
+            [np.abs(places - 0.5 * (places[i] + places[j])).sum(axis=1).argmin() for i, j in zip(*ends)]
+            for ends in (corners[[int(a), int(b)]] for a, b in edges)
+        ]
+        kind = {4: "tetra10", 8: "hexahedron20"}[len(corners)]
+        cells = {kind: first + np.vstack([corners, middles]).T}
         parts.append((first + back.ravel(), along, dict(enumerate(places, first)), cells))
     node, along = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
     nodes, stiffness = parts[0][2] | parts[1][2], scipy.sparse.block_diag(blocks).tocsr()
