@@ -152,6 +152,25 @@ def test_told_of_viscosity(modes, frequency):
     )
 
 
+@pytest.mark.long
+def test_told_of_viscosity_of_two_tones():
+    """The same of their lines, beside all modes: of those of each order the largest error."""
+    fast, slow = 0.5 / TURN, 0.11 / TURN
+    load = [sb.Harmonic(0.1, fast) + sb.Harmonic(0.03, slow)]
+    asked = dict(samples=15, steps=512, stability=False, accuracy=0.1)
+    found, exact = (sb.quasi_periodic(rod(count, 0.01), load, (fast, slow), **asked) for count in (30, None))
+    true = np.zeros(5)
+    lines = [(m, n) for m in range(5) for n in range(-4, 5) if 0 < m + abs(n) < 5 and (m, n) > (0, 0)]
+    sizes = {line: [abs(exact.line(*line, point)) for point in exact.points] for line in lines}
+    for (m, n), size in sizes.items():
+        off = [abs(found.line(m, n, p) - exact.line(m, n, p)) for p in exact.points]
+        off = np.linalg.norm(off) / max(np.linalg.norm(size), FAINT * np.max(list(sizes.values())))
+        true[m + abs(n)] = max(true[m + abs(n)], off)
+    told = found.mode_error
+    assert true[1:].max() > 3e-3 and (true[1:] <= 1.1 * told[1:]).all(), (true, told)
+    assert (told[1:] <= 2.0 * true[1:]).all(), (true, told)
+
+
 def test_told_of_viscosity_of_a_model():
     """Of a beam with a tied crack what R / (1 + i omega b) does in closed form; b grows with the damping."""
     b, frequency = 5e-6, 1350.0

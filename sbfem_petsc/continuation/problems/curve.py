@@ -87,6 +87,10 @@ class InvariantCurves(Problem):
         """
         raise NotImplementedError
 
+    def seen(self, motion: PeriodMotion) -> PeriodMotion:
+        """A motion as points follow it beyond the modes."""
+        return motion
+
     def at(self, u: np.ndarray) -> CurveState:
         """See `Problem`."""
         return CurveState(self, u)
@@ -298,7 +302,7 @@ def _lines(state: CurveState, points: LinearOutput) -> np.ndarray:
     lines = min(LINES, steps // 2 - 1)
     orders, seen = np.arange(-half, half + 1), points.modes.shape[:2]
     found = np.zeros((lines + 1, len(orders), *seen), dtype=complex)
-    mine = [(i, motion) for i, motion in enumerate(motions) if motion is not None]
+    mine = [(i, problem.seen(motion)) for i, motion in enumerate(motions) if motion is not None]
     over_samples = np.exp(-2j * np.pi * orders[:, None] * [i for i, _ in mine] / samples) / samples
     for begin in range(0, steps if mine else 0, INSTANTS):
         part = slice(begin, min(begin + INSTANTS, steps))

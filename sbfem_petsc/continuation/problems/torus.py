@@ -10,9 +10,12 @@ from __future__ import annotations
 import copy
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
+from scipy.signal import lfilter
 
 from ...errors import PetscFailure, SolveError
 from ...motion.excitation import Excitation, modal_forces
@@ -52,6 +55,9 @@ class Torus(InvariantCurves):
     """
 
     closed, gain = 1e-11, 0.02
+    # what is left out may follow its forces by a delay, s: what that adds to the gaps of samples
+    delay: float = 0.0
+    late: Mapping[int, np.ndarray] = MappingProxyType({})
 
     def __init__(
         self,
@@ -97,11 +103,57 @@ class Torus(InvariantCurves):
 
     def at_sample(self, value: float) -> Callable[[int], DrivenPeriod]:
         """See `InvariantCurves`."""
-        return lambda i: self.driven(i / self.samples)
+        return self._following
+
+    def _following(self, i: int) -> DrivenPeriod:
+        """The map at a sample, whose gaps may follow forces later, see `delayed`."""
+        result = self.driven(i / self.samples)
+        if i in self.late:
+            result.free_gap = result.free_gap + self.late[i]
+        return result
+
+    def delayed(self, motions: Sequence[PeriodMotion | None], delay: float) -> Torus:
+        """The map whose gaps through what is left out follow the forces of motions and the loads as under
+        Rayleigh's damping, see `harmonic_errors.delayed`.
+        """
+        r, p, result = self.reduced, self.period, copy.copy(self)
+        assert r.lag is not None  # whose delay it is
+        flexible = (r.gap.contact - np.diag(r.lag.layers))[: p.pairs, : p.pairs]
+        first, second = (
+            (late - drive.amplitudes) @ r.gap.loads[: p.pairs].T
+            for late, drive in zip(self._late_loads(delay), self.drives)
+        )
+        result.delay = delay
+        result.late = {
+            i: (followed(motion.forces, delay / self.base.step) - motion.forces) @ flexible
+            + p.over_time(first)
+            + (self._phases(i / self.samples) @ second).real
+            for i, motion in enumerate(motions)
+            if motion is not None
+        }
+        return result
+
+    def _late_loads(self, delay: float) -> list[np.ndarray]:
+        """Amplitudes that what is left out follows, of both tones; moving supports are followed at once."""
+        result = []
+        for drive, frequency in zip(self.drives, self.frequencies):
+            delays = np.full(drive.amplitudes.shape[1], delay)
+            delays[self.reduced.edges] = 0.0
+            turns = 2j * np.pi * frequency / drive.periods * drive.orders[:, None] * delays
+            result.append(drive.amplitudes / (1.0 + turns))
+        return result
 
     def linear_response(self, value: float) -> Sequence[tuple[Excitation, np.ndarray]]:
         """See `InvariantCurves`."""
-        return tuple(zip(self.drives, (self.base.amplitudes, self.pumped)))
+        late = zip(self.drives, self._late_loads(self.delay))
+        drives = [replace(drive, amplitudes=loads) for drive, loads in late] if self.delay else self.drives
+        return tuple(zip(drives, (self.base.amplitudes, self.pumped)))
+
+    def seen(self, motion: PeriodMotion) -> PeriodMotion:
+        """See `InvariantCurves`."""
+        if not self.delay:
+            return motion
+        return replace(motion, forces=followed(motion.forces, self.delay / self.base.step))
 
     def driven(self, theta: float) -> DrivenPeriod:
         """The map at a phase of the second tone, in differences to the linear response."""
@@ -178,6 +230,16 @@ class Torus(InvariantCurves):
         return np.append(states.ravel(), 0.0)
 
 
+def followed(values: np.ndarray, delay: float) -> np.ndarray:
+    """Values (n, ...) that follow others, linear in each step, as y + b y' = x from the first one on, b in
+    steps.
+    """
+    fade = math.exp(-1.0 / delay)
+    before, behind = delay * (1.0 - fade) - fade, 1.0 - delay * (1.0 - fade)
+    steps = before * values[:-1] + behind * values[1:]
+    return np.concatenate([values[:1], lfilter([1.0], [1.0, -fade], steps, axis=0, zi=fade * values[:1])[0]])
+
+
 def exponents(
     maps: CurveMaps,
     rotation: float,
@@ -246,9 +308,9 @@ def exponents(
 def line_error_estimates(
     torus: Torus, point: Point, make: Callable[[ReducedModel, int], Torus]
 ) -> np.ndarray:
-    """(2, 5): errors by left-out modes and by the steps of the lines m f1 + n f2 of all named points, the
-    largest of each order |m| + |n| = 0 to 4, relative to the line or to 1e-3 of the largest that oscillates;
-    as `harmonic_error_estimates` has those of one tone. Collective.
+    """(3, 5): errors by left-out modes, by the steps and by the viscosity of what is left out, of the lines
+    m f1 + n f2 of all named points, the largest of each order |m| + |n| = 0 to 4, relative to the line or to
+    1e-3 of the largest that oscillates; as `harmonic_error_estimates` has those of one tone. Collective.
 
     Parameters
     ----------
@@ -258,32 +320,42 @@ def line_error_estimates(
     make : callable
         The same map of a model in so many steps.
     """
-    r, steps = torus.reduced, torus.period.steps
+    r = torus.reduced
     more = wider(r)
     if more is None or not len(r.points.names):
-        return np.full((2, LOWEST), np.nan)
-    errors, added = np.full((2, LOWEST), np.inf), point.state.states - torus.linear
-    own = point.state.lines()
+        return np.full((3, LOWEST), np.nan)
+    errors, own, delay = np.full((3, LOWEST), np.inf), point.state.lines(), 0.0
     if not point.state.peak:  # known in closed form
         errors[1] = 0.0
-    elif found := _nearby(lambda: make(r, 2 * steps), added):
-        errors[1] = SECOND * _by_order(found[0] - own, own)
-        steps, (own, added) = 2 * steps, found
+    elif found := _nearby(lambda: make(r, 2 * torus.period.steps), point.state.states - torus.linear):
+        (torus, point), lines = found, found[1].state.lines()
+        errors[1], own = SECOND * _by_order(lines - own, own), lines
+    added, motions = point.state.states - torus.linear, point.state.motions
+    if not r.delay:
+        errors[2] = 0.0
+    elif found := _nearby(lambda: torus.delayed(motions, r.delay), added):
+        delay, lines = r.delay, found[1].state.lines()
+        errors[2], own = _by_order(lines - own, own), lines
     factor = beyond(r, more)
-    if np.isfinite(factor) and (found := _nearby(lambda: make(more, steps), in_modes(added, r, more))):
-        errors[0] = factor * _by_order(found[0] - own, own)
+
+    def wide() -> Torus:
+        found = make(more, torus.period.steps)
+        return found.delayed(motions, delay) if delay else found
+
+    if np.isfinite(factor) and (found := _nearby(wide, in_modes(added, r, more))):
+        errors[0] = factor * _by_order(found[1].state.lines() - own, own)
     return errors
 
 
-def _nearby(make: Callable[[], Torus], added: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Lines of an invariant curve near a difference to the linear response, and its own; None if there is
-    none, or no room for it. Collective.
+def _nearby(make: Callable[[], Torus], added: np.ndarray) -> tuple[Torus, Point] | None:
+    """An invariant curve near a difference to the linear response, and its map; None if there is none, or no
+    room for it. Collective.
     """
     torus = attempt(make, ValueError)  # there may be no memory for it
     if torus is None:
         return None
     point = attempt(functools.partial(torus.solve, added + torus.linear), SolveError)
-    return None if point is None else (point.state.lines(), point.state.states - torus.linear)
+    return None if point is None else (torus, point)
 
 
 def _by_order(off: np.ndarray, own: np.ndarray) -> np.ndarray:
