@@ -131,9 +131,9 @@ def basins(
 
 
 def _checked_orbits(orbits, around, frequency: float) -> tuple[Orbit, ...]:
-    if not isinstance(orbits, (list, tuple)):
+    if not isinstance(orbits, (list, tuple)) or any(orbit is None for orbit in orbits):
         raise TypeError(f"basins: orbits = {shown(orbits)} must be a sequence of Orbit")
     named = [(f"orbits[{k}]", orbit) for k, orbit in enumerate(orbits)]
-    for name, orbit in named + ([] if around is None else [("around", around)]):
+    for name, orbit in [*named, ("around", around)]:
         require_at("basins", name, orbit, frequency)
     return tuple(orbits)

@@ -238,13 +238,7 @@ class _Run:
         begins = over.frequency or over.start
         with collective(self.comm):
             check_reduction(what, reduction)
-            if guess is not None:
-                require_at(what, "guess", guess, begins)
-                if self.settings.periods not in (None, guess.periods):
-                    raise ValueError(
-                        f"{what}: guess takes {guess.periods} forcing periods, not periods = "
-                        f"{self.settings.periods}"
-                    )
+            require_at(what, "guess", guess, begins, self.settings.periods)
         settings, asked = replace(self.settings, periods=self.settings.periods or 1), self.asked
         settings = saving(settings, self.model, guess)
         if guess is not None:  # its own steps and periods; from one beside a period doubling away from it

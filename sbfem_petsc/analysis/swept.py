@@ -94,8 +94,7 @@ def swept_response(
     """
     what, comm = "swept_response", communicator(model)
     with collective(comm):
-        if initial is not None:
-            require_at(what, "initial", initial, start)
+        require_at(what, "initial", initial, start)
         amplitudes_only(what, load)
         loads = loading(what, model, load, lambda value: Chirp(value, start, stop, duration))
         loads = loads.over(what, duration, rest=False)

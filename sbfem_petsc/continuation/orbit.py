@@ -288,11 +288,17 @@ class OfOrbits:
         return at_point({name: k for k, name in enumerate(self.points)}, point)
 
 
-def require_at(owner: str, name: str, orbit: object, frequency: float) -> None:
-    """Raise unless an argument of that name is an orbit at a frequency, Hz."""
+def require_at(owner: str, name: str, orbit: object, frequency: float, periods: int | None = None) -> None:
+    """Raise unless an argument of that name, if it is given, is an orbit at a frequency, Hz, and of so many
+    periods.
+    """
+    if orbit is None:
+        return
     known: Orbit = instance(owner, name, orbit, Orbit, "an Orbit")
     if abs(known.frequency - frequency) > 1e-9 * frequency:
         raise ValueError(f"{owner}: {name} is at {known.frequency:.9g} Hz, not at {frequency:.9g} Hz")
+    if periods not in (None, known.periods):
+        raise ValueError(f"{owner}: {name} takes {known.periods} forcing periods, not periods = {periods}")
 
 
 def orbit_stability(fixed: FixedPoint) -> tuple[np.ndarray, Callable[[], float]]:
