@@ -80,6 +80,7 @@ def between(
     along = np.linalg.svd(normal[None])[2][1:].T
     x, y = (part @ along for part in places)
     own, other = (given or _hull(part) for given, part in zip(faces, (x, y)))
+    other = [face for face in other if _across(places[1][face[: _corners(face)]], normal)]
     if not other:
         raise ValueError(
             f"contact: the {len(y)} right nodes span no surface across the normal; give those of a face"
@@ -117,7 +118,7 @@ def _common(
 
     x, y = places
     areas = shapely.area(right := [shapely.Polygon(y[face[: _corners(face)]]) for face in other])
-    across = np.flatnonzero(areas > APART * areas.max())  # others lie along the normal
+    across = np.flatnonzero(areas > ROUNDING * areas.max(initial=0.0))
     near, tree = APART * np.sqrt(areas[across].min()), shapely.STRtree([right[k] for k in across])
     for face in own:
         for nodes in ([face[k] for k in hat] for hat in HATS[len(face)]):
@@ -133,6 +134,13 @@ def _common(
                 if len(nodes) == 1:
                     points, weights = x[nodes], weights.sum(keepdims=True)
                 yield nodes, face, other[k], points, weights
+
+
+def _across(corners: np.ndarray, normal: np.ndarray) -> bool:
+    """Whether a face, however small, lies across the normal, not along it."""
+    from_first = corners[1:] - corners[0]
+    area = np.cross(from_first[:-1], from_first[1:]).sum(axis=0)
+    return bool(abs(area @ normal) > APART * np.linalg.norm(area))
 
 
 def _hull(places: np.ndarray) -> Faces:

@@ -278,3 +278,24 @@ def test_a_face_with_a_notch():
     assert abs((crack.rows @ y)[0]) < 1e-15
     hull = sb.FiniteElementModel(**given).contact([11, 12], right, normal="x", matching=False)
     assert hull.rows.shape[0] == 2
+
+
+def test_faces_of_cells_of_very_different_sizes():
+    """A mesh refined towards a corner, cells of 1 / 2600 of the largest one's area there: its gaps are those
+    to the same mesh before it, of all nodes.
+    """
+    line = np.append(0.0, np.geomspace(1e-4, 1e-2, 8))
+    grid = {1 + j + 9 * k: (0.0, y, z) for j, y in enumerate(line) for k, z in enumerate(line)}
+    nodes = grid | {100 + n: (1e-3, *place[1:]) for n, place in grid.items()}
+    cells = [[n, n + 1, n + 10, n + 9] for n in grid if n % 9 and n < 73]
+    body = sb.FiniteElementModel(
+        1e-3 * scipy.sparse.eye(162),
+        1e9 * scipy.sparse.eye(162),
+        [(label, 0) for label in nodes],
+        nodes,
+        elements={"quad": np.concatenate([cells, 100 + np.array(cells)])},
+    )
+    crack = body.contact(list(grid), [100 + n for n in grid], normal="x", matching=False)
+    rows = crack.rows.toarray()
+    assert rows.shape == (81, 162) and np.abs(rows[:, :81] + rows[:, 81:]).max() < 1e-12
+    assert crack.gap == pytest.approx(np.full(81, 1e-3)) and (np.abs(rows).sum(axis=0) > 0.0).all()
