@@ -12,18 +12,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numpy as np
-
 from ..working_directory import unread
 
 _CONFIGURATION = ".numba_config.yaml"
 _first = "numba" not in sys.modules
 try:
     with unread(_CONFIGURATION, "numba"):
-        from numba import njit, typeof, types
+        from numba import njit
+        from numba import typeof as typeof
+        from numba import types as types
         from numba.core import config
         from numba.core.caching import IndexDataCacheFile
-        from numba.extending import typeof_impl
+        from numba.extending import typeof_impl as typeof_impl
 except OSError as error:  # of the library of its compiler, of which it takes the name for missing
     raise ImportError(
         "numba, which compiles the time steps, cannot load its library: is there memory left for it (some "
@@ -123,33 +123,3 @@ def compiled_apart(function: Kernel) -> Kernel:
     that are called so.
     """
     return compiled(function, _nrt=False, no_cfunc_wrapper=False)
-
-
-class Address(types.WrapperAddressProtocol):
-    """Where the code of a kernel for arguments as those given stands; kernels take it for a function."""
-
-    def __init__(self, kernel: Any, *arguments: object):
-        kinds = tuple(map(typeof, arguments))
-        kernel.compile(kinds)
-        found = kernel.overloads[kinds]
-        self._signature = found.signature
-        self.kind = types.FunctionType(found.signature)
-        self._place = found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name)
-
-    def __wrapper_address__(self) -> int:
-        return int(self._place)
-
-    def signature(self) -> Any:
-        """What numba calls it with."""
-        return self._signature
-
-
-# numba would make it for each call of a kernel, which is as long as half of a short period.
-typeof_impl.register(Address, lambda address, context: address.kind)
-
-
-def layout_of(given: Any) -> object:
-    """What tells kinds of arguments apart: of arrays dimensions, numbers and places in memory."""
-    if isinstance(given, tuple):
-        return tuple(map(layout_of, given))
-    return (given.ndim, given.dtype.char, given.flags.num) if isinstance(given, np.ndarray) else type(given)

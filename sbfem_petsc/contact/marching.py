@@ -12,11 +12,11 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from .compiled import Address, compiled_loops, inner_loops, layout_of
+from .compiled import compiled_loops, inner_loops, typeof, typeof_impl, types
 from .friction import STICKS
 from .held_rows import NO_ROOM, NOTHING, Sets, rubbing_room
 from .law import FREE, RowLaws
@@ -149,15 +149,45 @@ def _begin(step: StepConstants, loads: StepLoads, state: StepState, room: Room) 
 _addresses: dict[tuple, Address] = {}
 
 
+class Address(types.WrapperAddressProtocol):
+    """Where the code of a kernel for arguments as those given stands; kernels take it for a function."""
+
+    def __init__(self, kernel: Any, *arguments: object):
+        kinds = tuple(map(typeof, arguments))
+        kernel.compile(kinds)
+        found = kernel.overloads[kinds]
+        self._signature = found.signature
+        self.kind = types.FunctionType(found.signature)
+        self._place = found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name)
+
+    def __wrapper_address__(self) -> int:
+        return int(self._place)
+
+    def signature(self) -> Any:
+        """What numba calls it with."""
+        return self._signature
+
+
+# numba would make it for each call of a kernel, which is as long as half of a short period.
+typeof_impl.register(Address, lambda address, context: address.kind)
+
+
 def contact_kernel(step: StepConstants, room: Room) -> Address:
     """What solves the contact problems of steps."""
     one, other = room.before, room.after
     gaps, held = (other.gap, one.gap), (step.laws, step.rubbing, one.rows)
     given, rubs = (step.flexibility[0], gaps, held, room.sets, one.force), step.rubbing.rows.size > 0
-    layout = (rubs, layout_of(given))
+    layout = (rubs, _layout_of(given))
     if layout not in _addresses:
         _addresses[layout] = Address(rubbing_forces if rubs else smooth_forces, *given)
     return _addresses[layout]
+
+
+def _layout_of(given: Any) -> object:
+    """What tells kinds of arguments apart: of arrays dimensions, numbers and places in memory."""
+    if isinstance(given, tuple):
+        return tuple(map(_layout_of, given))
+    return (given.ndim, given.dtype.char, given.flags.num) if isinstance(given, np.ndarray) else type(given)
 
 
 @inner_loops

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from scipy import linalg
 
-from ..contact.compiled import Address
 from ..contact.held_rows import rubbing_of
 from ..contact.law import RowLaws
-from ..contact.marching import Room, begun, step_constants
+from ..contact.marching import Address, Room, begun, step_constants
 from ..contact.step_data import NEVER, Halving, StepConstants
 from ..contact.tangent import Propagation
 from ..reduction.reduced_model import ReducedModel

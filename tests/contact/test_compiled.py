@@ -8,7 +8,8 @@ import sys
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.contact.compiled import Address, KernelFiles
+from sbfem_petsc.contact.compiled import KernelFiles
+from sbfem_petsc.contact.marching import Address
 from sbfem_petsc.contact.pivoting import contact_forces
 from sbfem_petsc.contact.precompile import compile_kernels
 from sbfem_petsc.system import model as model_module
