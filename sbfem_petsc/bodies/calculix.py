@@ -108,18 +108,30 @@ class SolidDeck(Deck):
 
     @staticmethod
     def _counts(card: Card) -> bool:
-        """Whether it tells of nodes or solid elements; elements of other kinds, and sets of any, do not."""
+        """Whether it tells of nodes or solid elements; elements of other kinds do not."""
         if card.keyword in REFUSED:
             card.refuse(
                 "changes what the unknowns are or what touches; leave it out of this deck, contact is said "
                 "by body.contact"
             )
-        return card.keyword != "ELSET" and (card.keyword != "ELEMENT" or _type(card) in SOLIDS)
+        return card.keyword != "ELEMENT" or _type(card) in SOLIDS
+
+    def labels(self, card: Card, place: str, own: str, kind: str) -> Iterable[int]:
+        """See `Deck`: elements of other kinds are left out."""
+        if kind == "ELSET" and own.isdecimal():
+            return [int(own)] if int(own) in self.elements else []
+        return super().labels(card, place, own, kind)
+
+    def known(self, card: Card, kind: str, name: str) -> dict[int, None]:
+        """See `Deck`: nothing of sets of elements of other kinds."""
+        if kind == "ELSET" and name.upper() not in self.sets[kind]:
+            return {}
+        return super().known(card, kind, name)
 
     @property
     def node_sets(self) -> dict[str, list[int]]:
         """Labels by name, in capitals."""
-        return {name: list(found.labels) for name, found in self.sets["NSET"].items()}
+        return {name: list(found.labels) for name, found in self.sets["NSET"].items() if found.labels}
 
     @property
     def cells(self) -> dict[str, np.ndarray]:

@@ -100,18 +100,20 @@ def test_calculix_itself(job):
 
 def test_lines_of_a_deck(tmp_path):
     """Nodes of an element go on in the next line, with or without a comma; directions 4 to 6 are held, too;
-    springs, and sets of them, are passed over.
+    springs, and sets of them, are passed over, so are loads in files of their own.
     """
     nodes = "".join(f"{k}, {k}., 0., 0.\n" for k in range(1, 21))
     one, two = ", ".join(map(str, range(1, 16))), ", ".join(map(str, range(16, 21)))
     springs = "*ELEMENT, TYPE=SPRINGA, ELSET=S\n9, 1, 2\n*ELSET, ELSET=T\n9, S\n"
-    held = "*BOUNDARY\n3, 4, 6\n4, 2\n"
+    held = "*BOUNDARY\n3, 4, 6\n4, 2\n*AMPLITUDE, NAME=A, INPUT=a.txt\n"
+    held += "*ELSET, ELSET=U\n7, 9\n*NSET, NSET=ENDS, ELSET=T\n*NSET, NSET=ALL, ELSET=U\n"
     for comma in ("", ","):
         file = tmp_path / "lines.inp"
         file.write_text(f"*NODE\n{nodes}*ELEMENT, TYPE=C3D20R\n7, {one}{comma}\n{two}\n{springs}{held}")
         deck = read_deck("test", str(file))
         assert deck.cells["hexahedron20"].tolist() == [list(range(1, 21))] and len(deck.cells) == 1
         assert deck.held == {(3, 3), (3, 4), (3, 5), (4, 1)}
+        assert deck.node_sets == {"ALL": list(range(1, 21))}
 
 
 # Rows of the file of unknowns by other nodes.
@@ -155,7 +157,7 @@ WRONG = [
     ("inp", r"\*STEP", "*Rigid  Body, NSET=LEFT\n*STEP", r"\*RIGID BODY in .* changes what"),
     ("inp", r"INPUT=\S+", "INPUT=blocks.inp", r"\*INCLUDE is in itself"),
     ("inp", r"INPUT=\S+", "INPUT=other.inp", r"other.inp: there is no such file"),
-    ("inp", r"NSET=left", "ELSET=left", r"\*NSET in .* names the set .left., which does not exist"),
+    ("inp", r"NSET=left", "ELSET=left", r"\*NSET in .* has no name; give it one, NSET="),
     ("inp", r"\*STEP", "*NODE, INPUT=a.txt\n*STEP", r"\*NODE in .* reads the file 'a.txt'"),
     ("inp", r"(?s).*", "SOL 103\nGRID,1,,0.,0.,0.\n", r"blocks.inp has no nodes .*; give a deck of CalculiX"),
     ("inp", r"\*STEP", "*NGEN, NSET=A\n1, 5\n*STEP", r"\*NGEN in .* makes nodes"),

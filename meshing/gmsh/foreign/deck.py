@@ -11,6 +11,8 @@ from typing import Any, NoReturn
 from meshing.gmsh.confined import Refusal
 
 _MADE = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM")
+# What counts, and may stand in a file of its own.
+_READ = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE", "BOUNDARY")
 
 
 @dataclass
@@ -72,7 +74,7 @@ def of_one_part(cards: Iterable[Card]) -> Iterator[Card]:
         keyword = card.keyword
         if keyword in _MADE:
             card.refuse("makes nodes or elements, or places them; write all of them out")
-        if "INPUT" in card.given or keyword == "INCLUDE":
+        if ("INPUT" in card.given and keyword in _READ) or keyword == "INCLUDE":
             card.refuse(
                 f"reads the file {card.given.get('INPUT', '')!r}, which is not done here; put all in one file"
             )
