@@ -17,7 +17,7 @@ from .units import tree_of
 # Distance of partners in spacings of nodes; a row that is none, for a force of any size would press on it;
 # weights that are none.
 APART, ROUNDING, LITTLE = 1e-3, 1e-9, 1e-13
-# Triangles between the nodes of a face, by their number; steps to a place in a quadrilateral.
+# Triangles between the nodes of a face, by their number; steps to a place in it, at most.
 HATS = {
     1: ((0,),),
     3: ((0, 1, 2),),
@@ -25,7 +25,7 @@ HATS = {
     6: ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
 }
 HATS[8] = ((0, 4, 7), (1, 5, 4), (2, 6, 5), (3, 7, 6), (4, 5, 6), (4, 6, 7))
-NEWTON = 8
+NEWTON = 60
 # Nodes of a face, corners first, in its own coordinates, and the terms of its shape functions.
 REFERENCE = {
     3: 0.5 * np.array([[0, 0], [2, 0], [0, 2], [1, 0], [1, 1], [0, 1]]),
@@ -169,21 +169,28 @@ def _quadrature(polygon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _shapes(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(points, nodes): shape functions of a plane face of 3, 4, 6 or 8 nodes with straight sides, or of one
-    node.
+    """(points, nodes): shape functions of a plane face of 3, 4, 6 or 8 nodes, which may stand beside the
+    middles of its sides, or of one node.
     """
     if len(nodes) == 1:
         return np.ones((len(points), 1))
-    corners, r = _corners(nodes), np.zeros(points.shape)
-    a, b, d = nodes[[0, 1, corners - 1]]
-    twist = a - b + nodes[2] - d if corners == 4 else 0.0 * a
-    for _ in range(NEWTON if twist.any() else 1):
-        slopes = np.stack([b - a + r[:, 1:] * twist, d - a + r[:, :1] * twist], axis=2)
-        at = a + r[:, :1] * (b - a) + r[:, 1:] * (d - a) + r.prod(axis=1, keepdims=True) * twist
-        r = r + np.linalg.solve(slopes, (points - at)[..., None])[..., 0]
-    terms = TERMS[: len(nodes)]
-    base = (REFERENCE[corners][: len(nodes), None] ** terms).prod(axis=2)
-    return (r[:, None] ** terms).prod(axis=2) @ np.linalg.inv(base)
+    points, nodes = points - nodes[0], nodes - nodes[0]
+    corners, terms = _corners(nodes), TERMS[: len(nodes)]
+    base = np.linalg.inv((REFERENCE[corners][: len(nodes), None] ** terms).prod(axis=2))
+    lower, r = np.maximum(terms - np.eye(2, dtype=int)[:, None], 0), np.full(points.shape, 1.0 / 3.0)
+    for _ in range(NEWTON):
+        rates = [(terms[:, k] * (r[:, None] ** lower[k]).prod(axis=2)) @ base @ nodes for k in (0, 1)]
+        missed = points - (r[:, None] ** terms).prod(axis=2) @ base @ nodes
+        change = np.linalg.solve(np.stack(rates, axis=2), missed[..., None])[..., 0]
+        r = r + change
+        if np.abs(change).max() < LITTLE:
+            break
+    found = (r[:, None] ** terms).prod(axis=2) @ base
+    # where nodes at quarters of sides make the map singular, r is known to the root of rounding
+    apart = np.linalg.norm(points[:, None] - nodes, axis=2)
+    at = apart.min(axis=1) < ROUNDING * np.ptp(nodes, axis=0).max()
+    found[at] = np.eye(len(nodes))[apart[at].argmin(axis=1)]
+    return found
 
 
 def normal_of(x: np.ndarray, y: np.ndarray) -> np.ndarray:

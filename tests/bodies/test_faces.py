@@ -299,3 +299,30 @@ def test_faces_of_cells_of_very_different_sizes():
     rows = crack.rows.toarray()
     assert rows.shape == (81, 162) and np.abs(rows[:, :81] + rows[:, 81:]).max() < 1e-12
     assert crack.gap == pytest.approx(np.full(81, 1e-3)) and (np.abs(rows).sum(axis=0) > 0.0).all()
+
+
+def test_nodes_at_quarters_of_sides():
+    """Second-order faces whose nodes beside a crack's front stand at quarters: one that turns about the front
+    opens by what it turns there, and where both turn there is none.
+    """
+    nodes, faces = {}, []
+    for first, count in ((1, 3), (101, 2)):
+        y, z = np.meshgrid(np.linspace(0.0, 1.0, 2 * count + 1), np.linspace(0.0, 1.0, 5), indexing="ij")
+        y[1] = 0.25 * y[2]
+        label = first + np.arange(y.size).reshape(y.shape)
+        nodes |= {int(n): (0.0, *at) for n, *at in zip(label.ravel(), y.ravel(), z.ravel())}
+        corners = np.array([(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1)])
+        begins = [(2 * k, 2 * n) for k in range(count) for n in range(2)]
+        faces += [[int(label[tuple(begin + at)]) for at in corners] for begin in begins]
+    used = sorted({n for face in faces for n in face})
+    eye = scipy.sparse.identity(len(used))
+    given = {"nodes": {n: nodes[n] for n in used}, "elements": {"quad8": faces}}
+    body = sb.FiniteElementModel(eye, 1e9 * eye, [(n, 0) for n in used], **given)
+    left, right = ([n for n in used if (n > 100) == side] for side in (False, True))
+    rows = body.contact(left, right, normal="x", matching=False).rows
+    turned = np.array([nodes[n][1] for n in used])
+    assert np.abs(rows @ turned).max() < 1e-12
+    gap, about = rows @ np.where(np.array(used) > 100, turned, 0.0), np.array([nodes[n][1] for n in left])
+    assert (
+        gap.min() > 0.0 and np.abs(gap - about).max() < 1.0 / 12.0
+    )  # of the middles of hats
