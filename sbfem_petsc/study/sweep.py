@@ -20,6 +20,7 @@ from ..writing import check_output_folder, spare_folder
 from . import rows as row_files
 from .case import parameters as paths
 from .case.case import Case, read_case
+from .case.problems import CaseError
 from .case.sweep import SweepTable
 from .costs import Size
 from .estimates import ROW
@@ -268,15 +269,17 @@ class _Sweeping:
         results: dict[str, Any] = {}
         began = time.monotonic()
         with contextlib.ExitStack() as stack:
-            structure, fault = self._tried(
-                lambda: Structure(self.case.with_values(self.inputs[numbers[0]]), self.group)
-            )
+            structure, fault = self._tried(lambda: Structure(self._case_of(numbers), self.group))
             if structure is not None:
                 stack.callback(structure.close)
             while (taken := shares.row(place)) is not None:
                 number = numbers[taken]
-                work = functools.partial(self._row, number, structure, results)
-                values, reason = (None, fault) if structure is None else self._tried(work)
+                if structure is None:
+                    check = functools.partial(self.case.with_values, self.inputs[number])
+                    values, reason = None, self._tried(check)[1] or fault
+                else:
+                    work = functools.partial(self._row, number, structure, results)
+                    values, reason = self._tried(work)
                 found = values or {}
                 entries = {name: np.asarray(value) for name, (value, _) in found.items()}
                 units = {name: unit for name, (_, unit) in found.items()}
@@ -285,6 +288,13 @@ class _Sweeping:
                 if self.comm.rank == 0:
                     self.watch.fraction(1.0 - shares.left().sum() / total)
                 began = time.monotonic()
+
+    def _case_of(self, numbers: list[int]) -> Case:
+        """Of the first row whose values make sense: all have one structure."""
+        for number in numbers[:-1]:
+            with contextlib.suppress(CaseError):
+                return self.case.with_values(self.inputs[number])
+        return self.case.with_values(self.inputs[numbers[-1]])
 
     def _tried(self, work: Callable[[], Any]) -> tuple[Any, str]:
         """What a work gives, or why it fails: a row that does must not end the others."""

@@ -323,6 +323,4 @@ def test_nodes_at_quarters_of_sides():
     turned = np.array([nodes[n][1] for n in used])
     assert np.abs(rows @ turned).max() < 1e-12
     gap, about = rows @ np.where(np.array(used) > 100, turned, 0.0), np.array([nodes[n][1] for n in left])
-    assert (
-        gap.min() > 0.0 and np.abs(gap - about).max() < 1.0 / 12.0
-    )  # of the middles of hats
+    assert gap.min() > 0.0 and np.abs(gap - about).max() < 1.0 / 12.0  # of the middles of hats

@@ -313,19 +313,33 @@ def test_two_ranks(found, tmp_path):
 
 
 def test_failed_rows(tmp_path, monkeypatch):
-    """A notch that leaves the beam: its row keeps the reason, the others their numbers; exit code 3. What
-    is no sentence, as a key that a program misses, bears its kind.
+    """A notch that leaves the beam, a range that is none: each row keeps its own reason, the others their
+    numbers; exit code 3. What is no sentence, as a key that a program misses, bears its kind.
     """
     text = (
         CASE
-        + '\n[sweep]\nanalyses = ["frequencies"]\n[sweep.parameters]\n"geometry.notches[0].x" = [0.05, 0.2]\n'
+        + """
+[analyses.curve]
+kind = "frequency_response"
+load = "push"
+start = 100.0
+stop = 200.0
+
+[sweep]
+analyses = ["frequencies"]
+
+[sweep.parameters]
+"geometry.notches[0].x" = [0.05, 0.2]
+"analyses.curve.start" = [200.0, 100.0]
+"""
     )
     done = sbfem("sweep", written(tmp_path, text), "--output", tmp_path / "out", "--quiet")
-    assert done.code == 3 and "1 of 2 rows failed" in done.err
+    assert done.code == 3 and "3 of 4 rows failed" in done.err
     found = read_any(tmp_path / "out")
-    assert found.reasons[0] == "" and "geometry.notches[0]" in found.reasons[1] and "0.2" in found.reasons[1]
+    assert all("curve.stop = 200 is start itself" in found.reasons[k] for k in (0, 2))
+    assert found.reasons[1] == "" and "geometry.notches[0]" in found.reasons[3] and "0.2" in found.reasons[3]
     values = found.values["frequencies/frequencies"]
-    assert np.isfinite(values[0]).all() and np.isnan(values[1]).all()
+    assert np.isfinite(values[1]).all() and np.isnan(values[[0, 2, 3]]).all()
     monkeypatch.setattr(Structure, "solve", lambda *_, **__: {}["lost"])
     assert sb.sweep(str(tmp_path / "case.toml"), {"loads.push.fy": [1.0]}).reasons == ["KeyError: 'lost'"]
 
