@@ -324,3 +324,23 @@ def test_nodes_at_quarters_of_sides():
     assert np.abs(rows @ turned).max() < 1e-12
     gap, about = rows @ np.where(np.array(used) > 100, turned, 0.0), np.array([nodes[n][1] for n in left])
     assert gap.min() > 0.0 and np.abs(gap - about).max() < 1.0 / 12.0  # of the middles of hats
+
+
+def test_round_faces_of_different_meshes():
+    """Rims of polygons of 16 and of 12 sides on one circle lie beside each other: faces that move and turn
+    together stay so, and one that moves away opens all pairs by that.
+    """
+    nodes, faces = {}, []
+    for first, count in ((1, 16), (101, 12)):
+        way = 2.0 * np.pi / count * np.arange(count)
+        rim = np.column_stack([np.cos(way), np.sin(way)])
+        nodes |= {first + k: (0.0, *at) for k, at in enumerate([(0.0, 0.0), *rim])}
+        faces += [[first, first + k, first + 1 + k % count] for k in range(1, count + 1)]
+    eye, labels = scipy.sparse.identity(len(nodes)), list(nodes)
+    given = {"nodes": nodes, "elements": {"triangle": faces}}
+    body = sb.FiniteElementModel(eye, 1e9 * eye, [(n, 0) for n in labels], **given)
+    left, right = ([n for n in labels if (n > 100) == side] for side in (False, True))
+    rows = body.contact(left, right, normal="x", matching=False).rows.toarray()
+    assert rows.shape[0] == 17 and rows[:, 17:].sum(axis=1) == pytest.approx(np.ones(17), rel=1e-12)
+    for moved in (np.ones(30), *(np.array([nodes[n][d] for n in labels]) for d in (1, 2))):
+        assert np.abs(rows @ moved).max() < 1e-12
