@@ -28,6 +28,8 @@ STICKS, ALONG, AGAINST = 1, 2, 3
 MAXIMUM, ROUNDING = 40, 1e-12
 # Sweeps of Gauss-Seidel before the next exchanges, and how often.
 SWEEPS, ROUNDS = 20, 20
+# What held rows may miss of their places, of what forces move them.
+MISSED = 1e-6
 # How often it is told where rows land, from the states that this leads to.
 LANDINGS = 3
 # Smallest pivot of Lemke's tableau, whose rows are scaled.
@@ -260,6 +262,9 @@ class _Problem:
             return None
         force[c + slipping] = pull[slipping] * force[rows[slipping]]
         gap = self.w @ force + self.free
+        # rows of less rank than there are held ones, without a common solution: their forces are rounding
+        if np.abs(weight * (gap[index] - kept)).max(initial=0.0) > MISSED * np.abs(right).max(initial=0.0):
+            return None
         gap[index] = kept
         return force, gap
 

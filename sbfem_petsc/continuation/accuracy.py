@@ -99,21 +99,28 @@ class Accuracy:
         """Modes, None where they were given, and steps a forcing period of the next attempt; None where told
         errors are within it or nothing may grow.
         """
-        by_modes, by_steps = (largest_error(part) for part in errors[:2])
+        modes = more = len(reduced.omega)
+        viscosity, by_steps = errors[2:].sum(axis=0), largest_error(errors[1])
+        # goes with what is left out, about as 1 / modes: where the most of them would leave too much, nothing
+        # is to be far below it; few modes by default are to do
+        late = largest_error(viscosity)
+        hopeless = not self.by_default and late * modes > self.value * self._most_modes(modes)
+        by_modes = largest_error(errors[0] if hopeless else errors[0] + viscosity)
+        wanted = max(self.value, late) if hopeless else self.value
         unknown = math.isnan(by_modes + by_steps)
         if unknown and self.by_default and not self.settled(reduced):
             return FEW + 1, steps
-        if self.met(errors[:2]) or unknown or self.settled(reduced):
-            return None  # more of both hardly help against viscosity
-        modes = more = len(reduced.omega)
+        within = largest_error(errors[: 2 if hopeless else None].sum(axis=0)) <= wanted
+        if within or unknown or self.settled(reduced):
+            return None
         times = 1
-        if self._model is not None and by_modes > (1.0 - OF_STEPS) * self.value:
-            share = min(max(math.sqrt(2.0 * by_modes / self.value), LEAST_MORE), MOST_MORE)
+        if self._model is not None and by_modes > (1.0 - OF_STEPS) * wanted:
+            share = min(max(math.sqrt(2.0 * by_modes / wanted), LEAST_MORE), MOST_MORE)
             more = self._more_modes(share * reduced.frequencies.max(), modes)
-        if more == modes and by_modes > self.value:
+        if more == modes and by_modes > wanted:
             return None  # steps alone do not help
-        if by_steps > OF_STEPS * self.value or more == modes:
-            needed = math.sqrt(2.0 * by_steps / self.value) if math.isfinite(by_steps) else 2.0
+        if by_steps > OF_STEPS * wanted or more == modes:
+            needed = math.sqrt(2.0 * by_steps / wanted) if math.isfinite(by_steps) else 2.0
             while times < needed and 2 * times * steps <= self._most_steps:
                 times *= 2
         if more == modes and times == 1:
@@ -126,8 +133,11 @@ class Accuracy:
         assert model is not None  # the caller has asked
         if self.by_default:
             return few_modes(model, band, least, FEW) or max(FEW, modes) + 1
-        most = min(most_modes(model), max(MOST_MODES, modes))
-        return min(most, max(modes_beyond(model, band, modes + 1), least))
+        return min(self._most_modes(modes), max(modes_beyond(model, band, modes + 1), least))
+
+    def _most_modes(self, modes: int) -> int:
+        """How many there may be, where there are so many."""
+        return modes if self._model is None else min(most_modes(self._model), max(MOST_MODES, modes))
 
     def settled(self, reduced: ReducedModel) -> bool:
         """Whether these are the modes that are taken by default where a few do not do."""
