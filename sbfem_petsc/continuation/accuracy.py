@@ -100,18 +100,16 @@ class Accuracy:
         errors are within it or nothing may grow.
         """
         modes = more = len(reduced.omega)
-        viscosity, by_steps = errors[2:].sum(axis=0), largest_error(errors[1])
-        # goes with what is left out, about as 1 / modes: where the most of them would leave too much, nothing
-        # is to be far below it; few modes by default are to do
-        late = largest_error(viscosity)
+        by_steps, late = largest_error(errors[1]), largest_error(errors[2:].sum(axis=0))
+        # viscosity goes with what is left out, about as 1 / modes: where the most of them would leave too
+        # much, nothing is to be far below it; few modes by default are to do
         hopeless = not self.by_default and late * modes > self.value * self._most_modes(modes)
-        by_modes = largest_error(errors[0] if hopeless else errors[0] + viscosity)
-        wanted = max(self.value, late) if hopeless else self.value
+        counted, wanted = (errors[:2], max(self.value, late)) if hopeless else (errors, self.value)
+        by_modes = largest_error(np.delete(counted, 1, axis=0).sum(axis=0))
         unknown = math.isnan(by_modes + by_steps)
         if unknown and self.by_default and not self.settled(reduced):
             return FEW + 1, steps
-        within = largest_error(errors[: 2 if hopeless else None].sum(axis=0)) <= wanted
-        if within or unknown or self.settled(reduced):
+        if largest_error(counted.sum(axis=0)) <= wanted or unknown or self.settled(reduced):
             return None
         times = 1
         if self._model is not None and by_modes > (1.0 - OF_STEPS) * wanted:
@@ -120,9 +118,7 @@ class Accuracy:
         if more == modes and by_modes > wanted:
             return None  # steps alone do not help
         if by_steps > OF_STEPS * wanted or more == modes:
-            needed = math.sqrt(2.0 * by_steps / wanted) if math.isfinite(by_steps) else 2.0
-            while times < needed and 2 * times * steps <= self._most_steps:
-                times *= 2
+            times = self._more_steps(steps, by_steps / wanted)
         if more == modes and times == 1:
             return None
         return more if self._model is not None else self.settings.modes, times * steps
@@ -134,6 +130,13 @@ class Accuracy:
         if self.by_default:
             return few_modes(model, band, least, FEW) or max(FEW, modes) + 1
         return min(self._most_modes(modes), max(modes_beyond(model, band, modes + 1), least))
+
+    def _more_steps(self, steps: int, above: float) -> int:
+        """How many times the steps, whose error is so many times what is wanted."""
+        times, needed = 1, math.sqrt(2.0 * above) if math.isfinite(above) else 2.0
+        while times < needed and 2 * times * steps <= self._most_steps:
+            times *= 2
+        return times
 
     def _most_modes(self, modes: int) -> int:
         """How many there may be, where there are so many."""

@@ -478,7 +478,8 @@ def test_one_pair_in_the_place_of_another(beam, monkeypatch):
         monkeypatch.setattr(driven_orbits, "SPAN", span)
         monkeypatch.setattr(branch_following, "Settings", partial(Settings, largest=largest))
         load = sb.PointForce("A", fy=1500.0)
-        return [item.value for item in sb.frequency_response(reduction, load, 14135.0, 14155.0).bifurcations]
+        found = sb.frequency_response(reduction, load, 14135.0, 14155.0).bifurcations
+        return [item.own_value for item in found]  # in more modes they are nearly one
 
     fine = located(7.0, 0.35)
     assert len(fine) == 2 and 2.0 < fine[1] - fine[0] < 3.0

@@ -255,17 +255,15 @@ class LocusState:
         """Right and left, of length one, where there are any."""
         return ()
 
-    def slope(self, direction: np.ndarray, whole: bool = True) -> np.ndarray:
-        """Of g along a change of the unknowns in units, by differences only along what is not known of it; or
-        of what is known alone.
-        """
+    def slope(self, direction: np.ndarray) -> np.ndarray:
+        """Of g along a change of the unknowns in units, by differences only along what is not known of it."""
         rest, total = direction.copy(), np.zeros(len(self.condition))
         for _ in range(2):  # twice is enough for orthogonal to rounding
             for known, rate in self._known:
                 share = float(known @ rest)
                 rest, total = rest - share * known, total + share * rate
         length = float(np.linalg.norm(rest))
-        if whole and length > NEGLECTED * float(np.linalg.norm(direction)):
+        if length > NEGLECTED * float(np.linalg.norm(direction)):
             steepest = max((float(np.abs(rate).max()) for _, rate in self._known), default=0.0)
             for apart in (APART, 10.0 * APART):
                 u = self.u + apart / length * rest * self.problem.units(self.u)[0]
@@ -289,10 +287,8 @@ class LocusState:
         return result * problem.units(self.u)[0]
 
     def linear(self, smooth: bool = False) -> _Augmented:
-        """The same for Newton's method and for tangents; of those of a point nearby, g along what the motion
-        misses is left to updates, for it takes as long as an iteration.
-        """
-        return _Augmented(self, smooth)
+        """The same for Newton's method and for tangents."""
+        return _Augmented(self)
 
 
 class _AtMultiplier(LocusState):
@@ -351,8 +347,8 @@ class _AtGrazing(LocusState):
 class _Augmented:
     """The linearised equations of a state; they have no sum with those of others."""
 
-    def __init__(self, state: LocusState, smooth: bool):
-        self.state, self.smooth, self.rows = state, smooth, len(state.residual)
+    def __init__(self, state: LocusState):
+        self.state, self.rows = state, len(state.residual)
 
     def mixed(self, others: Sequence[Linear], weights: Sequence[float]) -> Linear:
         """Itself."""
@@ -360,7 +356,7 @@ class _Augmented:
 
     def bordered(self, row: np.ndarray) -> _AugmentedBorder:
         """With one more row."""
-        return _AugmentedBorder(self, row)
+        return _AugmentedBorder(self.state, row)
 
 
 class _AugmentedBorder:
@@ -370,9 +366,8 @@ class _AugmentedBorder:
 
     sign: float | None = None
 
-    def __init__(self, linear: _Augmented, row: np.ndarray):
-        state = self.state = linear.state
-        self.smooth, self.units = linear.smooth, state.problem.units(state.u)[0]
+    def __init__(self, state: LocusState, row: np.ndarray):
+        self.state, self.units = state, state.problem.units(state.u)[0]
         surface, scaled = state.surface, row * self.units
         self.size = float(np.linalg.norm(surface, axis=1).max()) / max(float(np.linalg.norm(scaled)), 1e-300)
         q, r = linalg.qr(np.vstack([surface, self.size * scaled]).T, check_finite=False)
@@ -386,8 +381,7 @@ class _AugmentedBorder:
         try:
             known = linalg.solve_triangular(self.triangle, known, trans="T", check_finite=False)
             particular = self.range @ known
-            slope = self.state.slope(particular, not (self.smooth and right[:-1].any()))
-            wanted = right[self.known - 1 : -1] / (FINE * self.state.scale) - slope
+            wanted = right[self.known - 1 : -1] / (FINE * self.state.scale) - self.state.slope(particular)
             return self.units * (particular + self.null @ np.linalg.solve(self.slopes, wanted))
         except np.linalg.LinAlgError:
             raise Lost("the locus has no single direction") from None
