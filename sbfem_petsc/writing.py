@@ -91,7 +91,7 @@ def as_json(value: Any, levels: int = 3, end: str = "\n") -> str:
     if not levels or not isinstance(value, dict) or not value:
         return json.dumps(value, allow_nan=False)
     inner = f"{end} "
-    entries = (f"{json.dumps(key)}: {as_json(item, levels - 1, inner)}" for key, item in value.items())
+    entries = (f"{json.dumps(str(key))}: {as_json(item, levels - 1, inner)}" for key, item in value.items())
     return f"{{{inner}{f',{inner}'.join(entries)}{end}}}"
 
 

@@ -46,13 +46,13 @@ class Lag(NamedTuple):
         Compliance of the contact rows that follows at once, m/N: of layers and stops.
     """
 
+    share: float
+    layers: np.ndarray
+
     @classmethod
     def of(cls, b: float, omega: float, ratio: float, layers: np.ndarray) -> Lag | None:
         """By the highest mode; None without b."""
         return cls(0.5 * b * omega / ratio, layers) if b * omega > 0.0 else None
-
-    share: float
-    layers: np.ndarray
 
 
 @described

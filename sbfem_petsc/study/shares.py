@@ -50,13 +50,14 @@ class Shares:
             self._window.Free()
 
     def structure(self) -> int | None:
-        """Number of a structure to work on; None when no row is left. Collective over the group."""
+        """Number of a structure to work on; None when no help is needed. Collective over the group."""
         found = None
         if self.group.rank == 0:
             found = self._taken(0)
             if found >= len(self._rows):
                 left = self.left()
-                found = int(left.argmax()) if left.any() else None
+                # a last row is left to those who are there: a structure made for it alone comes too late
+                found = int(left.argmax()) if left.max(initial=0) > 1 else None
         return self.group.bcast(found)
 
     def row(self, structure: int) -> int | None:

@@ -290,6 +290,11 @@ with Shares(comm, MPI.COMM_SELF, [9]) as shares:
                 together()
     comm.Barrier()
     assert not shares.left().any()
+with Shares(comm, MPI.COMM_SELF, [1]) as shares:  # a last row has its group, who makes the structure for it
+    given = shares.structure()
+    comm.Barrier()
+    assert given is None or shares.row(given) == 0
+assert set(comm.allgather(given)) == {0, None}
 each = comm.allgather(taken)
 assert sorted(sum(each, [])) == list(range(9)) and min(map(len, each)) >= 3, each
 """

@@ -40,7 +40,7 @@ class _Law(Table):
 
 
 class CoulombLaw(_Law):
-    """Faces that rub where they press on each other, in static and load_history."""
+    """Faces that rub where they press on each other."""
 
     made: ClassVar = law.Coulomb
 
