@@ -304,11 +304,72 @@ def test_unknowns_in_another_order(body):
     count = len(both.unknowns)
     along = np.stack([np.tile(both.unknowns[::3, 0], 3), np.repeat([0, 1, 2], count // 3)], axis=1)
     for unknowns in (both.unknowns[::-1], along):
-        with pytest.warns(sb.MeshWarning, match=f"forces at 2.. of its {count} unknowns; are unknowns and"):
+        with pytest.warns(sb.MeshWarning, match="at 2.. of 264 unknowns away from supports; are unk"):
             sb.FiniteElementModel(both.mass, both.stiffness, unknowns, given[0], **given[1])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         sb.FiniteElementModel(both.mass, both.stiffness, both.unknowns, given[0], **given[1])
+
+
+@pytest.mark.parametrize("thick", [2e-4, 1e-3, 4e-3])
+def test_plates_that_are_held_over_a_face(thick):
+    """One element thick, cells of 1 mm: all free nodes are beside held ones, and nothing is told of their
+    order; held at an edge alone it is, and all x first are warned of.
+    """
+    skfem = pytest.importorskip("skfem")
+    from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+    lines = np.linspace(0.0, 0.012, 13), np.linspace(0.0, 0.012, 13), np.array([0.0, thick])
+    mesh = skfem.MeshHex.init_tensor(*lines)
+    basis = skfem.Basis(mesh, skfem.ElementVector(skfem.ElementHex1()))
+    stiffness = linear_elasticity(*lame_parameters(210e9, 0.3)).assemble(basis).tocsr()
+    mass = 7850.0 * 0.012**2 * thick / mesh.nvertices * scipy.sparse.identity(basis.N)
+    every = np.zeros((basis.N, 2), dtype=int)
+    for d, rows in enumerate(basis.nodal_dofs):
+        every[rows] = np.stack([np.arange(mesh.nvertices), np.full(mesh.nvertices, d)], axis=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for axis in (0, 2):
+            free = mesh.p[axis, every[:, 0]] > 1e-9
+            parts = mass.tocsr()[free][:, free], stiffness[free][:, free]
+            sb.FiniteElementModel(*parts, every[free], dict(enumerate(mesh.p.T)), fixed=every[~free].tolist())
+            if axis == 0:
+                wrong = (
+                    parts,
+                    every[free][np.argsort(every[free][:, 1], kind="stable")],
+                    every[~free].tolist(),
+                )
+    with pytest.warns(sb.MeshWarning, match="unknowns away from supports"):
+        sb.FiniteElementModel(*wrong[0], wrong[1], dict(enumerate(mesh.p.T)), fixed=wrong[2])
+
+
+@pytest.mark.parametrize(
+    "rounded",
+    [np.float32, *(lambda values, n=n: [float(f"{value:.{n}e}") for value in values] for n in (6, 9))],
+    ids=["single", "seven", "ten"],
+)
+def test_stiffness_of_few_digits(body, rounded):
+    """Single precision, and numbers written with seven digits, are warned of by what is left of forces of a
+    body that moves as a whole; a mass of such, and chains on weak springs, are right.
+    """
+
+    def few(matrix):
+        matrix = matrix.tocsr()
+        return scipy.sparse.csr_matrix((rounded(matrix.data), matrix.indices, matrix.indptr), matrix.shape)
+
+    both = sb.join(body, body)
+    given = both.unknowns, dict(zip(both.labels.tolist(), both.places))
+    with pytest.warns(
+        sb.MeshWarning, match="entries of stiffness are rounded, as in single precision: moved"
+    ):
+        sb.FiniteElementModel(both.mass, few(both.stiffness), *given, fixed=both.fixed)
+    eye = scipy.sparse.identity(300, format="csr")
+    chain = scipy.sparse.diags([-1e6, 2e6, -1e6], [-1, 0, 1], eye.shape) + 0.5 * eye
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sb.FiniteElementModel(few(both.mass), both.stiffness, *given, fixed=both.fixed)
+        nodes, unknowns = {k: (0.01 * k, 0.0, 0.0) for k in range(300)}, [(k, 0) for k in range(300)]
+        sb.FiniteElementModel(1e-4 * eye, chain, unknowns, nodes)
 
 
 def test_nodes_of_nothing_do_not_make_the_body_larger(parts):

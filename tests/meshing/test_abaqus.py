@@ -83,9 +83,11 @@ def test_two_plates(tmp_path):
 
 
 def test_sets_of_several_blocks_and_of_cells_of_two_sizes(tmp_path):
-    """Blocks of one name, in whatever letters, are one set; sets of lines may overlap."""
+    """Blocks of one name, in whatever letters, are one set; sets of lines may overlap, and a node may stand
+    twice in one place.
+    """
     text = (
-        ROW
+        ROW.replace("4, 3., 0.", "4, 3., 0.\n3, 2.")
         + "*ELSET, ELSET=load, GENERATE\n11, 13, 2\n*ELSET, ELSET=load\n15\n*ELSET, ELSET=rim\nload, bottom"
     )
     mesh = read(tmp_path, text)
@@ -324,7 +326,7 @@ def test_random_decks(tmp_path, seed):
         (("2, 2, 3, 6, 5", "2, 2, 3, 6, x"), {}, "does not hold whole numbers: 2, 2, 3, 6, x"),
         (("2, 2, 3, 6, 5", "9" * 19 + ", 2, 3, 6, 5"), {}, "does not hold whole numbers: 999"),
         (("6, 2., 1.", "6, 2., one"), {}, "*NODE in line 9 does not hold a number and coordinates"),
-        (("6, 2., 1.", "5, 2., 1."), {}, "holds node 5, which there is already"),
+        (("6, 2., 1.", "6, 2., 1.\n5, 2., 1."), {}, "holds node 5, which stands elsewhere already"),
         ((", ELSET=brass", ""), {}, "element 2 is in no set, whose name is the material's"),
         (("*NSET, NSET=P", "*ELSET, ELSET=b\n1\n*NSET, NSET=P"), {}, "is in the sets 'steel' and 'b'"),
         (("*NSET, NSET=P\n6", "*ELSET, ELSET=b\n7"), {}, "has element 7, which does not exist"),

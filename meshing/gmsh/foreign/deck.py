@@ -149,9 +149,9 @@ class Deck:
                 label, where = _number(row[0]), [float(re.sub("[dD]", "e", x) or 0.0) for x in row[1:4]]
             except ValueError:
                 card.refuse(f"does not hold a number and coordinates: {', '.join(row)}", place)
-            if label in self.nodes:
-                card.refuse(f"holds node {label}, which there is already", place)
-            self.nodes[label] = where + [0.0] * (3 - len(where))
+            where += [0.0] * (3 - len(where))
+            if self.nodes.setdefault(label, where) != where:
+                card.refuse(f"holds node {label}, which stands elsewhere already", place)
             labels.append(label)
         if "NSET" in card.given:
             self._set(card, "NSET").add(labels)
