@@ -14,6 +14,8 @@ from sbfem_petsc.analysis.locus import _passes
 from sbfem_petsc.continuation.follow import Follower, Line, Settings
 from sbfem_petsc.continuation.problem import Point, Problem, Range
 from sbfem_petsc.continuation.problems import locus as locus_module
+from sbfem_petsc.continuation.problems.driven_orbits import Family
+from sbfem_petsc.continuation.problems.locus_problem import LocusProblem, LocusStart
 from sbfem_petsc.continuation.search import NEWTON_ALONE
 from sbfem_petsc.plot import plot_loci
 from tests.systems import case_p, one_mass, two_masses
@@ -145,6 +147,23 @@ def test_a_multiplier_that_hardly_leaves_the_circle():
 
 
 @pytest.mark.long
+def test_slope_with_the_angle_beside_differences(curve):
+    """What a Neimark-Sacker point's condition changes by with the multiplier's angle is known without a
+    period: no other slope is left to be made along it.
+    """
+    item = of_kind(curve, "Neimark-Sacker")[0]
+    begin = LocusStart(item.kind, item.state, item.own_value, 1.0, item.multiplier)
+    problem = LocusProblem(Family(curve.period, "load"), begin, 0.2)
+    state, angle, apart = (
+        problem.at(problem.begin),
+        np.eye(1, len(problem.begin), len(problem.begin) - 1)[0],
+        1e-5,
+    )
+    ahead, behind = (problem.at(problem.begin + sign * apart * angle).condition for sign in (1.0, -1.0))
+    problem.run = None  # nothing is integrated
+    np.testing.assert_allclose(state.slope(angle), (ahead - behind) / (2.0 * apart), rtol=1e-8)
+
+
 def test_each_line_once_and_its_ends(curve):
     """With the branch's own conditions at an end of the range, which a line meets to rounding, both doublings
     of an island are still one line; an end inside the range is told.
