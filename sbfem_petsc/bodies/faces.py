@@ -56,7 +56,6 @@ def partners(left: list[int], x: np.ndarray, y: np.ndarray, normal: np.ndarray) 
 
 
 def between(
-    left: list[int],
     places: tuple[np.ndarray, np.ndarray],
     normal: np.ndarray,
     faces: tuple[Faces, Faces],
@@ -65,13 +64,11 @@ def between(
     """(left, left) and (left, right): means of displacements before each other about left nodes.
 
     Weights are hat functions, linear on triangles between the left nodes, over what is common to both faces,
-    so that a constant or linear pressure has on each side the forces that its elements give it. Nodes on a
-    line, without elements, are points.
+    so that a constant or linear pressure has on each side the forces that its elements give it. Nodes of
+    no face, as on a line, are points. Rows of nodes that have nothing before them are empty.
 
     Parameters
     ----------
-    left : list of int
-        Labels.
     places : (left, 3), (right, 3) arrays
     normal : (3,) array
     faces : pair of lists of lists of int
@@ -88,9 +85,10 @@ def between(
         raise ValueError(
             f"contact: the {len(y)} right nodes span no surface across the normal; give those of a face"
         )
+    own = own + [[int(k)] for k in np.setdiff1d(np.arange(len(x)), [k for face in own for k in face])]
     none = np.zeros(1, dtype=int)
     entries = [[(none, none, np.zeros(1))] for _ in (x, y)]
-    for nodes, *cells, points, weights in _common((x, y), own or [[k] for k in range(len(x))], other):
+    for nodes, *cells, points, weights in _common((x, y), own, other):
         kept, hats = moves[nodes], (weights[:, None] * _shapes(x[nodes], points)).T
         hats = hats[kept] + hats[~kept].sum(axis=0) / max(kept.sum(), 1)
         for part, cell, at in zip(entries, cells, (x, y)):
@@ -101,11 +99,6 @@ def between(
         for (rows, columns, values), at in zip((map(np.concatenate, zip(*part)) for part in entries), (x, y))
     )
     shared = np.asarray(one.sum(axis=1)).ravel()
-    if (beside := moves & (shared <= 0.0)).any():
-        raise ValueError(
-            f"contact: {beside.sum()} of {len(left)} left nodes, node {left[beside.argmax()]} say, lie "
-            "beside the right face; leave them out, or exchange the faces"
-        )
     for part in (one, two):
         part.data /= np.repeat(np.where(shared > 0.0, shared, 1.0), np.diff(part.indptr))
         part.data[np.abs(part.data) <= LITTLE] = 0.0

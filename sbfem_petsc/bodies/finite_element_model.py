@@ -242,13 +242,13 @@ class FiniteElementModel:
         KeyError
             If there is no such node or set.
         ValueError
-            If nodes have no partner or lie beside the right face, if the normal is not known, if faces
+            If nodes have no partner, or all lie beside the right face, if the normal is not known, if faces
             overlap, if nothing moves, or if faces that rub are not those of a plane body.
 
         Warns
         -----
         MeshWarning
-            If nodes are corners of eight-node faces.
+            If nodes are corners of eight-node faces, or some lie beside a right face that does not match.
         """
         flag("contact", "matching", matching)
         law = Unilateral() if law is None else law
@@ -278,7 +278,7 @@ class FiniteElementModel:
                 weights, share = self._before(one, other, vector)
             rows = weights @ rows + self._shared(share, other, vector)
             slips = weights @ slips + self._shared(share, other, along)
-            distance = share @ (y @ vector) - weights @ (x @ vector) - offset
+            distance = share @ (y @ vector) - weights @ (x @ vector) - weights @ np.full(len(one), offset)
             distance[np.abs(distance) < TOGETHER * self._sides.max()] = 0.0
         if gap is not None:
             distance = weights @ given_gap(gap, x)
@@ -307,10 +307,16 @@ class FiniteElementModel:
         x, y = (self.places[[self._node[a] for a in face]] for face in (one, other))
         faces, points = (self._faces(one), self._faces(other)), [[k] for k in range(len(one))]
         moves = np.ones(len(one), dtype=bool)
-        _, share = between(one, (x, y), normal, (points, faces[1]), moves)
+        _, share = between((x, y), normal, (points, faces[1]), moves)
         apart = abs(self._shared(share, other, normal) - self._rows(one, normal))
         moves = apart.max(axis=1).toarray().ravel() > ROUNDING
-        return between(one, (x, y), normal, faces, moves)
+        weights, share = between((x, y), normal, faces, moves)
+        if (beside := moves & (np.diff(weights.indptr) == 0)).any():
+            said = f"{beside.sum()} of {len(one)} left nodes, node {one[beside.argmax()]} say, lie beside"
+            if beside.sum() == moves.sum():
+                raise ValueError(f"contact: {said} the right face; do these faces meet along this normal?")
+            warn(f"contact: {said} the right face and make no pairs; are both sets right?", MeshWarning)
+        return weights, share
 
     def _shared(self, share: sparse.csr_matrix, labels: list[int], vector: np.ndarray) -> sparse.csr_matrix:
         """Displacements of nodes along a vector in these shares."""
