@@ -1,5 +1,5 @@
-"""A user's file is opened by a child process that may read the file's folder, compute and answer; nothing
-else.
+"""A user's file is opened by a child process that may read the file's folder, and Python and NumPy,
+compute and answer; nothing else.
 
 The kernel sees to it, whatever a file says. Landlock (Linux 5.13 and newer): no program is executed, no file
 made, changed or read elsewhere; seccomp: no process is started, no socket opened; limits on memory, time and
@@ -306,7 +306,11 @@ def _confine(libc: ctypes.CDLL, file: str, landlock: int) -> None:
         size = 8 * (1 + (landlock >= 4) + (landlock >= 6))
         packed = struct.pack("=QQQ", *handled)[:size]
         rules = call(libc.syscall, _CREATE, packed, ctypes.c_size_t(size), ctypes.c_uint32(0))
-        for place, rights in ((os.path.dirname(file), _READ_FILE | _READ_FOLDER), (file, _READ_FILE)):
+        # Python and NumPy load parts of theirs when these are first used, the newer the more.
+        places = {
+            os.path.dirname(place): _READ_FILE | _READ_FOLDER for place in (file, os.__file__, np.__file__)
+        }
+        for place, rights in (places | {file: _READ_FILE}).items():
             beneath = struct.pack("=Qi", rights, os.open(place, os.O_PATH | os.O_CLOEXEC))
             call(libc.syscall, _ADD, rules, ctypes.c_int(1), beneath, ctypes.c_uint32(0))
         call(libc.syscall, _RESTRICT, rules, ctypes.c_uint32(0))

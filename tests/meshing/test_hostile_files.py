@@ -460,7 +460,10 @@ def extract(*, file, asked):
     thread = threading.Thread(target=lambda: threads.append(1))
     thread.start()
     thread.join()
-    return {"done": done, "threads": threads, "names": sorted(os.environ), "read": open(file).read()}, {}
+    import numpy.typing, wave  # parts that are loaded when they are first used
+    late = [numpy.typing.__name__, wave.__name__]
+    told = {"threads": threads, "names": sorted(os.environ), "read": open(file).read(), "late": late}
+    return {"done": done} | told, {}
 """
 
 
@@ -488,11 +491,13 @@ def attempts(tmp_path, monkeypatch):
 
 @needs_landlock
 def test_what_the_process_can_do(attempts):
-    """Read its folder and compute, in threads as well; it knows no secrets and nothing of MPI."""
+    """Read its folder, Python and NumPy, and compute, in threads as well; it knows no secrets and nothing of
+    MPI.
+    """
     told = attempts()
     # signals are kept from version 6 of Landlock on
     assert set(told["done"]) <= ({"stop the parent"} if confined.landlock_version() < 6 else set())
-    assert told["threads"] == [1] and told["read"] == "whole"
+    assert told["threads"] == [1] and told["read"] == "whole" and told["late"] == ["numpy.typing", "wave"]
     assert set(told["names"]) <= {*KEPT, "LC_CTYPE"}  # Python sets LC_CTYPE for itself
     assert sorted(os.listdir(attempts.folder)) == ["beside.txt", "model.geo"]
     assert (attempts.folder / "beside.txt").read_text() == "whole"
