@@ -1,10 +1,11 @@
-"""A time step by Lemke's method on the host, of which the kernels find no solution."""
+"""Contact by Lemke's method on the host: of a time step or an instant that kernels find no solution of."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ..errors import SolveError
+from .complementarity import Complementarity
 from .friction import Friction, Memory, solve_friction
 from .law import RowLaws
 from .step_data import StepConstants, StepHistory, StepLoads, StepState
@@ -22,11 +23,9 @@ def pivoted_step(step: StepConstants, loads: StepLoads, state: StepState, histor
     gap = loads.free_gap[0] + (step.right @ q) @ step.left + step.residual @ force
     gap[count:] = slip
     free = loads.free_gap[1] + (step.right @ ends[0]) @ step.left
-    friction = Friction(step.rubbing.rows, step.rubbing.kinetic, step.rubbing.static)
     memory = Memory(slip, force[count:], force[:count], rows[:count], rows[count:], np.zeros(count), slip)
-    try:
-        found = solve_friction(step.flexibility[level], free, RowLaws(step.laws), friction, memory)
-    except SolveError:
+    friction, found = _pivoted(step, step.flexibility[level], free, memory)
+    if found is None:
         return False
     lost = Memory.of(found, count).lost_since(memory, friction)
     history.work[0] = 0.5 * (force + found.force) @ (found.gap - gap) + lost
@@ -38,3 +37,28 @@ def pivoted_step(step: StepConstants, loads: StepLoads, state: StepState, histor
     for part, value in zip(state, told):
         part[:] = value
     return True
+
+
+def pivoted_touch(step: StepConstants, free_gap: np.ndarray, state: StepState) -> bool:
+    """Contact at an instant from which no step leads back, under the gaps without forces (pairs,), from the
+    slips before: forces, states and slips of `state` are written; whether there is a solution.
+    """
+    count, nothing = step.rubbing.beside.size, np.zeros(step.rubbing.beside.size)
+    rows, along = state.rows, np.zeros(len(state.slip))
+    memory = Memory(state.slip, along, nothing, rows[:count], rows[count:], nothing, state.slip)
+    _, found = _pivoted(step, step.residual, free_gap, memory)
+    if found is None:
+        return False
+    state.force[:], state.rows[:], state.slip[:] = found.force, found.state, found.gap[count:]
+    return True
+
+
+def _pivoted(
+    step: StepConstants, flexibility: np.ndarray, free_gap: np.ndarray, memory: Memory
+) -> tuple[Friction, Complementarity | None]:
+    """What rubs, and the solution, None where there is none."""
+    friction = Friction(step.rubbing.rows, step.rubbing.kinetic, step.rubbing.static)
+    try:
+        return friction, solve_friction(flexibility, free_gap, RowLaws(step.laws), friction, memory)
+    except SolveError:
+        return friction, None

@@ -21,6 +21,7 @@ from ..contact.friction import STICKS
 from ..contact.held_rows import empty_sets
 from ..contact.located_rubbing import located_rubbing
 from ..contact.marching import march
+from ..contact.pivoted_step import pivoted_touch
 from ..contact.pivoting import contact_forces, empty_factor
 from ..contact.rubbing import rubbing_forces
 from ..contact.rubbing_tangent import LEAST, ROUGH, rubbing_contacts
@@ -306,7 +307,11 @@ class DrivenPeriod:
         sets, count = empty_sets(p.pairs), len(p.laws)
         held = (p.laws.table, self.constants.rubbing, begin.rows)
         before = np.append(np.zeros(count), begin.slip)
+        former = begin.rows.copy()
         settled = rubbing_forces(p.residual_flexibility, (gap, before), held, sets, begin.force)
+        if settled < 0:
+            begin.rows[:] = former
+            return 0 if pivoted_touch(self.constants, gap, begin) else -1
         begin.slip[:] = np.where(begin.rows[count:] == STICKS, begin.slip, sets.free[count:])
         return int(settled)
 

@@ -9,8 +9,9 @@ import sbfem_petsc as sb
 from meshing import CrackLine, Plate
 from sbfem_petsc.contact import marching
 from sbfem_petsc.contact.law import FREE
+from sbfem_petsc.contact.pivoted_step import pivoted_touch
 from sbfem_petsc.contact.step_data import NEVER, StepState
-from sbfem_petsc.motion import reduced_history
+from sbfem_petsc.motion import period_map, reduced_history
 from sbfem_petsc.motion.preparation import PeriodSettings, prepare
 from tests.contact.test_friction import LINES
 from tests.contact.test_friction_in_motion import slider
@@ -152,3 +153,41 @@ def test_steady_state_of_friction_that_falls():
             options = {"steps": steps, "modes": MODES, "stability": False}
             found = sb.periodic(model, SHAKEN, FREQUENCY, **options)
             assert found.residuals[-1] < 1e-9 * np.linalg.norm(found.state)
+
+
+def test_contact_as_a_period_begins_ends_in_a_solution(monkeypatch):
+    """Of random states of faces that meet in a T, for some of which kernels find none: forces and slips obey
+    the equations and the law.
+    """
+    solves = []
+
+    def pivoted(step, gap, state):
+        solves.append(pivoted_touch(step, gap, state))
+        return solves[-1]
+
+    monkeypatch.setattr(period_map, "pivoted_touch", pivoted)
+    with plate_of(LINES["T"], sb.Coulomb(3.0)) as model:
+        period = prepare("test", model, SHAKEN, FREQUENCY, settings=PeriodSettings(modes=MODES, steps=64))
+        driven, rng = period.at(FREQUENCY), np.random.default_rng(1)
+        count, flexibility = len(period.laws), period.residual_flexibility
+        rubs = driven.constants.rubbing.rows
+        while not solves:
+            state = np.linalg.norm(driven.linear_state) / 4.0 * rng.standard_normal(period.unknowns)
+            q, former = state[:MODES] / period.weights, period.slip_units * state[2 * MODES :]
+            begin = StepState(
+                q, q.copy(), np.zeros(period.pairs), np.zeros(period.pairs, dtype=np.int8), former.copy()
+            )
+            settled = driven._touch(begin)
+        assert settled >= 0 and solves == [True]
+        gap = driven.free_gap[0] + period.left @ (period.right.T @ q) + flexibility @ begin.force
+        pressure, friction = begin.force[:count], begin.force[count:]
+        size, least = np.abs(gap).max(), 1e-9 * pressure.max()
+        assert (gap[:count] > -1e-8 * size).all() and (pressure > -least).all() and pressure.max() > 0.0
+        assert np.abs(pressure * gap[:count]).max() < 1e-8 * size * pressure.max()
+        assert gap[count:] == pytest.approx(begin.slip, abs=1e-8 * size)
+        assert (np.abs(friction) <= 3.0 * pressure[rubs] + least).all()
+        # what moves does so against all the friction there is
+        moved = begin.slip - former
+        moves = np.abs(moved) > 1e-7 * size
+        assert friction[moves] == pytest.approx(-3.0 * (np.sign(moved) * pressure[rubs])[moves], abs=least)
+        assert moves.any() and not moves.all()
