@@ -51,7 +51,7 @@ def test_contact_laws_are_kept(tmp_path):
 
 
 def follow(**options):
-    return sb.frequency_response(two_masses(), [0.1], START, STOP, **{"steps": 2048, **options})
+    return sb.frequency_response(two_masses(), [0.1], START, STOP, **{"steps": 512, **options})
 
 
 @pytest.fixture(scope="module")
@@ -159,13 +159,13 @@ def test_a_complete_curve_is_not_traced_again(whole, monkeypatch):
 
 def test_resume_without_a_file_begins(tmp_path):
     path = str(tmp_path / "new.h5")
-    assert len(follow(file=path, resume=True, points=5, stability=False, steps=512).value) == 5
+    assert len(follow(file=path, resume=True, points=5, stability=False).value) == 5
     with pytest.warns(IncompleteBranch, match="it was given 5 points; resume=True with more of them"):
         assert len(sb.read(path).value) == 5
     # more points are allowed: it goes on
-    assert len(follow(file=path, resume=True, points=9, stability=False, steps=512).value) == 9
+    assert len(follow(file=path, resume=True, points=9, stability=False).value) == 9
     # without resume the file is replaced
-    follow(file=path, points=3, stability=False, steps=512)
+    follow(file=path, points=3, stability=False)
     with pytest.warns(IncompleteBranch):
         assert len(sb.read(path).value) == 3
 
@@ -207,7 +207,7 @@ def test_a_failed_curve_keeps_its_points(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "change, sentence",
     [
-        ({"steps": 1024}, "was written with steps = 2048, not 1024"),
+        ({"steps": 1024}, "was written with steps = 512, not 1024"),
         ({"stop": 0.1}, "was written with stop"),
         ({"start": 0.081}, "was written with start"),
         ({"load": [0.2]}, "was written for other loads"),
@@ -218,7 +218,7 @@ def test_a_failed_curve_keeps_its_points(tmp_path, monkeypatch):
 )
 def test_another_run_is_not_continued(whole, change, sentence):
     _, path = whole
-    given = {"model": two_masses(), "load": [0.1], "start": START, "stop": STOP, "steps": 2048, **change}
+    given = {"model": two_masses(), "load": [0.1], "start": START, "stop": STOP, "steps": 512, **change}
     before = open(path, "rb").read()
     with pytest.raises(ValueError, match=sentence):
         sb.frequency_response(
@@ -237,7 +237,7 @@ def test_another_run_is_not_continued(whole, change, sentence):
 def test_a_load_curve_does_not_continue_a_frequency_curve(whole):
     _, path = whole
     with pytest.raises(ValueError, match="was written with parameter = frequency, not load"):
-        sb.load_response(two_masses(), [0.1], 0.1, steps=2048, file=path, resume=True)
+        sb.load_response(two_masses(), [0.1], 0.1, steps=512, file=path, resume=True)
 
 
 @pytest.mark.slow
@@ -271,7 +271,7 @@ def test_a_folder_that_does_not_exist(tmp_path):
 def test_a_full_disk(tmp_path, monkeypatch):
     """The run ends with a sentence; what was written before stays readable and no half file is left."""
     path = str(tmp_path / "full.h5")
-    follow(file=path, points=4, stability=False, steps=512)
+    follow(file=path, points=4, stability=False)
 
     def refuse(*arguments, **options):
         raise OSError(28, "No space left on device")
@@ -279,7 +279,7 @@ def test_a_full_disk(tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(os, "write", refuse)
         with pytest.raises(sb.SolveError, match="cannot be written any more .No space left.*stays readable"):
-            follow(file=path, points=9, resume=True, stability=False, steps=512)
+            follow(file=path, points=9, resume=True, stability=False)
     with pytest.warns(IncompleteBranch):
         assert len(sb.read(path).value) == 4
     assert sorted(os.listdir(tmp_path)) == ["full.h5", "full.h5.state"]
@@ -293,10 +293,10 @@ def test_two_writers(tmp_path, monkeypatch):
         if not tried:
             tried.append(True)
             with pytest.raises(ValueError, match="is being written by another run"):
-                follow(file=path, points=5, stability=False, steps=512)
+                follow(file=path, points=5, stability=False)
 
     with pytest.warns(sb.BranchWarning):
-        follow(file=path, points=5, stability=False, steps=512, progress=second)
+        follow(file=path, points=5, stability=False, progress=second)
     assert tried and sorted(os.listdir(tmp_path)) == ["branch.h5", "branch.h5.state"]
 
 
