@@ -45,7 +45,7 @@ def oscillator():
 def curves(oscillator):
     start, stop = 0.55 / (2.0 * math.pi), 0.95 / (2.0 * math.pi)
     return {
-        "stop": sb.frequency_response(oscillator, (0.1,), start, stop, steps=2048, progress=None),
+        "stop": sb.frequency_response(oscillator, (0.1,), start, stop, steps=512, progress=None),
         "no stop": sb.frequency_response(oscillator, (0.1,), start, stop, contact=False, progress=None),
     }
 
