@@ -14,8 +14,6 @@ from sbfem_petsc.analysis.locus import _passes
 from sbfem_petsc.continuation.follow import Follower, Line, Settings
 from sbfem_petsc.continuation.problem import Point, Problem, Range
 from sbfem_petsc.continuation.problems import locus as locus_module
-from sbfem_petsc.continuation.problems.driven_orbits import Family
-from sbfem_petsc.continuation.problems.locus_problem import LocusProblem, LocusStart
 from sbfem_petsc.continuation.search import NEWTON_ALONE
 from sbfem_petsc.plot import plot_loci
 from tests.systems import case_p, one_mass, two_masses
@@ -144,19 +142,6 @@ def test_a_multiplier_that_hardly_leaves_the_circle():
         )
         found = [item.own_value for item in curve.bifurcations if abs(item.multiplier - 1.0) < 0.02]
         assert np.abs(np.array(found) - expected).min() < 0.03
-
-
-def test_slope_with_the_angle_beside_differences(curve):
-    """What a Neimark-Sacker point's condition changes by with the multiplier's angle is known without a
-    period: no other slope is left to be made along it.
-    """
-    item = of_kind(curve, "Neimark-Sacker")[0]
-    begin = LocusStart(item.kind, item.state, item.own_value, 1.0, item.multiplier)
-    problem = LocusProblem(Family(curve.period, "load"), begin, 0.2)
-    state, angle = problem.at(problem.begin), np.eye(1, len(problem.begin), len(problem.begin) - 1)[0]
-    ahead, behind = (problem.at(problem.begin + sign * 1e-5 * angle).condition for sign in (1.0, -1.0))
-    problem.run = None  # nothing is integrated
-    np.testing.assert_allclose(state.slope(angle), (ahead - behind) / 2e-5, rtol=1e-7)
 
 
 @pytest.mark.long

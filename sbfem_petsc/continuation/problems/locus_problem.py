@@ -221,9 +221,8 @@ class LocusState:
         self._begin()
         off = np.where(np.abs(self.condition) > problem.band, self.condition, 0.0)
         self.residual = np.append(self.motion.residual, FINE * self.scale * off)
-        # orthonormal directions in units, and the slopes of g along them; the steepest by differences
-        self._known = self._exact()
-        self._steepest = 0.0
+        # orthonormal directions in units, and the slopes of g along them
+        self._known: list[tuple[np.ndarray, np.ndarray]] = []
 
     def forget(self) -> None:
         """See `problem.State`."""
@@ -252,10 +251,6 @@ class LocusState:
         """What the condition changes by towards other unknowns."""
         raise NotImplementedError
 
-    def _exact(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Directions along which the slope is known without differences."""
-        return []
-
     def null_vectors(self) -> tuple[np.ndarray, ...]:
         """Right and left, of length one, where there are any."""
         return ()
@@ -269,14 +264,14 @@ class LocusState:
                 rest, total = rest - share * known, total + share * rate
         length = float(np.linalg.norm(rest))
         if length > NEGLECTED * float(np.linalg.norm(direction)):
+            steepest = max((float(np.abs(rate).max()) for _, rate in self._known), default=0.0)
             for apart in (APART, 10.0 * APART):
                 u = self.u + apart / length * rest * self.problem.units(self.u)[0]
                 change = self._change(u, *self.problem.run(u))
-                if max(float(np.abs(change).max()), apart * self._steepest) > CLEAR:
+                if max(float(np.abs(change).max()), apart * steepest) > CLEAR:
                     break
             rate = change / apart
             self._known.append((rest / length, rate))
-            self._steepest = max(self._steepest, float(np.abs(rate).max()))
             total = total + length * rate
         return total
 
@@ -323,13 +318,6 @@ class _AtMultiplier(LocusState):
     def null_vectors(self) -> tuple[np.ndarray, ...]:
         """Right and left, of length one."""
         return tuple(vector / np.linalg.norm(vector) for vector in (self.right, self.left))
-
-    def _exact(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        if self.problem.kind != "Neimark-Sacker":
-            return []
-        u = self.u  # the angle changes the place alone, and no motion
-        rate = self._real(1j * self.problem.place(u) * (self.left @ self.right))
-        return [(np.eye(1, len(u), len(u) - 1)[0], rate)]
 
     def _change(self, u: np.ndarray, driven: DrivenPeriod, motion: PeriodMotion) -> np.ndarray:
         parts = [self.right.real, self.right.imag] if np.iscomplexobj(self.right) else [self.right]
