@@ -270,7 +270,7 @@ def abaqus(file, matrix, unknowns):
     lines = ["** MATRIX INPUT"]
     for row, column, value in zip(upper.row, upper.col, upper.data):
         (a, i), (b, j) = unknowns[row], unknowns[column]
-        lines.append(f"{a},{i + 1}, {b},{j + 1}, {value!r}")
+        lines.append(f"{a},{i + 1}, {b},{j + 1}, {float(value)!r}")
     file.write_text("\n".join(lines) + "\n")
 
 
