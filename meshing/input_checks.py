@@ -34,9 +34,11 @@ _HOLD = [("above", operator.gt), ("at least", operator.ge), ("below", operator.l
 
 
 def shown(value: Any) -> str:
-    """What stands for a value in a message: its repr on one line, cut where it is long."""
+    """What stands for a value in a message: its repr on one line, cut where it is long; a number of NumPy's
+    is a number.
+    """
     try:
-        line = " ".join(repr(value).split())
+        line = " ".join(repr(value.item() if isinstance(value, np.generic) else value).split())
     except Exception:  # a foreign class' own fault
         line = f"<{type(value).__name__}>"
     return line if len(line) <= 80 else f"{line[:76]} ..."
