@@ -45,7 +45,7 @@ def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
     0 to 4 of the displacements of all named points and of the contact resultant, the larger one, each
     relative to itself or to 1e-3 of the largest that oscillates. Collective.
 
-    The motion is found again in twice the steps, and in these in more modes, see `build.wider`. inf
+    The motion is found again in twice the steps, and in more modes, see `build.wider`. inf
     where it is not found, or has no room; nan where nothing is known of the left-out modes, or there is no
     named point.
     """
@@ -59,19 +59,34 @@ def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
     elif period := if_room(lambda: finer(OWNER, p, 2)):
         if found := _nearby(period.at(*where), fixed.state, lambda: fixed.monodromy):
             errors[1], best = SECOND * change(lowest(fixed), lowest(found)), found
-    delay, late = p.reduced.delay, best
+    delay, late = p.reduced.delay, fixed
     if not delay:
         errors[2] = 0.0
-    elif found := _nearby(delayed(best.driven, best), best.state, lambda: fixed.monodromy):
-        errors[2], late = change(lowest(best), lowest(found, delay)), found
-    factor, steps = beyond(p.reduced, more), best.driven.period.steps
-    if np.isfinite(factor) and (wide := if_room(lambda: in_more_modes(p, more, steps))):
-        beside = delayed(wide.at(*where), best) if late is not best else wide.at(*where)
-        state = beside.linear_state + added(best, wide)
-        if found := _nearby(beside, state, lambda: carried_derivative(fixed, beside, state)):
-            own, other = (lowest(motion, delay * (late is not best)) for motion in (late, found))
-            errors[0] = factor * change(own, other)
+    elif found := _nearby(delayed(driven, fixed), fixed.state, lambda: fixed.monodromy):
+        errors[2], late = change(lowest(fixed), lowest(found, delay)), found
+    factor = beyond(p.reduced, more)
+    # in the own steps, where further modes may ring too fast for them in twice as many
+    for motion in (late, best) if best is not fixed else (late,):
+        if np.isinf(errors[0]).any() and np.isfinite(factor):
+            errors[0] = factor * _change_in_more_modes(
+                motion, fixed, more, delay * (motion is late is not fixed)
+            )
     return errors
+
+
+def _change_in_more_modes(
+    motion: FixedPoint, fixed: FixedPoint, more: ReducedModel, delay: float
+) -> np.ndarray | float:
+    """How harmonics change from those of a motion near another; inf where it is not found, or has no room."""
+    driven, period = motion.driven, motion.driven.period
+    wide = if_room(lambda: in_more_modes(period, more, period.steps))
+    if wide is None:
+        return np.inf
+    beside = wide.at(driven.frequency, driven.factor)
+    beside = delayed(beside, fixed) if delay else beside
+    state = beside.linear_state + added(motion, wide)
+    found = _nearby(beside, state, lambda: carried_derivative(fixed, beside, state))
+    return np.inf if found is None else change(lowest(motion, delay), lowest(found, delay))
 
 
 def delayed(driven: DrivenPeriod, fixed: FixedPoint) -> DrivenPeriod:
