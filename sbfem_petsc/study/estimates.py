@@ -12,10 +12,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..ranks.parallel import collective
-from .case import parameters
+from ..ranks.parallel import collective, on_root
+from .case import objects, parameters
 from .case.analyses import KINDS
 from .case.case import Case
+from .case.problems import CaseError
 from .costs import Cost
 from .structure import Structure, lines_of
 
@@ -62,6 +63,7 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
     facts["disk"] = 2e5 + sum(entry["disk"] for entry in entries)
     if case.tables.sweep is not None:
         facts["sweep"] = _sweep(case, facts["unknowns"], costs)
+        facts["sweep"]["refused"] = on_root(comm, lambda: _refused(case))
     return facts
 
 
@@ -96,6 +98,29 @@ def _sweep(case: Case, unknowns: int, costs: dict[str, Cost]) -> dict[str, Any]:
     }
 
 
+def _refused(case: Case) -> list[str]:
+    """Rows of a sweep that cannot be drawn or meshed, of those with the least and greatest value of each key
+    of the structure, and why.
+    """
+    table = case.tables.sweep
+    assert table is not None
+    rows = parameters.rows(table)
+    ends = {
+        choose(range(len(rows)), key=lambda n: rows[n][name])
+        for name, value in parameters.structural(rows[0])
+        if isinstance(value, (int, float))
+        for choose in (min, max)
+    }
+    refused = []
+    for n in sorted(ends) if case.tables.body is None else ():
+        try:
+            objects.mesh(case.with_values(rows[n]))
+        except CaseError as error:
+            values = ", ".join(f"{name} = {value!r}" for name, value in rows[n].items())
+            refused.append(f"row {n + 1} of the sweep will fail ({values}): {error}")
+    return refused
+
+
 def as_text(case: Case, facts: dict[str, Any]) -> str:
     """Estimates as text."""
     listed = [*lines_of(facts), ("points", ", ".join(facts["points"]) or "none")]
@@ -121,6 +146,7 @@ def as_text(case: Case, facts: dict[str, Any]) -> str:
             f"    sweep              {found['rows']:,d} rows on {found['structures']:,d} structures  "
             f"{duration(found['seconds'])} of one core, disk {size(found['disk'])}"
         )
+        lines += [f"    {sentence}" for sentence in found["refused"]]
     return "\n".join(lines)
 
 

@@ -122,10 +122,21 @@ def test_check(folder):
         assert facts[name] == summary[name]
     assert facts["seconds"] > 0 and facts["memory"] > 1e8 and facts["disk"] > 1e4
     swept = sbfem("check", folder / "sweep.toml", "--json").answer["sweep"]
-    assert swept["rows"] == 6 and swept["structures"] == 2
+    assert swept["rows"] == 6 and swept["structures"] == 2 and swept["refused"] == []
     text = sbfem("check", folder / "case.toml").out
     assert "a valid case" in text and f"{facts['unknowns']:,d} with auxiliary ones" in text
     assert sbfem("check", folder / "case.toml", "--quiet").out == ""
+
+
+def test_check_draws_the_ends_of_a_sweep(tmp_path):
+    """A notch as deep as the beam is high is told before the sweep, by row and with the reason."""
+    deep = CASE + SWEEP.replace("[0.002, 0.004]", "[0.004, 0.01, 0.002]")
+    said = sbfem("check", written(tmp_path, deep), "--json").answer["sweep"]["refused"]
+    assert len(said) == 1 and said[0].startswith(
+        "row 4 of the sweep will fail (geometry.notches[0].depth = 0.01,"
+    )
+    assert "depth" in said[0].split("): ", 1)[1]
+    assert said[0] in sbfem("check", tmp_path / "case.toml").out
 
 
 @pytest.mark.slow
