@@ -307,9 +307,8 @@ def _confine(libc: ctypes.CDLL, file: str, landlock: int) -> None:
         packed = struct.pack("=QQQ", *handled)[:size]
         rules = call(libc.syscall, _CREATE, packed, ctypes.c_size_t(size), ctypes.c_uint32(0))
         # Python and NumPy load parts of theirs when these are first used, the newer the more.
-        places = {
-            os.path.dirname(place): _READ_FILE | _READ_FOLDER for place in (file, os.__file__, np.__file__)
-        }
+        folders = {os.path.dirname(place) for place in (file, os.__file__, np.__file__)}
+        places = {folder: _READ_FILE | _READ_FOLDER for folder in folders if os.path.isdir(folder)}
         for place, rights in (places | {file: _READ_FILE}).items():
             beneath = struct.pack("=Qi", rights, os.open(place, os.O_PATH | os.O_CLOEXEC))
             call(libc.syscall, _ADD, rules, ctypes.c_int(1), beneath, ctypes.c_uint32(0))

@@ -316,6 +316,14 @@ class FiniteElementModel:
             if beside.sum() == moves.sum():
                 raise ValueError(f"contact: {said} the right face; do these faces meet along this normal?")
             warn(f"contact: {said} the right face and make no pairs; are both sets right?", MeshWarning)
+        alone = np.diff(weights.indptr) > 0
+        alone[[k for face in faces[0] for k in face]] = False
+        if faces[0] and alone.any():
+            warn(
+                f"contact: {alone.sum()} of {len(one)} left nodes, node {one[alone.argmax()]} say, lie on no "
+                "outer face whose nodes are all in the set, and are paired alone; are both sets right?",
+                MeshWarning,
+            )
         return weights, share
 
     def _shared(self, share: sparse.csr_matrix, labels: list[int], vector: np.ndarray) -> sparse.csr_matrix:

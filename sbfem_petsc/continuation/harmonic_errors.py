@@ -45,7 +45,8 @@ def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
     0 to 4 of the displacements of all named points and of the contact resultant, the larger one, each
     relative to itself or to 1e-3 of the largest that oscillates. Collective.
 
-    The motion is found again in twice the steps, and in more modes, see `build.wider`. inf
+    The motion is found again in twice the steps, and in more modes, see `build.wider`, in as many steps or
+    in its own, where faces rub in these first. inf
     where it is not found, or has no room; nan where nothing is known of the left-out modes, or there is no
     named point.
     """
@@ -59,18 +60,18 @@ def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
     elif period := if_room(lambda: finer(OWNER, p, 2)):
         if found := _nearby(period.at(*where), fixed.state, lambda: fixed.monodromy):
             errors[1], best = SECOND * change(lowest(fixed), lowest(found)), found
-    delay, late = p.reduced.delay, fixed
+    # Where faces rub, motions in more modes are dear in twice the steps; elsewhere they ring in the own ones.
+    base, other = (fixed, best) if p.friction is not None else (best, fixed)
+    delay, late = p.reduced.delay, base
     if not delay:
         errors[2] = 0.0
-    elif found := _nearby(delayed(driven, fixed), fixed.state, lambda: fixed.monodromy):
-        errors[2], late = change(lowest(fixed), lowest(found, delay)), found
+    elif found := _nearby(delayed(base.driven, base), base.state, lambda: fixed.monodromy):
+        errors[2], late = change(lowest(base), lowest(found, delay)), found
     factor = beyond(p.reduced, more)
-    # in the own steps, where further modes may ring too fast for them in twice as many
-    for motion in (late, best) if best is not fixed else (late,):
+    for motion in (late, other) if other is not base else (late,):
         if np.isinf(errors[0]).any() and np.isfinite(factor):
-            errors[0] = factor * _change_in_more_modes(
-                motion, fixed, more, delay * (motion is late is not fixed)
-            )
+            behind_by = delay * (motion is late is not base)
+            errors[0] = factor * _change_in_more_modes(motion, fixed, more, behind_by)
     return errors
 
 
@@ -83,7 +84,7 @@ def _change_in_more_modes(
     if wide is None:
         return np.inf
     beside = wide.at(driven.frequency, driven.factor)
-    beside = delayed(beside, fixed) if delay else beside
+    beside = delayed(beside, motion) if delay else beside
     state = beside.linear_state + added(motion, wide)
     found = _nearby(beside, state, lambda: carried_derivative(fixed, beside, state))
     return np.inf if found is None else change(lowest(motion, delay), lowest(found, delay))
