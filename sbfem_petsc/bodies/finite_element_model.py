@@ -15,18 +15,15 @@ from ..contact.law import ContactLaw, Unilateral, check_without_layer
 from ..errors import UnknownName, listed, warn
 from .cells import checked_cells, outer_faces, require_known
 from .faces import APART, ROUNDING, between, given_gap, moving_pairs, normal_of, partners
+from .plausibility import warn_of_order, warn_of_rounding
 from .rows import AXES, Contact, Row, told
 from .units import UNITS, tree_of, warn_of_units
 
 OWNER = "FiniteElementModel"
 # Relative asymmetry that rounding of written files explains.
 SYMMETRY = 1e-6
-# Forces beside their parts that rounding of double precision leaves at most; the least that is divided by.
-EXACT, TINY = 1e-11, 1e-300
 # Distance of nodes in sizes of the body that rounding explains.
 TOGETHER = 1e-10
-# Forces beside their parts, unknowns of which some are too many, and bodies whose supports may be near all.
-FORCED, NEARLY, FEW = 1e-2, 0.9, 200
 # Elements with eight-node faces, and how many of their nodes are corners.
 EIGHT = {"quad8": 4, "hexahedron20": 8}
 
@@ -101,7 +98,7 @@ class FiniteElementModel:
         require_known(OWNER, "fixed", [node for node, _ in self.fixed], self._node)
         moves = np.isin(self.labels, [*self.unknowns[:, 0], *(node for node, _ in self.fixed)])
         self._sides = np.ptp(self.places[moves], axis=0)
-        self._warn_of_rounding(_rounding(stiffness))
+        warn_of_rounding(OWNER, stiffness, self.stiffness, self.unknowns[:, 1])
         self._hold()
         own, heavy = self.stiffness.diagonal(), self.mass.diagonal()
         if (idle := own <= 0.0).any():
@@ -114,7 +111,9 @@ class FiniteElementModel:
             raise ValueError(f"FiniteElementModel: mass is negative, {heavy.min():g} kg on its diagonal")
         moves = self.unknowns[:, 1] < 3
         warn_of_units(OWNER, units, (own[moves], heavy[moves]), self.places, self._weight())
-        self._warn_of_order()
+        held = ~np.isin(self.labels, self.unknowns[:, 0]) | np.isin(self.labels, [a for a, _ in self.fixed])
+        rows = np.array([self._node[a] for a in self.unknowns[:, 0].tolist()])
+        warn_of_order(OWNER, self.stiffness, (self.places, held), (rows, self.unknowns[:, 1]))
 
     def _hold(self) -> None:
         """Leave out what is held; (n, 3) inertia forces of unit accelerations, kg, know of it."""
@@ -127,46 +126,6 @@ class FiniteElementModel:
             self.mass, self.stiffness = self.mass[free][:, free], self.stiffness[free][:, free]
             self.unknowns = self.unknowns[free]
         self._unknown = {(a, d): k for k, (a, d) in enumerate(self.unknowns.tolist())}
-
-    def _warn_of_order(self) -> None:
-        """Warn where the body, turned as a whole, meets forces nearly everywhere but beside supports."""
-        about, rows = np.array([1.0, -0.6, 0.8]), np.array([self._node[a] for a in self.unknowns[:, 0]])
-        moved = np.cross(about, self.places - self.places[rows].mean(axis=0))
-        rigid = np.hstack([moved, np.tile(about, (len(moved), 1))])[rows, self.unknowns[:, 1]]
-        forced = np.abs(self._forces(rigid))[self._far_from_supports()[rows]] > FORCED
-        if len(forced) >= FEW and forced.mean() > NEARLY:
-            warn(
-                f"{OWNER}: turned as a whole, the body meets forces at {forced.sum()} of {len(forced)} "
-                "unknowns away from supports; are unknowns and nodes those of the matrices' rows, in order?",
-                MeshWarning,
-            )
-
-    def _forces(self, moved: np.ndarray) -> np.ndarray:
-        """Forces that a motion meets, each beside the sum of its parts."""
-        return (self.stiffness @ moved) / np.maximum(abs(self.stiffness) @ np.abs(moved), TINY)
-
-    def _far_from_supports(self) -> np.ndarray:
-        """(nodes,): those without a held one among the nearest, as many as one meets in its rows."""
-        free = np.isin(self.labels, self.unknowns[:, 0])
-        held = ~free | np.isin(self.labels, [node for node, _ in self.fixed])
-        if not held.any():
-            return free
-        tree, met = tree_of(self.places), np.diff(self.stiffness.indptr).max() // 3 + 1
-        near = tree.query(self.places, min(met, len(held)))[1].reshape(len(held), -1)
-        return ~held[near].any(axis=1)
-
-    def _warn_of_rounding(self, part: float) -> None:
-        """Warn where entries that are rounded to a part leave forces of a body that moves as a whole."""
-        along = self.unknowns[:, 1] == np.arange(3)[:, None]
-        forces = np.concatenate([np.abs(self._forces(own.astype(float))[own]) for own in along])
-        left = np.median(np.append(0.0, forces[forces < part]))
-        if len(self.unknowns) >= FEW and left > EXACT:
-            warn(
-                f"{OWNER}: entries of stiffness are rounded, as in single precision: moved as a whole, the "
-                f"body meets forces of {left:.2g} of their parts, which moves low frequencies by many times "
-                "that; write them with all their digits",
-                MeshWarning,
-            )
 
     def nodal(self, unknowns: np.ndarray) -> np.ndarray:
         """(nodes, 3): displacements at all nodes in the order of `labels`, of (n,) values of the unknowns."""
@@ -451,16 +410,6 @@ def _matrix(name: str, value: Any, factor: float) -> sparse.csr_matrix:
     if off > SYMMETRY * abs(matrix).max():
         raise ValueError(f"FiniteElementModel: {name} is not symmetric, entries differ by up to {off:g}")
     return ((matrix + matrix.T) / 2.0).tocsr()
-
-
-def _rounding(matrix: sparse.spmatrix) -> float:
-    """By which part of itself an entry is rounded at most: to single precision, or to 6 to 10 decimals."""
-    values = np.abs(np.float64(sparse.coo_matrix(matrix).data))
-    values = values[values > 0.0]
-    units = [(2.0**-24, np.ldexp(np.frexp(values)[0], 24))]
-    decimals = values / 10.0 ** np.floor(np.log10(values))
-    units += [(5.0 * 10.0**-digits, 10.0 ** (digits - 1) * decimals) for digits in range(6, 11)]
-    return next((part for part, whole in units if (abs(whole - np.round(whole)) < 1e-3).all()), 0.0)
 
 
 def _labels(name: str, given: Any, count: int) -> np.ndarray:

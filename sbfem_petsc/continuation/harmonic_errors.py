@@ -45,10 +45,9 @@ def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
     0 to 4 of the displacements of all named points and of the contact resultant, the larger one, each
     relative to itself or to 1e-3 of the largest that oscillates. Collective.
 
-    The motion is found again in twice the steps, and in more modes, see `build.wider`, in as many steps or
-    in its own, where faces rub in these first. inf
-    where it is not found, or has no room; nan where nothing is known of the left-out modes, or there is no
-    named point.
+    The motion is found again in twice the steps, and in more modes (`build.wider`) in as many steps, or,
+    where that is in vain, in its own; where faces rub in its own first. inf where it is not found, or has no
+    room; nan where nothing is known of the left-out modes, or there is no named point.
     """
     driven, p = fixed.driven, fixed.driven.period
     more = wider(p.reduced)
@@ -68,10 +67,10 @@ def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
     elif found := _nearby(delayed(base.driven, base), base.state, lambda: fixed.monodromy):
         errors[2], late = change(lowest(base), lowest(found, delay)), found
     factor = beyond(p.reduced, more)
-    for motion in (late, other) if other is not base else (late,):
-        if np.isinf(errors[0]).any() and np.isfinite(factor):
-            behind_by = delay * (motion is late is not base)
-            errors[0] = factor * _change_in_more_modes(motion, fixed, more, behind_by)
+    if np.isfinite(factor):
+        errors[0] = factor * _change_in_more_modes(late, fixed, more, delay * (late is not base))
+        if np.isinf(errors[0]).any() and other is not base:
+            errors[0] = factor * _change_in_more_modes(other, fixed, more, 0.0)
     return errors
 
 

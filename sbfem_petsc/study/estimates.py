@@ -17,6 +17,7 @@ from .case import objects, parameters
 from .case.analyses import KINDS
 from .case.case import Case
 from .case.problems import CaseError
+from .case.sweep import SweepTable
 from .costs import Cost
 from .structure import Structure, lines_of
 
@@ -28,6 +29,7 @@ _STATICS, _MODES = 570.0, 760.0
 _UNREDUCED = 8e3
 # Bytes of the figures of a row of a sweep.
 ROW = 3e3
+Rows = list[dict[str, Any]]
 
 
 def estimate(case: Case, comm: Any) -> dict[str, Any]:
@@ -62,8 +64,9 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
     facts["memory"] = max(entry["memory"] for entry in entries)
     facts["disk"] = 2e5 + sum(entry["disk"] for entry in entries)
     if case.tables.sweep is not None:
-        facts["sweep"] = _sweep(case, facts["unknowns"], costs)
-        facts["sweep"]["refused"] = on_root(comm, lambda: _refused(case))
+        rows = parameters.rows(case.tables.sweep)
+        facts["sweep"] = _sweep(case.tables.sweep, rows, facts["unknowns"], costs)
+        facts["sweep"]["refused"] = on_root(comm, lambda: _refused(case, rows))
     return facts
 
 
@@ -83,10 +86,7 @@ def model_memory(kind: str, boundary_unknowns: int, *, ranks: int = 1, unreduced
     return ranks * _BASE_MEMORY + each * growth + _UNREDUCED * unreduced
 
 
-def _sweep(case: Case, unknowns: int, costs: dict[str, Cost]) -> dict[str, Any]:
-    table = case.tables.sweep
-    assert table is not None
-    rows = parameters.rows(table)
+def _sweep(table: SweepTable, rows: Rows, unknowns: int, costs: dict[str, Cost]) -> dict[str, Any]:
     structures = len({parameters.structural(row) for row in rows})
     chosen = [costs[name] for name in table.analyses or costs]
     shared = 0.2 + 5e-6 * unknowns + sum(cost.shared for cost in chosen)
@@ -98,26 +98,21 @@ def _sweep(case: Case, unknowns: int, costs: dict[str, Cost]) -> dict[str, Any]:
     }
 
 
-def _refused(case: Case) -> list[str]:
-    """Rows of a sweep that cannot be drawn or meshed, of those with the least and greatest value of each key
+def _refused(case: Case, rows: Rows) -> list[str]:
+    """Rows of a sweep that cannot be drawn or meshed, of those with the least and greatest number of each key
     of the structure, and why.
     """
-    table = case.tables.sweep
-    assert table is not None
-    rows = parameters.rows(table)
-    ends = {
-        choose(range(len(rows)), key=lambda n: rows[n][name])
-        for name, value in parameters.structural(rows[0])
-        if isinstance(value, (int, float))
-        for choose in (min, max)
-    }
+    ends: set[int] = set()
+    for name, _ in parameters.structural(rows[0]) if case.tables.body is None else ():
+        numbers = [n for n, row in enumerate(rows) if not isinstance(row[name], str)]
+        ends.update(choose(numbers, key=lambda n: rows[n][name]) for choose in (min, max) if numbers)
     refused = []
-    for n in sorted(ends) if case.tables.body is None else ():
+    for n in sorted(ends):
         try:
             objects.mesh(case.with_values(rows[n]))
         except CaseError as error:
             values = ", ".join(f"{name} = {value!r}" for name, value in rows[n].items())
-            refused.append(f"row {n + 1} of the sweep will fail ({values}): {error}")
+            refused.append(f"row {n} of the sweep will fail ({values}): {error}")
     return refused
 
 

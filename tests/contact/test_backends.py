@@ -34,7 +34,7 @@ def structure(request):
 @pytest.mark.parametrize("count", [1, pytest.param(3, marks=pytest.mark.long)])
 @pytest.mark.parametrize("kind", [Bordered, Dual])
 def test_sequences(structure, kind, count):
-    """27 problems over the three structures, or 315 in the long run, each from the set before or any
+    """Some 40 problems over the three structures, or 315 in the long run, each from the set before or any
     other. Each row is trusted to 1e-9 of the largest, and moves the others.
     """
     model, w = structure
@@ -42,7 +42,7 @@ def test_sequences(structure, kind, count):
     generator, problems, unsolved, states = np.random.default_rng(3), 0, 0, set()
     for seed in range(count):
         start = None
-        for gap in list(gaps(len(w), unit, np.random.default_rng(seed)))[:: 8 if count == 1 else 2]:
+        for gap in list(gaps(len(w), unit, np.random.default_rng(seed)))[:: 5 if count == 1 else 2]:
             with closing(kind(model.statics, model.contact)) as backend:
                 found, _ = active_set(backend, gap, laws, start)
             problems += 1
@@ -58,7 +58,7 @@ def test_sequences(structure, kind, count):
             assert ((found.force <= 0.0) | (found.state == PRESSED)).all()
             states |= set(found.state.tolist())
             start = found.state if generator.random() < 0.8 else generator.integers(0, 3, len(w))
-    assert unsolved <= np.ceil(0.1 * problems)  # of the few of the short run one, which rounding may decide
+    assert unsolved <= 0.1 * problems
     assert states >= {FREE, PRESSED} and (PULLED in states) == np.isfinite(laws.table.most[FREE]).any()
 
 

@@ -129,11 +129,11 @@ def test_check(folder):
 
 
 def test_check_draws_the_ends_of_a_sweep(tmp_path):
-    """A notch as deep as the beam is high is told before the sweep, by row and with the reason."""
+    """A notch as deep as the beam is high is told before the sweep, by its row in sweep.csv, and why."""
     deep = CASE + SWEEP.replace("[0.002, 0.004]", "[0.004, 0.01, 0.002]")
     said = sbfem("check", written(tmp_path, deep), "--json").answer["sweep"]["refused"]
     assert len(said) == 1 and said[0].startswith(
-        "row 4 of the sweep will fail (geometry.notches[0].depth = 0.01,"
+        "row 3 of the sweep will fail (geometry.notches[0].depth = 0.01,"
     )
     assert "depth" in said[0].split("): ", 1)[1]
     assert said[0] in sbfem("check", tmp_path / "case.toml").out
