@@ -34,14 +34,22 @@ _HOLD = [("above", operator.gt), ("at least", operator.ge), ("below", operator.l
 
 
 def shown(value: Any) -> str:
-    """What stands for a value in a message: its repr on one line, cut where it is long; a number of NumPy's
-    is a number.
+    """What stands for a value in a message: its repr on one line, cut where it is long; numbers of NumPy's
+    are numbers, also in lists, tuples and dicts.
     """
     try:
-        line = " ".join(repr(value.item() if isinstance(value, np.generic) else value).split())
+        line = " ".join(repr(_plain(value)).split())
     except Exception:  # a foreign class' own fault
         line = f"<{type(value).__name__}>"
     return line if len(line) <= 80 else f"{line[:76]} ..."
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    if type(value) in (list, tuple):
+        return type(value)(map(_plain, value))
+    return {key: _plain(item) for key, item in value.items()} if type(value) is dict else value
 
 
 def real(owner: str, name: str, value: Any, unit: str = "", *, within: Bounds = ANY) -> float:

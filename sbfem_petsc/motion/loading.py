@@ -275,8 +275,8 @@ def serving(
     if isinstance(system, ReducedModel):
         if modes is not None:
             raise wrong_input(
-                f"{owner}: modes = {modes!r} has no meaning beside a reduced model; reduce it to so many "
-                "modes"
+                f"{owner}: modes = {shown(modes)} has no meaning beside a reduced model; reduce it to so "
+                "many modes"
             )
         _warn_of_reduced(owner, system, loads, highest)
         return system

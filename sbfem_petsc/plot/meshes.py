@@ -13,6 +13,7 @@ from matplotlib.transforms import ScaledTranslation
 
 from meshing.boundary_mesh import BoundaryMesh
 
+from ..checks import shown
 from ..petsc import MPI
 from ..record.units import place_unit
 from ..selement.basis import shape_functions
@@ -42,7 +43,7 @@ def plot_discretisation(
     Axes on rank 0, the whole structure first, None elsewhere; `save_picture` writes them
     """
     if not isinstance(mesh, BoundaryMesh):
-        raise TypeError(f"plot_discretisation: mesh = {mesh!r} is not a BoundaryMesh")
+        raise TypeError(f"plot_discretisation: mesh = {shown(mesh)} is not a BoundaryMesh")
     lower, upper = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
     extent = upper - lower
     stretch = max(1.0, 0.16 * extent[0] / extent[1])

@@ -126,7 +126,9 @@ def reduce(
     with collective(model.comm):
         model.checked_loads(load, constant=False)
         if modes is not None and band is not None:
-            raise ValueError(f"reduce: give modes or band, not both (modes = {modes!r}, band = {band!r})")
+            raise ValueError(
+                f"reduce: give modes or band, not both (modes = {shown(modes)}, band = {shown(band)})"
+            )
         modes = optional_integer("reduce", "modes", modes, least=1, most=most)
         if band is not None:
             band = positive("reduce", "band", band, "Hz")

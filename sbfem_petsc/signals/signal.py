@@ -107,7 +107,7 @@ class Signal:
 
     def __truediv__(self, divisor: float) -> Signal:
         if real(type(self).__name__, "divisor", divisor) == 0.0:
-            raise ValueError(f"{type(self).__name__}: divisor = {divisor!r} must not be zero")
+            raise ValueError(f"{type(self).__name__}: divisor = {shown(divisor)} must not be zero")
         return self._scaled(1.0 / divisor)
 
     def __repr__(self) -> str:

@@ -9,6 +9,7 @@ rules are above what was measured, by less than a half.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from typing import Any
 
@@ -18,7 +19,7 @@ from .case.analyses import KINDS
 from .case.case import Case
 from .case.problems import CaseError
 from .case.sweep import SweepTable
-from .costs import Cost
+from .costs import FEWEST_MODES, Cost
 from .structure import Structure, lines_of
 
 # Bytes: the program and its libraries, on each rank; of N log2 N of N displacement unknowns, statics with a
@@ -39,16 +40,17 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
     """
     with collective(comm):
         case.check_tones(case.tables.sweep.parameters if case.tables.sweep is not None else ())
-    structure = Structure(case, comm)
-    facts: dict[str, Any] = {"title": case.tables.title, **structure.facts(), "analyses": {}}
-    if structure.body is None:
-        model = structure.model
-        facts["cracks"] = [crack.name for crack in model.cracks]
-        facts |= {"edge_sets": list(model.layout.edge_sets), "regions": list(model.layout.material_names)}
-    size = structure.size(case)
-    outer = facts.get("boundary_unknowns", facts["unknowns"])
-    costs = {name: kind.cost(size) for name, kind in case.tables.analyses.items()}
-    structure.close()
+    with contextlib.closing(Structure(case, comm)) as structure:
+        facts: dict[str, Any] = {"title": case.tables.title, **structure.facts(), "analyses": {}}
+        if structure.body is None:
+            model = structure.model
+            facts["cracks"] = [crack.name for crack in model.cracks]
+            facts |= {"edge_sets": list(model.layout.edge_sets), "regions": list(model.layout.material_names)}
+        outer = facts.get("boundary_unknowns", facts["unknowns"])
+        with collective(comm):
+            _require_modes(case, outer)
+        size = structure.size(case)
+        costs = {name: kind.cost(size) for name, kind in case.tables.analyses.items()}
     for name, kind in case.tables.analyses.items():
         unreduced = facts["unknowns"] if not getattr(kind, "reduced", True) else 0
         matrices = model_memory(kind.kind, outer, ranks=comm.size, unreduced=unreduced)
@@ -84,6 +86,20 @@ def model_memory(kind: str, boundary_unknowns: int, *, ranks: int = 1, unreduced
     each = _STATICS if KINDS[kind].statics else _MODES
     growth = boundary_unknowns * math.log2(boundary_unknowns + 1)
     return ranks * _BASE_MEMORY + each * growth + _UNREDUCED * unreduced
+
+
+def _require_modes(case: Case, unknowns: int) -> None:
+    """Refuse analyses that ask for more modes than a structure of so many unknowns has."""
+    most, words = unknowns // 2, "half the unknowns on boundaries; give fewer, or a finer mesh"
+    if case.tables.body is not None:
+        most = case.tables.body.modes or max(min(FEWEST_MODES, most), 1)
+        words = "those of the reduced body; give fewer, or more as body.modes"
+    for name, kind in case.tables.analyses.items():
+        for key in kind.modes_in:
+            asked = getattr(kind, key, None) or 0
+            if asked > most:
+                text = f"= {asked:,d} is more than the {most:,d} modes that there are, {words}"
+                raise case.problem(("analyses", name, key), text)
 
 
 def _sweep(table: SweepTable, rows: Rows, unknowns: int, costs: dict[str, Cost]) -> dict[str, Any]:

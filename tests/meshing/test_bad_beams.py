@@ -2,9 +2,11 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from meshing import Beam, Hole, VNotch
+from sbfem_petsc.checks import numbers_of, shown
 
 LENGTH, HEIGHT = 0.4, 0.005
 NOTCH = VNotch(0.08, 0.0025, 0.05)
@@ -136,3 +138,20 @@ def test_inconsistent_arrays():
         dataclasses.replace(mesh, points={"A": 100000})
     with pytest.raises(ValueError, match="for order 3"):
         dataclasses.replace(mesh, order=3)
+
+
+class Number(np.float64):
+    """As NumPy 2 prints its numbers."""
+
+    def __repr__(self):
+        return f"np.float64({float(self)!r})"
+
+
+def test_numbers_of_numpy_are_shown_as_numbers():
+    value = [Number(1.0), (Number(-2.5), 3), {"a": [Number(0.5)]}]
+    assert shown(Number(1.0)) == "1.0" and shown(value) == "[1.0, (-2.5, 3), {'a': [0.5]}]"
+    with pytest.raises(ValueError, match=r"x = \[1.0, 2.0\] must be three"):
+        numbers_of("f", "x", [Number(1.0), Number(2.0)], 3, "three")
+    around = [1.0]
+    around.append(around)
+    assert shown(around) == "<list>"  # which holds itself

@@ -124,6 +124,9 @@ def test_the_numbers_of_python(file):
 
 def test_other_commands(file):
     """Check, report and plots; a deck that has changed is another case; a sweep over a gap and a point."""
+    file.write_text(CASE.replace("count = 5", "count = 11"))
+    assert "frequencies.count = 11 is more than the 10 modes" in sbfem("check", file).err
+    file.write_text(CASE)
     done = sbfem("check", file, "--json")
     assert done.answer["unknowns"] == 78 and done.answer["contact_pairs"] == 2
     key = read_case(file).key
@@ -192,6 +195,7 @@ WRONG = [
     ),
     (r"\[output\]", '[output]\npoints = ["A"]', "output.points = 'A' is no point of the body"),
     ("modes = 10", "modes = 0", "body.modes = 0 must be at least 1"),
+    (r'kind = "transient"', 'kind = "transient"\nmodes = 5', "modes is not for a .*give body.modes"),
 ]
 # What only the body itself tells.
 LATER = [

@@ -16,12 +16,15 @@ import xml.etree.ElementTree
 import h5py
 import numpy as np
 import pytest
+from mpi4py import MPI
 
 import sbfem_petsc as sb
 from sbfem_petsc import plot
 from sbfem_petsc.progress import LogLines
 from sbfem_petsc.study import report
+from sbfem_petsc.study.case import objects
 from sbfem_petsc.study.case.analyses import KINDS
+from sbfem_petsc.study.case.case import read_case
 from sbfem_petsc.study.revive import read_any
 from sbfem_petsc.study.starter import KINDS as KINDS_OF_CASES
 from tests.parallel import ROOT, interruptible, on_ranks
@@ -126,6 +129,22 @@ def test_check(folder):
     text = sbfem("check", folder / "case.toml").out
     assert "a valid case" in text and f"{facts['unknowns']:,d} with auxiliary ones" in text
     assert sbfem("check", folder / "case.toml", "--quiet").out == ""
+
+
+@pytest.mark.parametrize(
+    "asked, key",
+    [
+        ('kind = "modal"\ncount = 100_000', "count = 100,000"),
+        ('kind = "transient"\nload = "burst"\nduration = 1e-3\nmodes = 99_999', "modes = 99,999"),
+        ('kind = "backbone"\nstart = 1.0\nstop = 2.0\nmode = 90_000', "mode = 90,000"),
+    ],
+)
+def test_check_tells_modes_that_there_are_not(asked, key, tmp_path):
+    """As the functions do, which take half of the unknowns on boundaries at most."""
+    file = written(tmp_path, f"{CASE}\n[analyses.many]\n{asked}\n")
+    done, unknowns = sbfem("check", file), objects.model(read_case(file), MPI.COMM_SELF).boundary_unknowns
+    words = f"analyses.many.{key} is more than the {unknowns // 2:,d} modes that there are"
+    assert done.code == 2 and words in done.err and done.err.count("\n") == 1
 
 
 def test_check_draws_the_ends_of_a_sweep(tmp_path):

@@ -22,6 +22,7 @@ class Backbone(BackboneOptions, Kind):
     kind: Literal["backbone"] = item(text="frequency of free vibration over its energy")
     alike = True
     running = True
+    modes_in = ("modes", "mode")
     details = ("harmonics",)
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Backbone:

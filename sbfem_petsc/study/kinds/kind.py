@@ -136,6 +136,8 @@ class Kind(Table):
         Whether it is kept in a file while it runs, from which an interrupted run goes on.
     saved : bool
         Whether its result is written to a file of its own, unless it has been kept.
+    modes_in : tuple of str
+        Keys that ask for so many modes.
     details : tuple of str
         Quantities that are kept, but stand in no summary or table.
     captions : dict of str to str
@@ -155,6 +157,7 @@ class Kind(Table):
     fields: ClassVar[bool] = False
     running: ClassVar[bool] = False
     saved: ClassVar[bool] = False
+    modes_in: ClassVar[tuple[str, ...]] = ("modes",)
     details: ClassVar[tuple[str, ...]] = ()
     captions: ClassVar[dict[str, str]] = {}
 
@@ -179,6 +182,8 @@ class Kind(Table):
                 f"= {self.kind!r} needs a structure held against every rigid-body motion, but "
                 "model.clamped = [] and there are no supports; clamp an edge set",
             )
+        if case.body is not None and getattr(self, "modes", None) is not None:
+            yield Problem(("modes",), "is not for a [body], which is reduced once; give body.modes")
         for key in self.loads_in:
             names = getattr(self, key)
             yield from (

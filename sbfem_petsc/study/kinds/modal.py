@@ -26,6 +26,7 @@ class Modal(ModalOptions, Kind):
 
     kind: Literal["modal"] = item(text="natural frequencies and modes")
     free = alike = fields = rubs = True
+    modes_in = ("count",)
     captions = {"modes": "mode shapes"}
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Modal:
