@@ -4,7 +4,6 @@ tip.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +14,9 @@ from .face_tractions import FaceTractions
 from .sectors import Sectors
 from .singular_modes import TipMode, TipSectors
 
-# Exponents closer than this are those of a crack, where each mode opens and slides.
-_ALIKE = 1e-2
+# Exponents closer than this are those of a crack, where each mode opens and slides. Modes that do one of the
+# two by less than this share of the other are told apart: of materials that are symmetric about the axis.
+_ALIKE, _PURE = 1e-2, 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +136,6 @@ def intensity_rows(
     radial: np.ndarray,
     sectors: Sectors,
     axis: np.ndarray,
-    isotropic: bool,
     *,
     reference_length: float = 1.0,
 ) -> IntensityRows:
@@ -150,7 +149,6 @@ def intensity_rows(
         About the tip.
     axis : (2,) array
         Unit vector from the tip to the mouth.
-    isotropic : bool
     reference_length : float
         Length at which the stress intensity factors of complex exponents are taken, in units of the size.
 
@@ -179,27 +177,19 @@ def intensity_rows(
         return IntensityRows(
             np.zeros((2, n)), np.full(2, np.nan), np.zeros((0, n)), np.zeros((0, 0)), np.zeros((2, 0))
         )
-    shape, order, elasticity = sectors
-    if isotropic and np.ndim(elasticity) == 2:
-        strength, exponents = _williams_strength(shape, elasticity, axis, space.fields)
-        oscillation, exact = 0.0, exponents[np.isfinite(exponents)]
-    else:
-        around = TipSectors(shape, order, elasticity, axis)
-        modes = around.modes(np.linalg.eigvals(space.generator))
-        strength, exponents = _mode_strength(modes, space, reference_length)
-        exact = np.array([mode.exponent for mode in modes])
-        exact = np.concatenate([exact, exact[exact.imag != 0.0].conj()])
-        oscillation = float(exact.imag.max(initial=0.0))
     found = np.linalg.eigvals(space.generator)
-    error = float(np.abs(found[:, None] - exact).min(axis=1).max()) if len(exact) else np.nan
+    modes = TipSectors(*sectors, axis).modes(found)
+    strength, exponents = _mode_strength(modes, space, reference_length)
+    exact = np.array([mode.exponent for mode in modes])
+    exact = np.concatenate([exact, exact[exact.imag != 0.0].conj()])
     return IntensityRows(
         strength @ space.amplitudes,
         exponents,
         space.amplitudes,
         space.generator,
         strength,
-        oscillation,
-        error,
+        float(exact.imag.max(initial=0.0)),
+        float(np.abs(found[:, None] - exact).min(axis=1).max()),
     )
 
 
@@ -225,12 +215,14 @@ def _mode_strength(
     strength, real = np.array(tractions).T, np.array(exponents)
     result = np.full(2, np.nan)
     lead = real < real.min() + _ALIKE
-    if lead.sum() > 1:  # a crack: both modes open and slide; weaker ones have no part in K
+    sizes = np.abs(strength)
+    apart = (sizes.min(axis=0) < _PURE * sizes.max(axis=0)).all()
+    if lead.sum() > 1 and not apart:  # a crack: both modes open and slide; weaker ones have no part in K
         strength[:, ~lead] = 0.0
         result[:] = real[lead].mean()
     else:
         # a notch: the mode that opens most, relative to its sliding, gives K_I, the one that opens least K_II
-        ratio = np.abs(strength[0]) - np.abs(strength[1])
+        ratio = sizes[0] - sizes[1]
         only = np.zeros_like(strength)
         for i, k in enumerate((int(np.argmax(ratio)), int(np.argmin(ratio)))):
             if len(real) > 1 or (ratio[k] > 0.0) == (i == 0):
@@ -238,77 +230,3 @@ def _mode_strength(
         strength = only
     fit = linalg.lstsq(np.array(columns).T, space.fields)[0]
     return strength @ fit, result
-
-
-def _williams_strength(
-    shape: np.ndarray, elasticity: np.ndarray, axis: np.ndarray, fields: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """K_I and K_II (2, count) of singular fields by least squares with the modes of Williams (1952) at the
-    nodes, and their exponents (2,).
-
-    In Muskhelishvili's form 2 mu (u + i v) = kappa phi - z conj(phi') - conj(psi) with phi = a z^lambda, psi
-    = b z^lambda, the axes along and across the ligament; a = 1 (opening) or i (sliding), b from the free
-    faces at theta = +-gamma.
-    """
-    ahead, normal = -axis, np.array([axis[1], -axis[0]])
-    shear = elasticity[2, 2]
-    kappa = 1.0 + 2.0 * shear / (elasticity[0, 1] + shear)  # plane stress and plane strain alike
-    z = shape @ ahead + 1j * (shape @ normal)
-    # the chain runs once around the tip, from face to face: theta follows it across the cut of the complex
-    # power
-    theta = np.unwrap(np.angle(z))
-    theta -= 2.0 * np.pi * np.round(0.5 * (theta[0] + theta[-1]) / (2.0 * np.pi))
-    gamma = 0.5 * float(theta[-1] - theta[0])
-    exponents = np.array([_williams_exponent(gamma, 1.0), _williams_exponent(gamma, -1.0)])
-    strength = np.zeros((2, fields.shape[1]))
-    columns = []
-    present = np.flatnonzero(np.isfinite(exponents))
-    for i in present:
-        exponent, a = exponents[i], (1.0, 1j)[i]
-        phase, other = (exponent - 1.0) * gamma, (exponent + 1.0) * gamma
-        sine = abs(np.sin(other)) > abs(np.cos(other))
-        if i == 0:
-            b = (
-                -(exponent - 1.0) * np.sin(phase) / np.sin(other)
-                if sine
-                else -(exponent + 1.0) * np.cos(phase) / np.cos(other)
-            )
-            stress = exponent * (exponent + 1.0 + b)
-        else:
-            b = (
-                -(exponent + 1.0) * np.sin(phase) / np.sin(other)
-                if sine
-                else -(exponent - 1.0) * np.cos(phase) / np.cos(other)
-            )
-            stress = exponent * (exponent - 1.0 + b)
-        power = np.abs(z) ** exponent * np.exp(1j * exponent * theta)
-        mode = (kappa * a * power - z * np.conj(a * exponent * power / z) - np.conj(a * b * power)) / (
-            2.0 * shear
-        )
-        columns.append(np.concatenate([mode.real, mode.imag]) / (np.sqrt(2.0 * np.pi) * stress))  # unit K
-    if columns:
-        measured = np.concatenate(
-            [
-                np.tensordot(fields.reshape(-1, 2, fields.shape[1]), axis, axes=(1, 0))
-                for axis in (ahead, normal)
-            ]
-        )
-        strength[present] = linalg.lstsq(np.array(columns).T, measured)[0]
-    return strength, exponents
-
-
-def _williams_exponent(gamma: float, sign: float) -> float:
-    """Lowest root of sin(2 lambda gamma) + sign lambda sin(2 gamma) = 0: opening (1) or sliding (-1) between
-    faces at +-gamma; nan if not singular.
-    """
-
-    def faces(exponent: float) -> float:
-        return math.sin(2.0 * exponent * gamma) + sign * exponent * math.sin(2.0 * gamma)
-
-    low, high = 0.4, 0.95
-    if not faces(low) > 0.0 > faces(high):
-        return math.nan
-    for _ in range(55):  # halved down to round-off, long before SciPy's solvers are loaded
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if faces(middle) > 0.0 else (low, middle)
-    return 0.5 * (low + high)

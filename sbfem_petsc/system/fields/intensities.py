@@ -93,7 +93,6 @@ def tip_intensities(
                         group.solution.radial,
                         Sectors(group.shape, group.order, material.elasticity),
                         axis,
-                        material.isotropic,
                         reference_length=REFERENCE_LENGTH / size,
                     )
                 except SElementError as error:
