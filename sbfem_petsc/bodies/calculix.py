@@ -15,9 +15,9 @@ from meshing.gmsh.foreign.deck import Card, Deck, cards, of_one_part
 from meshing.whole_file import read_whole
 
 from ..checks import choice, path
-from .cells import NODES
+from .cells import KINDS
 from .finite_element_model import AXES, FiniteElementModel
-from .units import UNITS
+from .plausibility import UNITS
 
 OWNER = "read_calculix"
 # What moves or removes unknowns, or closes contact before this program does.
@@ -104,7 +104,7 @@ class SolidDeck(Deck):
     def kind(self, card: Card) -> tuple[str, tuple[int, ...]]:
         """VTK's name, and the number of nodes."""
         kind = SOLIDS[_type(card)]
-        return kind, (NODES[kind],)
+        return kind, (KINDS[kind][0],)
 
     @staticmethod
     def _counts(card: Card) -> bool:

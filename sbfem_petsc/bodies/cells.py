@@ -2,72 +2,78 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping, Sized
 from typing import Any
 
 import numpy as np
 
-from ..checks import choice, instance, real_array, shown
+from ..checks import choice, instance, real_array
 
-# Corners of the faces by shape, and nodes by kind.
-FACES: dict[str, tuple[tuple[int, ...], ...]] = {
-    "triangle": ((0, 1, 2),),
-    "quad": ((0, 1, 2, 3),),
-    "tetra": ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)),
-    "wedge": ((0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (0, 3, 5, 2)),
-    "hexahedron": ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (0, 4, 7, 3)),
+# Corners of the faces, and ends of the edges in whose middles the further nodes of second order lie.
+SHAPES = {
+    "triangle": ("012", "01 12 20"),
+    "quad": ("0123", "01 12 23 30"),
+    "tetra": ("021 013 123 032", "01 12 20 03 13 23"),
+    "wedge": ("021 345 0143 1254 0352", "01 12 20 34 45 53 03 14 25"),
+    "hexahedron": ("0321 4567 0154 1265 2376 0473", "01 12 23 30 45 56 67 74 04 15 26 37"),
 }
-# Edges by the nodes in their middles.
-EDGES: dict[str, tuple[tuple[int, int], ...]] = {
-    "triangle": ((0, 1), (1, 2), (2, 0)),
-    "quad": ((0, 1), (1, 2), (2, 3), (3, 0)),
-    "tetra": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
-    "wedge": ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
-    "hexahedron": (
-        *((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4)),
-        *((0, 4), (1, 5), (2, 6), (3, 7)),
-    ),
-}
-NODES = {"triangle": 3, "triangle6": 6, "quad": 4, "quad8": 8, "tetra": 4, "tetra10": 10, "wedge": 6}
-NODES |= {"wedge15": 15, "hexahedron": 8, "hexahedron20": 20}
+
+
+def _kinds() -> Iterator[tuple[str, tuple[int, list[list[int]]]]]:
+    """The number of nodes of each kind, and nodes of its faces, corners first."""
+    for shape, (faces, edges) in SHAPES.items():
+        corners = [[int(node) for node in face] for face in faces.split()]
+        count = 1 + max(map(max, corners))
+        middles = {frozenset(map(int, edge)): k for k, edge in enumerate(edges.split(), count)}
+        yield shape, (count, corners)
+        sides = [[middles[frozenset(ends)] for ends in zip(face, face[1:] + face[:1])] for face in corners]
+        count += len(middles)
+        yield f"{shape}{count}", (count, [face + own for face, own in zip(corners, sides)])
+
+
+KINDS = dict(_kinds())
+
+
+def corners(face: Sized) -> int:
+    """How many nodes of a face, of 3, 4, 6 or 8, are corners."""
+    return 3 if len(face) in (3, 6) else 4
+
+
+def rows_of(
+    owner: str, what: str, labels: np.ndarray, nodes: Mapping[int, int], error: type[Exception] = ValueError
+) -> np.ndarray:
+    """Rows of nodes by their labels, of any shape; an error for a label that no node has."""
+    if lost := set(labels.ravel().tolist()) - set(nodes):
+        raise error(
+            f"{owner}: {what} has node {min(lost):.17g}, which does not exist in the body; is it internal?"
+        )
+    return np.array([nodes[label] for label in labels.ravel().tolist()], dtype=int).reshape(labels.shape)
 
 
 def checked_cells(owner: str, given: Any, nodes: Mapping[int, int]) -> dict[str, np.ndarray]:
     """(elements, k) rows of nodes by kind, from labels."""
     found = {}
     for kind, labels in instance(owner, "elements", given, Mapping, "a dict of kinds to labels").items():
-        choice(owner, "elements", kind, tuple(NODES))
+        count, _ = KINDS[choice(owner, "elements", kind, tuple(KINDS))]
         cells = real_array(owner, f"elements[{kind!r}]", labels, 2)
-        if cells.shape[1] != NODES[kind]:
-            raise ValueError(f"{owner}: elements {kind!r} have {cells.shape[1]} nodes, not {NODES[kind]}")
-        require_known(owner, f"elements[{kind!r}]", cells.ravel().tolist(), nodes)
-        found[kind] = np.array([[nodes[int(a)] for a in cell] for cell in cells])
+        if cells.shape[1] != count:
+            raise ValueError(f"{owner}: elements {kind!r} have {cells.shape[1]} nodes, not {count}")
+        found[kind] = rows_of(owner, f"elements[{kind!r}]", cells, nodes)
     return found
 
 
-def require_known(owner: str, what: str, labels: Iterable[float], nodes: Mapping[int, int]) -> None:
-    """ValueError for a label that no node has."""
-    if lost := {*labels} - {*nodes}:
-        raise ValueError(f"{owner}: {what} has node {shown(min(lost))}, which nodes has not; is it internal?")
-
-
-def outer_faces(cells: Mapping[str, np.ndarray]) -> list[tuple[int, list[int]]]:
-    """Number of corners and rows of nodes, corners first, of the faces that one element alone has."""
-    found = dict[tuple[int, ...], tuple[int, list[int]] | None]()
+def outer_faces(cells: Mapping[str, np.ndarray]) -> list[list[int]]:
+    """Rows of nodes, corners first, of the faces that one element alone has."""
+    found = dict[frozenset[int], list[int] | None]()
     for kind, elements in cells.items():
-        shape = kind.rstrip("0123456789")
-        first = 1 + max(map(max, FACES[shape]))
-        middles = {frozenset(edge): first + k for k, edge in enumerate(EDGES[shape])}
-        for corners in FACES[shape]:
-            edges = map(frozenset, zip(corners, corners[1:] + corners[:1]))
-            own = [*corners, *(middles[edge] for edge in edges if first < NODES[kind])]
+        for own in KINDS[kind][1]:
             for face in elements[:, own].tolist():
-                key = tuple(sorted(face[: len(corners)]))
-                found[key] = None if key in found else (len(corners), face)
+                key = frozenset(face[: corners(face)])
+                found[key] = None if key in found else face
     return [face for face in found.values() if face is not None]
 
 
 def surface(cells: Mapping[str, np.ndarray]) -> list[np.ndarray]:
     """(faces, corners) rows of nodes of the faces that one element alone has, those of triangles first."""
-    outer = outer_faces(cells)
-    return [np.array([face[:k] for n, face in outer if n == k], dtype=int).reshape(-1, k) for k in (3, 4)]
+    outer = [face[: corners(face)] for face in outer_faces(cells)]
+    return [np.array([face for face in outer if len(face) == k], dtype=int).reshape(-1, k) for k in (3, 4)]

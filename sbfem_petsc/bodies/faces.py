@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,9 @@ from scipy import sparse
 
 from ..checks import real, real_array, shown
 from ..contact.law import ContactLaw, Unilateral
+from .cells import corners
+from .plausibility import tree_of
 from .rows import Contact
-from .units import tree_of
 
 # Distance of partners in spacings of nodes; a row that is none, for a force of any size would press on it;
 # weights that are none.
@@ -21,12 +21,7 @@ APART, ROUNDING, LITTLE = 1e-3, 1e-9, 1e-13
 # length of a circle of twelve.
 BESIDE = 0.1
 # Triangles between the nodes of a face, by their number; steps to a place in it, at most.
-HATS = {
-    1: ((0,),),
-    3: ((0, 1, 2),),
-    4: ((0, 1, 2), (0, 2, 3)),
-    6: ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
-}
+HATS = {3: ((0, 1, 2),), 4: ((0, 1, 2), (0, 2, 3)), 6: ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))}
 HATS[8] = ((0, 4, 7), (1, 5, 4), (2, 6, 5), (3, 7, 6), (4, 5, 6), (4, 6, 7))
 NEWTON = 60
 # Nodes of a face, corners first, in its own coordinates, and the terms of its shape functions.
@@ -36,9 +31,11 @@ REFERENCE = {
 }
 TERMS = np.array([[0, 0], [1, 0], [0, 1], [1, 1], [2, 0], [0, 2], [2, 1], [1, 2]])
 Faces = list[list[int]]
+# Nodes of a hat, those of its face and of the other one, points of what is common to them, and weights.
+Common = tuple[list[int], list[int], list[int], np.ndarray, np.ndarray]
 
 
-def partners(left: list[int], x: np.ndarray, y: np.ndarray, normal: np.ndarray) -> sparse.csr_matrix:
+def partners(labels: np.ndarray, x: np.ndarray, y: np.ndarray, normal: np.ndarray) -> sparse.csr_matrix:
     """(left, right): 1 for the right node that faces each left one along the normal."""
     flat = np.eye(3) - np.outer(normal, normal)
     x, y = x @ flat, y @ flat
@@ -47,10 +44,10 @@ def partners(left: list[int], x: np.ndarray, y: np.ndarray, normal: np.ndarray) 
     away = far > APART * size + 1e-12
     if away.any():
         raise ValueError(
-            f"contact: {away.sum()} of {len(left)} left nodes have no partner (node {left[away.argmax()]} is "
+            f"contact: {away.sum()} of {len(x)} left nodes have no partner (node {labels[away.argmax()]} is "
             f"{far[away.argmax()]:g} m off); if the faces' meshes do not match, say matching=False"
         )
-    if len(set(nearest)) < len(left):
+    if len(set(nearest)) < len(x):
         raise ValueError("contact: two left nodes share a right one; the faces' meshes must match")
     return sparse.csr_matrix((np.ones(len(x)), (np.arange(len(x)), nearest)), (len(x), len(y)))
 
@@ -59,9 +56,10 @@ def between(
     places: tuple[np.ndarray, np.ndarray],
     normal: np.ndarray,
     faces: tuple[Faces, Faces],
-    moves: np.ndarray,
-) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
-    """(left, left) and (left, right): means of displacements before each other about left nodes.
+    apart: Callable[[sparse.csr_matrix], np.ndarray],
+) -> tuple[sparse.csr_matrix, sparse.csr_matrix, np.ndarray]:
+    """(left, left) and (left, right): means of displacements before each other about left nodes, and what
+    comes apart.
 
     Weights are hat functions, linear on triangles between the left nodes, over what is common to both faces,
     so that a constant or linear pressure has on each side the forces that its elements give it. Nodes of
@@ -74,29 +72,64 @@ def between(
     faces : pair of lists of lists of int
         Nodes by their places in these arrays, corners first; without any, triangles that fill the nodes'
         convex hull.
-    moves : (left,) array of bool
-        Nodes that come apart; hats of others, such as a crack's front, are shared out to their neighbours.
+    apart : function
+        Which left nodes come apart, (left,) array of bool, from (left, right) weights of what is before each
+        by itself; hats of others, such as a crack's front, are shared out to their neighbours.
     """
+    import shapely
+
     along = np.linalg.svd(normal[None])[2][1:].T
-    x, y = (part @ along for part in places)
-    own, other = (given or _hull(part) for given, part in zip(faces, (x, y)))
-    other = [face for face in other if _across(places[1][face[: _corners(face)]], normal)]
+    x, y = flat = tuple(part @ along for part in places)
+    own, other = (given or _hull(part) for given, part in zip(faces, flat))
+    other = [face for face in other if _across(places[1][face[: corners(face)]], normal)]
     if not other:
         raise ValueError(
             f"contact: the {len(y)} right nodes span no surface across the normal; give those of a face"
         )
-    own = own + [[int(k)] for k in np.setdiff1d(np.arange(len(x)), [k for face in own for k in face])]
+    right = shapely.STRtree([shapely.Polygon(y[face[: corners(face)]]) for face in other])
+    points = shapely.points(x)
+    nearest = right.geometries[before := right.nearest(points)]
+    lines = shapely.shortest_line(nearest, points)
+    met = np.flatnonzero(shapely.length(lines) < BESIDE * np.sqrt(shapely.area(nearest)))
+    ends, one = shapely.get_coordinates(lines)[::2, None], np.ones(1)
+    alone: list[Common] = [([k], [k], other[before[k]], ends[k], one) for k in met.tolist()]
+    moves = apart(_means(alone, flat, np.ones(len(x), dtype=bool))[1])
+    bound = {k for face in own for k in face}
+    commons = [common for common in alone if common[0][0] not in bound] + list(_common(x, own, other, right))
+    return *_means(commons, flat, moves), moves
+
+
+def _common(x: np.ndarray, own: Faces, other: Faces, right: Any) -> Iterator[Common]:
+    """What the hats of faces have in common with the other's, whose polygons stand in a tree."""
+    import shapely
+
+    hats = [([face[k] for k in hat], face) for face in own for hat in HATS[len(face)]]
+    left = np.array([shapely.Polygon(x[nodes]) for nodes, _ in hats], dtype=object)
+    one, two = right.query(left, predicate="intersects")
+    parts = shapely.intersection(left[one], right.geometries[two])
+    area, whole = shapely.area(parts), shapely.area(left)
+    if (np.bincount(one, area, len(left)) > (1.0 + APART) * whole).any():
+        raise ValueError("contact: right nodes lie behind each other; give those of one face")
+    for k in np.flatnonzero(area > ROUNDING * whole[one]):
+        yield (*hats[one[k]], other[two[k]], *_quadrature(shapely.get_coordinates(parts[k])[:-1]))
+
+
+def _means(
+    commons: list[Common], places: tuple[np.ndarray, ...], moves: np.ndarray
+) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
+    """See `between`."""
+    x, _ = places
     none = np.zeros(1, dtype=int)
-    entries = [[(none, none, np.zeros(1))] for _ in (x, y)]
-    for nodes, *cells, points, weights in _common((x, y), own, other):
+    entries = [[(none, none, np.zeros(1))] for _ in places]
+    for nodes, *cells, points, weights in commons:
         kept, hats = moves[nodes], (weights[:, None] * _shapes(x[nodes], points)).T
         hats = hats[kept] + hats[~kept].sum(axis=0) / max(kept.sum(), 1)
-        for part, cell, at in zip(entries, cells, (x, y)):
+        for part, cell, at in zip(entries, cells, places):
             rows, columns = np.meshgrid(np.array(nodes)[kept], cell, indexing="ij")
             part.append((rows.ravel(), columns.ravel(), (hats @ _shapes(at[cell], points)).ravel()))
     one, two = (
         sparse.csr_matrix((values, (rows, columns)), (len(x), len(at)))
-        for (rows, columns, values), at in zip((map(np.concatenate, zip(*part)) for part in entries), (x, y))
+        for (rows, columns, values), at in zip((map(np.concatenate, zip(*part)) for part in entries), places)
     )
     shared = np.asarray(one.sum(axis=1)).ravel()
     for part in (one, two):
@@ -104,37 +137,6 @@ def between(
         part.data[np.abs(part.data) <= LITTLE] = 0.0
         part.eliminate_zeros()
     return one, two
-
-
-def _common(
-    places: tuple[np.ndarray, np.ndarray], own: Faces, other: Faces
-) -> Iterator[tuple[list[int], list[int], list[int], np.ndarray, np.ndarray]]:
-    """Nodes of a hat, its face, the other's face, points of what is common to them, and their weights."""
-    import shapely
-
-    x, y = places
-    areas = shapely.area(right := [shapely.Polygon(y[face[: _corners(face)]]) for face in other])
-    across = np.flatnonzero(areas > ROUNDING * areas.max(initial=0.0))
-    near, tree = APART * np.sqrt(areas[across].min()), shapely.STRtree([right[k] for k in across])
-    for face in own:
-        for nodes in ([face[k] for k in hat] for hat in HATS[len(face)]):
-            hat = shapely.Polygon(x[nodes]) if len(nodes) == 3 else shapely.Point(x[nodes]).buffer(near)
-            found = across[tree.query(hat, predicate="intersects")]
-            parts = [right[k].intersection(hat) for k in found]
-            if sum(part.area for part in parts) > (1.0 + APART) * hat.area:
-                raise ValueError("contact: right nodes lie behind each other; give those of one face")
-            commons = [(k, part) for k, part in zip(found, parts) if part.area > ROUNDING * hat.area]
-            if len(nodes) == 1 and not commons:
-                point = shapely.Point(x[nodes[0]])
-                k = across[tree.nearest(point)]
-                line = shapely.shortest_line(right[k], point)
-                if line.length < BESIDE * np.sqrt(areas[k]):
-                    yield nodes, face, other[k], shapely.get_coordinates(line)[:1], np.ones(1)
-            for k, common in commons:
-                points, weights = _quadrature(shapely.get_coordinates(common)[:-1])
-                if len(nodes) == 1:
-                    points, weights = x[nodes], weights.sum(keepdims=True)
-                yield nodes, face, other[k], points, weights
 
 
 def _across(corners: np.ndarray, normal: np.ndarray) -> bool:
@@ -152,10 +154,6 @@ def _hull(places: np.ndarray) -> Faces:
         return Delaunay(places).simplices.tolist()
     except (QhullError, ValueError):
         return []
-
-
-def _corners(face: Sequence[Any] | np.ndarray) -> int:
-    return 3 if len(face) in (3, 6) else 4
 
 
 def _quadrature(polygon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -176,8 +174,8 @@ def _shapes(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
     if len(nodes) == 1:
         return np.ones((len(points), 1))
     points, nodes = points - nodes[0], nodes - nodes[0]
-    corners, terms = _corners(nodes), TERMS[: len(nodes)]
-    base = np.linalg.inv((REFERENCE[corners][: len(nodes), None] ** terms).prod(axis=2))
+    terms = TERMS[: len(nodes)]
+    base = np.linalg.inv((REFERENCE[corners(nodes)][: len(nodes), None] ** terms).prod(axis=2))
     lower, r = np.maximum(terms - np.eye(2, dtype=int)[:, None], 0), np.full(points.shape, 1.0 / 3.0)
     for _ in range(NEWTON):
         rates = [(terms[:, k] * (r[:, None] ** lower[k]).prod(axis=2)) @ base @ nodes for k in (0, 1)]
@@ -203,11 +201,16 @@ def normal_of(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return vector * np.sign(towards)
 
 
+def moved(rows: sparse.csr_matrix) -> np.ndarray:
+    """(rows,) array of bool: those that a displacement changes."""
+    return abs(rows).max(axis=1).toarray().ravel() > ROUNDING
+
+
 def moving_pairs(
-    one: list[int], law: ContactLaw, rows: sparse.csr_matrix, slips: sparse.csr_matrix, distance: np.ndarray
+    one: np.ndarray, law: ContactLaw, rows: sparse.csr_matrix, slips: sparse.csr_matrix, distance: np.ndarray
 ) -> Contact:
-    """The pairs of left nodes whose gaps a displacement moves."""
-    moves, slides = (abs(part).max(axis=1).toarray().ravel() > ROUNDING for part in (rows, slips))
+    """The pairs of left nodes, by their labels, whose gaps a displacement moves."""
+    moves, slides = moved(rows), moved(slips)
     if not moves.any():
         raise ValueError(
             "contact: no displacement moves a gap: all nodes are held, or both faces have the same"
@@ -217,18 +220,13 @@ def moving_pairs(
             f"contact: law = {law!r} rubs, and node {one[(slides & ~moves).argmax()]} is held across the "
             "faces but slides: no contact force presses on it; free it, or leave it out"
         )
-    laws = tuple(law if rubs else Unilateral() for rubs in slides) if law.rubs else (law,) * len(one)
-    kept = tuple(law for law, gives in zip(laws, moves) if gives)
-    return Contact(rows[moves], distance[moves], kept, sparse.csr_matrix(slips[moves]))
+    laws = tuple(law if rubs or not law.rubs else Unilateral() for rubs in slides[moves])
+    return Contact(rows[moves], distance[moves], laws, sparse.csr_matrix(slips[moves]))
 
 
 def given_gap(gap: Any, x: np.ndarray) -> np.ndarray:
     """(n,): a user's number, values or function at (n, 3) places."""
     if callable(gap):
-        try:
-            inspect.signature(gap).bind(*x.T)
-        except (TypeError, ValueError):
-            raise TypeError(f"contact: gap = {shown(gap)} must be a function of x, y and z") from None
         try:
             gap = gap(*x.T)
         except Exception as error:  # of any kind, in a user's function

@@ -13,11 +13,10 @@ from meshing.warnings import MeshWarning
 from ..checks import Bounds, choice, flag, instance, integer, names_of, numbers_of, real, real_array, shown
 from ..contact.law import ContactLaw, Unilateral, check_without_layer
 from ..errors import UnknownName, listed, warn
-from .cells import checked_cells, outer_faces, require_known
-from .faces import APART, ROUNDING, between, given_gap, moving_pairs, normal_of, partners
-from .plausibility import warn_of_order, warn_of_rounding
-from .rows import AXES, Contact, Row, told
-from .units import UNITS, tree_of, warn_of_units
+from .cells import checked_cells, corners, outer_faces, rows_of
+from .faces import APART, ROUNDING, between, given_gap, moved, moving_pairs, normal_of, partners
+from .plausibility import UNITS, warn_of_order, warn_of_rounding, warn_of_units
+from .rows import AXES, HELD, NONE, Contact, Row, told
 
 OWNER = "FiniteElementModel"
 # Relative asymmetry that rounding of written files explains.
@@ -83,57 +82,69 @@ class FiniteElementModel:
             raise ValueError(
                 f"{OWNER}: mass has shape {self.mass.shape}, not {self.stiffness.shape} as stiffness"
             )
-        self.unknowns = _labels("unknowns", unknowns, self.mass.shape[0])
         if not isinstance(nodes, Mapping) or not nodes:
-            raise TypeError(f"FiniteElementModel: nodes = {shown(nodes)} must be a dict of labels to places")
-        self.labels = np.array(_whole(OWNER, "nodes", list(nodes)))
+            raise TypeError(f"{OWNER}: nodes = {shown(nodes)} must be a dict of labels to places")
+        self.labels = _labels(list(nodes))
         self.places = length * real_array(OWNER, "nodes", list(nodes.values()), (len(nodes), 3))
-        self._node = {int(label): k for k, label in enumerate(self.labels)}
-        if len(np.unique(self.unknowns, axis=0)) < len(self.unknowns):
-            raise ValueError("FiniteElementModel: unknowns has a node and direction twice; each has one row")
-        require_known(OWNER, "unknowns", self.unknowns[:, 0].tolist(), self._node)
-        self.sets = _sets({} if sets is None else sets, self._node)
+        self._node = {label: k for k, label in enumerate(self.labels.tolist())}
+        rows = self._pairs("unknowns", unknowns, self.mass.shape[0])
+        self.sets = self._sets({} if sets is None else sets)
         self.elements = checked_cells(OWNER, {} if elements is None else elements, self._node)
-        self.fixed = _held(fixed)
-        require_known(OWNER, "fixed", [node for node, _ in self.fixed], self._node)
-        moves = np.isin(self.labels, [*self.unknowns[:, 0], *(node for node, _ in self.fixed)])
-        self._sides = np.ptp(self.places[moves], axis=0)
-        warn_of_rounding(OWNER, stiffness, self.stiffness, self.unknowns[:, 1])
-        self._hold()
+        instance(OWNER, "fixed", fixed, (list, tuple, set, frozenset, np.ndarray), "pairs (node, direction)")
+        held = list(fixed) if getattr(fixed, "ndim", 1) else [fixed]
+        warn_of_rounding(OWNER, stiffness, self.stiffness, rows[:, 1])
+        self._hold(rows, self._pairs("fixed", held or np.zeros((0, 2)), len(held)))
+        self._sides = np.ptp(self.places[(self._columns != NONE).any(axis=1)], axis=0)
         own, heavy = self.stiffness.diagonal(), self.mass.diagonal()
         if (idle := own <= 0.0).any():
             node, direction = self.unknowns[idle.argmax()]
             raise ValueError(
-                f"FiniteElementModel: stiffness of node {node}, direction {direction} is "
-                f"{own[idle.argmax()]:g}; leave unknowns out that nothing holds"
+                f"{OWNER}: stiffness of node {node}, direction {direction} is {own[idle.argmax()]:g}; leave "
+                "unknowns out that nothing holds"
             )
         if heavy.min() < 0.0:
-            raise ValueError(f"FiniteElementModel: mass is negative, {heavy.min():g} kg on its diagonal")
+            raise ValueError(f"{OWNER}: mass is negative, {heavy.min():g} kg on its diagonal")
         moves = self.unknowns[:, 1] < 3
         warn_of_units(OWNER, units, (own[moves], heavy[moves]), self.places, self._weight())
-        held = ~np.isin(self.labels, self.unknowns[:, 0]) | np.isin(self.labels, [a for a, _ in self.fixed])
-        rows = np.array([self._node[a] for a in self.unknowns[:, 0].tolist()])
-        warn_of_order(OWNER, self.stiffness, (self.places, held), (rows, self.unknowns[:, 1]))
+        warn_of_order(OWNER, self.stiffness, self.places, self._columns)
 
-    def _hold(self) -> None:
-        """Leave out what is held; (n, 3) inertia forces of unit accelerations, kg, know of it."""
-        along = (self.unknowns[:, 1:] == np.arange(3)).astype(float)
-        free = np.array([tuple(pair) not in self.fixed for pair in self.unknowns.tolist()])
+    def _pairs(self, name: str, given: Any, count: int) -> np.ndarray:
+        """(count, 2): rows of nodes, by their labels, and directions."""
+        pairs = real_array(OWNER, name, given, (count, 2))
+        if not np.isin(pairs[:, 1], np.arange(6)).all():
+            raise ValueError(f"{OWNER}: {name} must be pairs of a node's label and a direction, 0 to 5")
+        return np.column_stack([rows_of(OWNER, name, pairs[:, 0], self._node), pairs[:, 1].astype(int)])
+
+    def _sets(self, given: Any) -> dict[str, tuple[int, ...]]:
+        """Labels by name, of nodes that there are."""
+        names_of(OWNER, "sets", list(instance(OWNER, "sets", given, Mapping, "a dict of names to labels")))
+        found = {name: real_array(OWNER, f"sets[{name!r}]", labels, 1) for name, labels in given.items()}
+        rows = {name: rows_of(OWNER, f"set {name!r}", labels, self._node) for name, labels in found.items()}
+        return {name: tuple(self.labels[own].tolist()) for name, own in rows.items()}
+
+    def _hold(self, unknowns: np.ndarray, held: np.ndarray) -> None:
+        """Leave out what is held; (n, 3) inertia forces of unit accelerations, kg, know of it. `_columns` are
+        unknowns by node and direction.
+        """
+        self._columns = np.full((len(self.labels), 6), NONE)
+        self._columns[tuple(unknowns.T)] = np.arange(len(unknowns))
+        if (self._columns != NONE).sum() < len(unknowns):
+            raise ValueError(f"{OWNER}: unknowns has a node and direction twice; each has one row")
+        self._columns[tuple(held.T)] = HELD
+        free = self._columns[tuple(unknowns.T)] != HELD
         if not free.any():
-            raise ValueError("FiniteElementModel: fixed holds all unknowns; leave some free")
-        self.inertia = np.asarray(self.mass @ along)[free]
+            raise ValueError(f"{OWNER}: fixed holds all unknowns; leave some free")
+        self.inertia = np.asarray(self.mass @ (unknowns[:, 1:] == np.arange(3)).astype(float))[free]
         if not free.all():
             self.mass, self.stiffness = self.mass[free][:, free], self.stiffness[free][:, free]
-            self.unknowns = self.unknowns[free]
-        self._unknown = {(a, d): k for k, (a, d) in enumerate(self.unknowns.tolist())}
+        self._columns[tuple(unknowns[free].T)] = np.arange(free.sum())
+        named = [np.column_stack([self.labels[rows], along]) for rows, along in (unknowns[free].T, held.T)]
+        self.unknowns, self.fixed = named[0], frozenset(map(tuple, named[1].tolist()))
 
     def nodal(self, unknowns: np.ndarray) -> np.ndarray:
         """(nodes, 3): displacements at all nodes in the order of `labels`, of (n,) values of the unknowns."""
         values = real_array("nodal", "unknowns", unknowns, (len(self.unknowns),))
-        found, moves = np.zeros(self.places.shape), self.unknowns[:, 1] < 3
-        rows = [self._node[int(label)] for label in self.unknowns[moves, 0]]
-        found[rows, self.unknowns[moves, 1]] = values[moves]
-        return found
+        return np.append(values, (0.0, 0.0))[self._columns[:, :3]]
 
     def at(self, place: Any, direction: Any) -> Row:
         """The displacement at a place: of a node's label, the mean of a set, the node at (x, y, z) in m.
@@ -151,11 +162,12 @@ class FiniteElementModel:
         ValueError
             If no node lies there, or one is neither an unknown nor held.
         """
-        labels, vector = self._labels_at(place), _vector("at", "direction", direction)
-        rows = self._rows(labels, vector)
-        if not rows.nnz:
+        nodes, vector = self._nodes_at(place), _vector("at", "direction", direction)
+        mean = sparse.csr_matrix(np.full((1, len(nodes)), 1.0 / len(nodes)))
+        weights = self._along(vector, mean, nodes)
+        if not weights.nnz:
             raise ValueError(f"at: {shown(place)} is held along {shown(direction)}; choose one that moves")
-        return Row(sparse.csr_matrix(rows.mean(axis=0)), told(vector))
+        return Row(weights, told(vector))
 
     def contact(
         self,
@@ -220,36 +232,41 @@ class FiniteElementModel:
                 "that is left, and no offset, at a wall and beside a gap"
             )
         one = self._face("left", left)
-        x = self.places[[self._node[a] for a in one]]
-        other = None if right is None else self._face("right", right)
+        other = one if right is None else self._face("right", right)
+        x, y = self.places[one], self.places[other]
         if matching:
             self._warn_of_corners(one)
-        y = x if other is None else self.places[[self._node[a] for a in other]]
-        vector = normal_of(x, y) if normal is None else _vector("contact", "normal", normal)
-        self._require_outward(one, vector)
-        along = self._slip_direction(law, one + (other or []), vector) if law.rubs else np.zeros(3)
-        weights = sparse.identity(len(one), format="csr")
-        rows, slips, distance = -self._rows(one, vector), -self._rows(one, along), np.zeros(len(one))
-        if other is not None:
-            if matching:
-                share = partners(one, x, y, vector)
-            else:
-                weights, share = self._before(one, other, vector)
-            rows = weights @ rows + self._shared(share, other, vector)
-            slips = weights @ slips + self._shared(share, other, along)
-            distance = share @ (y @ vector) - weights @ (x @ vector) - weights @ np.full(len(one), offset)
+        normal = normal_of(x, y) if normal is None else _vector("contact", "normal", normal)
+        self._require_outward(one, normal)
+        slip = self._slip_direction(law, np.append(one, other), normal) if law.rubs else np.zeros(3)
+        weights = share = sparse.identity(len(one), format="csr")
+        if not matching and right is not None:
+            weights, share = self._before(one, other, normal)
+        elif right is not None:
+            share = partners(self.labels[one], x, y, normal)
+        moves = right is not None  # which a wall does not
+        rows, slips = (
+            self._along(moves * vector, share, other) - self._along(vector, weights, one)
+            for vector in (normal, slip)
+        )
+        if gap is None:
+            distance = share @ (y @ normal) - weights @ (x @ normal) - weights @ np.full(len(x), offset)
             distance[np.abs(distance) < TOGETHER * self._sides.max()] = 0.0
-        if gap is not None:
+        else:
             distance = weights @ given_gap(gap, x)
-        if not interference:
-            _require_apart(distance, offset)
-        return moving_pairs(one, law, rows, slips, distance)
+        if (least := distance.min()) < 0.0 and not interference:
+            why = f", with offset = {offset:g} m between nodes {least + offset:g} m apart" if offset else ""
+            raise ValueError(
+                f"contact: the faces overlap by {-least:g} m{why}; is the normal from left to right? Say "
+                "interference=True if they are to press on each other at rest"
+            )
+        return moving_pairs(self.labels[one], law, rows, slips, distance)
 
-    def _require_outward(self, labels: list[int], normal: np.ndarray) -> None:
+    def _require_outward(self, face: np.ndarray, normal: np.ndarray) -> None:
         """Refuse a normal towards which all elements of a face lie, as far as they are known."""
-        rows, ahead = [self._node[a] for a in labels], np.zeros(0)
+        ahead = np.zeros(0)
         for cells in self.elements.values():
-            touches = np.isin(cells, rows)
+            touches = np.isin(cells, face)
             cells, own = cells[touches.any(axis=1)], touches[touches.any(axis=1)]
             height = self.places[cells] @ normal
             ahead = np.append(ahead, height.mean(axis=1) - np.average(height, axis=1, weights=own))
@@ -260,49 +277,47 @@ class FiniteElementModel:
             )
 
     def _before(
-        self, one: list[int], other: list[int], normal: np.ndarray
+        self, one: np.ndarray, other: np.ndarray, normal: np.ndarray
     ) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
         """See `between`; what comes apart is told by places before each node alone."""
-        x, y = (self.places[[self._node[a] for a in face]] for face in (one, other))
-        faces, points = (self._faces(one), self._faces(other)), [[k] for k in range(len(one))]
-        moves = np.ones(len(one), dtype=bool)
-        _, share = between((x, y), normal, (points, faces[1]), moves)
-        apart = abs(self._shared(share, other, normal) - self._rows(one, normal))
-        moves = apart.max(axis=1).toarray().ravel() > ROUNDING
-        weights, share = between((x, y), normal, faces, moves)
-        if (beside := moves & (np.diff(weights.indptr) == 0)).any():
-            said = f"{beside.sum()} of {len(one)} left nodes, node {one[beside.argmax()]} say, lie beside"
-            if beside.sum() == moves.sum():
-                raise ValueError(f"contact: {said} the right face; do these faces meet along this normal?")
-            warn(f"contact: {said} the right face and make no pairs; are both sets right?", MeshWarning)
-        alone = np.diff(weights.indptr) > 0
-        alone[[k for face in faces[0] for k in face]] = False
-        if faces[0] and alone.any():
-            warn(
-                f"contact: {alone.sum()} of {len(one)} left nodes, node {one[alone.argmax()]} say, lie on no "
-                "outer face whose nodes are all in the set, and are paired alone; are both sets right?",
-                MeshWarning,
-            )
+        own, each = self._faces(one), sparse.identity(len(one), format="csr")
+        weights, share, moves = between(
+            (self.places[one], self.places[other]),
+            normal,
+            (own, self._faces(other)),
+            lambda share: moved(self._along(normal, share, other) - self._along(normal, each, one)),
+        )
+        paired = np.diff(weights.indptr) > 0
+        alone = ~np.isin(np.arange(len(one)), [k for face in own for k in face])
+        for some, what in (
+            (moves & ~paired, "beside the right face and make no pairs"),
+            (
+                paired & alone & bool(own),
+                "on no outer face whose nodes are all in the set, and are paired alone",
+            ),
+        ):
+            if some.any():
+                said = (
+                    f"{some.sum()} of {len(one)} left nodes, node {self.labels[one[some.argmax()]]} say, lie"
+                )
+                if not paired.any():
+                    raise ValueError(f"contact: {said} {what}; do these faces meet along this normal?")
+                warn(f"contact: {said} {what}; are both sets right?", MeshWarning)
         return weights, share
 
-    def _shared(self, share: sparse.csr_matrix, labels: list[int], vector: np.ndarray) -> sparse.csr_matrix:
-        """Displacements of nodes along a vector in these shares."""
-        met = np.unique(share.indices)
-        return share[:, met] @ self._rows([labels[k] for k in met], vector)
-
-    def _faces(self, labels: list[int]) -> list[list[int]]:
+    def _faces(self, nodes: np.ndarray) -> list[list[int]]:
         """Outer faces of elements between nodes of a set, by their places in it, corners first."""
-        place, found = {self._node[a]: k for k, a in enumerate(labels)}, []
-        for corners, face in outer_faces(self.elements):
-            own = [place[row] for row in face if row in place]
-            if own[:corners] == [place.get(row) for row in face[:corners]]:
-                found.append(own if len(own) == len(face) else own[:corners])
+        place, found = {row: k for k, row in enumerate(nodes.tolist())}, []
+        for face in outer_faces(self.elements):
+            own, count = [place[row] for row in face if row in place], corners(face)
+            if own[:count] == [place.get(row) for row in face[:count]]:
+                found.append(own if len(own) == len(face) else own[:count])
         return found
 
-    def _slip_direction(self, law: ContactLaw, labels: list[int], normal: np.ndarray) -> np.ndarray:
+    def _slip_direction(self, law: ContactLaw, nodes: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The one direction in which faces slide: across the normal and an axis along which they are held."""
         for d in (2, 1, 0):
-            plane = d not in self.unknowns[:, 1] or all((label, d) in self.fixed for label in labels)
+            plane = (self._columns[:, d] < 0).all() or (self._columns[nodes, d] == HELD).all()
             if plane and abs(normal[d]) <= ROUNDING:
                 return np.cross(normal, np.eye(3)[d])
         raise ValueError(
@@ -310,12 +325,12 @@ class FiniteElementModel:
             "and no law of rows; hold them along one axis, as in a plane body, or give Unilateral()"
         )
 
-    def _warn_of_corners(self, labels: list[int]) -> None:
+    def _warn_of_corners(self, nodes: np.ndarray) -> None:
         """Warn of corners of eight-node faces, as far as elements are known."""
-        corners = [self.elements[k][:, :n].ravel() for k, n in EIGHT.items() if k in self.elements]
-        if found := {self._node[a] for a in labels} & {int(row) for part in corners for row in part}:
+        found = [cells[:, : EIGHT[kind]].ravel() for kind, cells in self.elements.items() if kind in EIGHT]
+        if count := np.isin(nodes, np.concatenate([nodes[:0], *found])).sum():
             warn(
-                f"contact: {len(found)} nodes are corners of eight-node faces, which carry a negative share "
+                f"contact: {count} nodes are corners of eight-node faces, which carry a negative share "
                 "of a pressure: pairs of them open where faces press, and resultants are off; take "
                 "tetrahedra, elements of first order, or leave these nodes out",
                 MeshWarning,
@@ -341,51 +356,48 @@ class FiniteElementModel:
 
     def _weight(self) -> float:
         """kg that moves along x, y or z."""
-        along = [np.float64(self.unknowns[:, 1] == d) for d in range(3)]
-        return float(max(own @ (self.mass @ own) for own in along))
+        along = (self.unknowns[:, 1:] == np.arange(3)).astype(float)
+        return float((along * (self.mass @ along)).sum(axis=0).max())
 
-    def _labels_at(self, place: Any) -> list[int]:
+    def _nodes_at(self, place: Any) -> np.ndarray:
         if not isinstance(place, (list, tuple)) and not np.ndim(place):
             instance("at", "place", place, (str, int, float, np.number), "a label, a set or x, y, z in m")
-            label = place if isinstance(place, str) else [integer("at", "place", place)]
-            return self._face("place", label, "at")
-        point = numbers_of("at", "place", place, 3, "x, y and z in m")
-        far, nearest = tree_of(self.places).query(point)
-        if far > APART * self._sides.max():
-            raise ValueError(
-                f"at: the nearest node of {shown(place)} is {self.labels[nearest]}, {far:g} m away; "
-                "coordinates are in m"
+            return self._face(
+                "place", place if isinstance(place, str) else [integer("at", "place", place)], "at"
             )
-        same = np.linalg.norm(self.places - point, axis=1) <= far + TOGETHER * self._sides.max()
-        if same.sum() > 1:
-            raise ValueError(f"at: {same.sum()} nodes lie at {shown(place)}; give the label of one")
-        return [int(self.labels[nearest])]
+        far = np.linalg.norm(self.places - numbers_of("at", "place", place, 3, "x, y and z in m"), axis=1)
+        if far.min() > APART * self._sides.max():
+            raise ValueError(
+                f"at: the nearest node of {shown(place)} is {self.labels[far.argmin()]}, {far.min():g} m "
+                "away; coordinates are in m"
+            )
+        near = np.flatnonzero(far <= far.min() + TOGETHER * self._sides.max())
+        if len(near) > 1:
+            raise ValueError(f"at: {len(near)} nodes lie at {shown(place)}; give the label of one")
+        return near
 
-    def _face(self, name: str, given: Any, owner: str = "contact") -> list[int]:
+    def _face(self, name: str, given: Any, owner: str = "contact") -> np.ndarray:
+        """Rows of the nodes of a set, or of labels, each once."""
         if isinstance(given, str) and given not in self.sets:
             raise UnknownName(f"{owner}: set {given!r} does not exist; the body has {listed(self.sets)}")
-        found = self.sets[given] if isinstance(given, str) else _whole(owner, name, given)
-        if not (labels := list(dict.fromkeys(found))):
+        labels = real_array(owner, name, self.sets[given] if isinstance(given, str) else given, 1)
+        if not len(labels):
             raise ValueError(f"{owner}: {name} = {shown(given)} has no nodes")
-        if (lost := next((a for a in labels if a not in self._node), None)) is not None:
-            raise UnknownName(f"{owner}: {name} has node {lost}, which does not exist in the body")
-        return labels
+        return np.array([*dict.fromkeys(rows_of(owner, name, labels, self._node, UnknownName).tolist())])
 
-    def _rows(self, labels: list[int], vector: np.ndarray) -> sparse.csr_matrix:
-        """(nodes, n): displacements along a vector."""
-        entries = []
-        for k, label in enumerate(labels):
-            for d in np.flatnonzero(np.abs(vector) > ROUNDING):
-                unknown = self._unknown.get((label, int(d)))
-                if unknown is not None:
-                    entries.append((vector[d], k, unknown))
-                elif (label, int(d)) not in self.fixed:
-                    raise ValueError(
-                        f"{OWNER}: node {label} has no unknown along {AXES[d]} and is not fixed; "
-                        "give it in fixed, or free it of its constraint"
-                    )
-        values, *places = np.array(entries).reshape(-1, 3).T
-        return sparse.csr_matrix((values, np.array(places, dtype=int)), (len(labels), len(self.unknowns)))
+    def _along(self, vector: np.ndarray, shares: sparse.csr_matrix, nodes: np.ndarray) -> sparse.csr_matrix:
+        """(k, n): displacements of nodes along a vector in (k, nodes) shares."""
+        along = np.flatnonzero(np.abs(vector) > ROUNDING)
+        columns, met = self._columns[nodes][:, along], np.unique(shares.indices)
+        if (lost := columns[met] == NONE).any():
+            k, d = np.argwhere(lost)[0]
+            raise ValueError(
+                f"{OWNER}: node {self.labels[nodes[met[k]]]} has no unknown along {AXES[along[d]]} and "
+                "is not fixed; give it in fixed, or free it of its constraint"
+            )
+        rows, d = np.nonzero(columns >= 0)
+        entries = vector[along[d]], (rows, columns[rows, d])
+        return shares @ sparse.csr_matrix(entries, (len(nodes), len(self.unknowns)))
 
 
 def nodal_field(body: FiniteElementModel, owner: str, name: str, given: Any) -> np.ndarray:
@@ -398,51 +410,26 @@ def nodal_field(body: FiniteElementModel, owner: str, name: str, given: Any) -> 
 def _matrix(name: str, value: Any, factor: float) -> sparse.csr_matrix:
     """Finite, symmetric, in SI; one triangle is completed."""
     if not sparse.issparse(value) or value.dtype.kind not in "iuf":
-        raise TypeError(f"FiniteElementModel: {name} = {shown(value)} must be a real sparse matrix of SciPy")
+        raise TypeError(f"{OWNER}: {name} = {shown(value)} must be a real sparse matrix of SciPy")
     matrix = factor * sparse.csr_matrix(value, dtype=float)
     if matrix.shape[0] != matrix.shape[1] or not matrix.nnz:
-        raise ValueError(f"FiniteElementModel: {name} of shape {matrix.shape} is not square, or is empty")
+        raise ValueError(f"{OWNER}: {name} of shape {matrix.shape} is not square, or is empty")
     real_array(OWNER, f"{name}.data", matrix.data, 1)
     lower, upper = sparse.tril(matrix, -1).tocsr(), sparse.triu(matrix, 1).tocsr()
     if bool(lower.count_nonzero()) != bool(upper.count_nonzero()):
         return (matrix + lower.T + upper.T).tocsr()
     off = abs(matrix - matrix.T).max()
     if off > SYMMETRY * abs(matrix).max():
-        raise ValueError(f"FiniteElementModel: {name} is not symmetric, entries differ by up to {off:g}")
+        raise ValueError(f"{OWNER}: {name} is not symmetric, entries differ by up to {off:g}")
     return ((matrix + matrix.T) / 2.0).tocsr()
 
 
-def _labels(name: str, given: Any, count: int) -> np.ndarray:
-    """(count, 2): nodes and directions."""
-    pairs = real_array(OWNER, name, given, (count, 2))
-    whole = np.array(_whole(OWNER, name, pairs.ravel())).reshape(count, 2)
-    if (whole[:, 1] < 0).any() or (whole[:, 1] > 5).any():
-        raise ValueError(f"{OWNER}: {name} must be pairs of a node's label and a direction, 0 to 5")
-    return whole
-
-
-def _sets(given: Any, nodes: Mapping[int, int]) -> dict[str, tuple[int, ...]]:
-    """Labels by name, of nodes that there are."""
-    names_of(OWNER, "sets", list(instance(OWNER, "sets", given, Mapping, "a dict of names to labels")))
-    found = {name: _whole(OWNER, f"sets[{name!r}]", labels) for name, labels in given.items()}
-    for name, labels in found.items():
-        require_known(OWNER, f"set {name!r}", labels, nodes)
-    return found
-
-
-def _held(given: Any) -> frozenset[tuple[int, int]]:
-    """Nodes and directions."""
-    instance(OWNER, "fixed", given, (list, tuple, set, frozenset, np.ndarray), "pairs (node, direction)")
-    held = list(given) if getattr(given, "ndim", 1) else [given]
-    return frozenset((int(a), int(d)) for a, d in (_labels("fixed", held, len(held)) if held else []))
-
-
-def _whole(owner: str, name: str, given: Any) -> tuple[int, ...]:
-    """Labels."""
-    values = real_array(owner, name, given, 1)
-    if (values != np.round(values)).any() or (np.abs(values) > 2.0**53).any():
-        raise ValueError(f"{owner}: {name} = {shown(given)} must be labels of nodes, whole numbers")
-    return tuple(map(int, values))
+def _labels(given: Any) -> np.ndarray:
+    """(nodes,) int: whole numbers that doubles tell apart."""
+    labels = real_array(OWNER, "nodes", given, 1)
+    if (labels != np.round(labels)).any() or (np.abs(labels) > 2.0**53).any():
+        raise ValueError(f"{OWNER}: nodes = {shown(given)} must be labels of nodes, whole numbers")
+    return labels.astype(int)
 
 
 def _vector(owner: str, name: str, given: Any) -> np.ndarray:
@@ -452,13 +439,3 @@ def _vector(owner: str, name: str, given: Any) -> np.ndarray:
     if len(vector) != 3 or not vector.any():
         raise ValueError(f"{owner}: {name} = {shown(given)} must be three numbers that are not all zero")
     return vector / np.linalg.norm(vector)
-
-
-def _require_apart(distance: np.ndarray, offset: float) -> None:
-    if (distance < 0.0).any():
-        least = distance.min()
-        why = f", with offset = {offset:g} m between nodes {least + offset:g} m apart" if offset else ""
-        raise ValueError(
-            f"contact: the faces overlap by {-least:g} m{why}; is the normal from left to right? Say "
-            "interference=True if they are to press on each other at rest"
-        )

@@ -1,48 +1,83 @@
-"""Whether the stiffness of a body is that of its nodes and has all its digits: both show where the body moves
-as a whole.
+"""Whether matrices are those of a solid and of its nodes: units by waves and weight, order and digits of the
+stiffness where the body moves as a whole.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy import sparse
 
-from meshing.warnings import MeshWarning
+from meshing.warnings import MeshWarning, UnitWarning
 
 from ..errors import warn
-from .units import tree_of
+from .rows import HELD
 
+# m, N/m and kg in one unit of length, stiffness and mass.
+UNITS = {"SI": (1.0, 1.0, 1.0), "mm-N-t": (1e-3, 1e3, 1e3), "mm-kg-mN": (1e-3, 1.0, 1.0)}
+# m/s and kg/m^3: speeds of waves as the matrices tell them, within 1.5 of sqrt(E / density) of solid elements
+# (50 to 18,000 m/s), and what no solid weighs.
+SLOWEST, FASTEST, HEAVIEST = 10.0, 1e5, 3e4
 # Forces beside their parts that rounding of double precision leaves at most; the least that is divided by.
 EXACT, TINY = 1e-11, 1e-300
 # Forces beside their parts, unknowns of which some are too many, and bodies of which nothing is asked.
 FORCED, NEARLY, FEW = 1e-2, 0.9, 200
 
 
-def warn_of_order(
-    owner: str,
-    stiffness: sparse.csr_matrix,
-    nodes: tuple[np.ndarray, np.ndarray],
-    unknowns: tuple[np.ndarray, np.ndarray],
+def warn_of_units(
+    owner: str, units: str, diagonals: tuple[np.ndarray, np.ndarray], places: np.ndarray, weight: float
 ) -> None:
+    """Warn of waves and densities that no solid has.
+
+    Parameters
+    ----------
+    diagonals : (n,), (n,) arrays
+        N/m and kg of displacements: sqrt(K_ii / M_ii) is about 3 c over the spacing of nodes in elements of
+        first and second order.
+    places : (m, 3) array
+        m, of the nodes.
+    weight : float
+        kg.
+    """
+    stiffness, mass = (diagonal[diagonals[1] > 0.0] for diagonal in diagonals)
+    far = tree_of(places).query(places, min(4, len(places)))[0].reshape(len(places), -1)
+    far = np.where(far > 0.0, far, np.inf).min(axis=1)  # of nodes that lie in one place to the next
+    far, said = far[np.isfinite(far)], []
+    if len(far) and len(mass):
+        speed = np.sqrt(np.median(stiffness / mass)) * np.median(far) / 3.0
+        if not SLOWEST <= speed <= FASTEST:
+            said.append(f"waves run at about {speed:.3g} m/s, {SLOWEST:g} to {FASTEST:g} m/s are usual")
+    box = float(np.prod(np.ptp(places, axis=0)))
+    if box > 0.0 and weight > HEAVIEST * box:
+        said.append(f"a mass of {weight:.3g} kg in {box:.3g} m^3 is more than any solid's")
+    if said:
+        warn(
+            f"{owner}: {' and '.join(said)}; are units = {units!r} those of the matrices and nodes?",
+            UnitWarning,
+        )
+
+
+def warn_of_order(owner: str, stiffness: sparse.csr_matrix, places: np.ndarray, columns: np.ndarray) -> None:
     """Warn where a body, turned as a whole, meets forces nearly everywhere but beside supports.
 
     Parameters
     ----------
     stiffness : (n, n) sparse matrix
-    nodes : (m, 3) array and (m,) array of bool
-        Places, m, and whether a node is held or has no unknown.
-    unknowns : (n,), (n,) arrays of int
-        Node of each, by its place among these, and direction.
+    places : (m, 3) array
+        m, of the nodes.
+    columns : (m, 6) array of int
+        Unknowns of each node, as of `FiniteElementModel`.
     """
-    (places, held), (rows, directions), about = nodes, unknowns, np.array([1.0, -0.6, 0.8])
-    turned = np.cross(about, places[rows] - places[rows].mean(axis=0))
-    rigid = np.hstack([turned, np.tile(about, (len(rows), 1))])[np.arange(len(rows)), directions]
-    far = ~held
-    if held.any():  # nor any of the nearest, as many as a node meets in its rows
-        met = np.diff(stiffness.indptr).max() // 3 + 1
-        near = tree_of(places).query(places, min(met, len(held)))[1].reshape(len(held), -1)
-        far = ~held[near].any(axis=1)
-    forced = np.abs(_forces(stiffness, rigid))[far[rows]] > FORCED
+    moves, about = columns >= 0, np.array([1.0, -0.6, 0.8])
+    turned = np.cross(about, places - places[moves.any(axis=1)].mean(axis=0))
+    rigid, held = np.zeros(stiffness.shape[0]), (columns == HELD).any(axis=1) | ~moves.any(axis=1)
+    rigid[columns[moves]] = np.hstack([turned, np.tile(about, (len(places), 1))])[moves]
+    # nor any of the nearest nodes, as many as one meets in its rows, is held
+    met = min(np.diff(stiffness.indptr).max() // 3 + 1, len(places)) if held.any() else 1
+    near = tree_of(places).query(places, met)[1].reshape(len(places), -1)
+    far = moves & ~held[near].any(axis=1, keepdims=True)
+    forced = np.abs(_forces(stiffness, rigid))[columns[far]] > FORCED
     if len(forced) >= FEW and forced.mean() > NEARLY:
         warn(
             f"{owner}: turned as a whole, the body meets forces at {forced.sum()} of {len(forced)} "
@@ -87,3 +122,10 @@ def _rounding(matrix: sparse.spmatrix) -> float:
     decimals = values / 10.0 ** np.floor(np.log10(values))
     units += [(5.0 * 10.0**-digits, 10.0 ** (digits - 1) * decimals) for digits in range(6, 11)]
     return next((part for part, whole in units if (abs(whole - np.round(whole)) < 1e-3).all()), 0.0)
+
+
+def tree_of(places: np.ndarray) -> Any:
+    """What finds nearest places; loaded where it is needed, for analyses of models know of bodies, too."""
+    from scipy.spatial import cKDTree
+
+    return cKDTree(places)

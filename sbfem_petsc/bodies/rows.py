@@ -12,6 +12,8 @@ from ..checks import real, shown
 from ..contact.law import ContactLaw
 
 AXES = "xyz"
+# In the place of an unknown of a node: what is held, and what there is not.
+HELD, NONE = -1, -2
 
 
 def told(vector: np.ndarray) -> str:
@@ -21,9 +23,8 @@ def told(vector: np.ndarray) -> str:
 
 
 def _opposite(direction: str) -> str:
-    if direction in AXES:
-        return direction and told(-np.eye(3)[AXES.index(direction)])
-    return told(-np.array([float(part) for part in direction[1:-1].split(",")]))
+    axes = dict(zip(AXES, np.eye(3)))
+    return direction and told(-np.array(axes.get(direction, direction.strip("()").split(",")), dtype=float))
 
 
 @dataclass(frozen=True, eq=False)

@@ -234,7 +234,7 @@ def test_summary(parts, body):
         ({"mass": scipy.sparse.eye(3)}, "mass has shape"),
         ({"mass": np.eye(3)}, "must be a real sparse matrix"),
         ({"unknowns": [[1, 0]]}, "unknowns has shape"),
-        ({"nodes": {1: (0.0, 0.0, 0.0)}}, "which nodes has not; is it internal"),
+        ({"nodes": {1: (0.0, 0.0, 0.0)}}, "which does not exist in the body; is it internal"),
         ({"sets": {"A": [99999]}}, "set 'A' has node 99999"),
         ({"fixed": [(99999, 0)]}, "fixed has node 99999"),
     ],
