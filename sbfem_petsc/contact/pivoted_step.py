@@ -1,4 +1,6 @@
-"""Contact by Lemke's method on the host: of a time step or an instant that kernels find no solution of."""
+"""Contact on the host: of an instant, and by Lemke's method of a time step or an instant that kernels find no
+solution of.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +8,11 @@ import numpy as np
 
 from ..errors import SolveError
 from .complementarity import Complementarity
-from .friction import Friction, Memory, solve_friction
+from .friction import STICKS, Friction, Memory, solve_friction
+from .held_rows import empty_sets
 from .law import RowLaws
+from .pivoting import contact_forces, empty_factor
+from .rubbing import rubbing_forces
 from .step_data import StepConstants, StepHistory, StepLoads, StepState
 
 
@@ -39,10 +44,26 @@ def pivoted_step(step: StepConstants, loads: StepLoads, state: StepState, histor
     return True
 
 
-def pivoted_touch(step: StepConstants, free_gap: np.ndarray, state: StepState) -> bool:
+def touch(step: StepConstants, free_gap: np.ndarray, state: StepState) -> bool:
     """Contact at an instant from which no step leads back, under the gaps without forces (pairs,), from the
-    slips before: forces, states and slips of `state` are written; whether there is a solution.
+    slips and states before: forces, states and slips of `state` are written; whether there is a solution.
     """
+    count, (_, _, force, rows, slip) = step.rubbing.beside.size, state
+    if not len(slip):
+        rows[:] = RowLaws(step.laws).touched(free_gap)
+        room = empty_factor(count)
+        return not rows.any() or contact_forces(step.residual, free_gap, step.laws, rows, room, force) >= 0
+    sets, former = empty_sets(len(rows)), rows.copy()
+    gaps, held = (free_gap, np.append(np.zeros(count), slip)), (step.laws, step.rubbing, rows)
+    if rubbing_forces(step.residual, gaps, held, sets, force) < 0:
+        rows[:] = former
+        return pivoted_touch(step, free_gap, state)
+    slip[:] = np.where(rows[count:] == STICKS, slip, sets.free[count:])
+    return True
+
+
+def pivoted_touch(step: StepConstants, free_gap: np.ndarray, state: StepState) -> bool:
+    """The same by Lemke's method."""
     count, nothing = step.rubbing.beside.size, np.zeros(step.rubbing.beside.size)
     rows, along = state.rows, np.zeros(len(state.slip))
     memory = Memory(state.slip, along, nothing, rows[:count], rows[count:], nothing, state.slip)

@@ -10,17 +10,15 @@ import numpy as np
 from .compiled import compiled_loops, inner_loops
 from .friction import STICKS
 from .law import FREE
-from .marching import (
-    Room,
-    _march,
-    _sets,
-    begun,
-)
+from .marching import Room, _march, _sets, begun, march
+from .pivoted_step import pivoted_touch
 from .pivoting import add_rows, caught, products
 from .step_data import StepConstants, StepHistory, StepLoads, StepState
 
 # What a motion has come to; from 0 on the number of a known one.
 UNSOLVED, UNSETTLED, REPEATS = -3, -2, -1
+# To kernels: a step of a period is unsolved, whose contact at t = 0 is not.
+_STOPPED = -4
 
 
 class Patience(NamedTuple):
@@ -80,7 +78,7 @@ def settle(
     known: Known,
     patience: Patience,
 ) -> tuple[int, int, int]:
-    """Repeat a period from a state.
+    """Repeat a period from a state. Periods that kernels do not solve are taken on the host.
 
     Parameters
     ----------
@@ -108,7 +106,17 @@ def settle(
     )
     moving = StepState(*state[:2], np.zeros(pairs), np.zeros(pairs, dtype=np.int8), state[2])
     loads = StepLoads(np.zeros((0, m)), np.ascontiguousarray(free_gap), np.zeros(steps, dtype=np.int8))
-    return _settle(step, loads, moving, (known, patience), room, forces_of)
+    done = 0
+    while True:
+        until = known, patience, done
+        outcome, done, repeats = _settle(step, loads, moving, until, room, forces_of)
+        if outcome > UNSOLVED:
+            return outcome, done, repeats
+        gap = free_gap[0] + (step.right @ moving.q) @ step.left
+        touches = slips and (outcome == _STOPPED or pivoted_touch(step, gap, moving))
+        if not touches or march(step, loads, moving, room.history, (stepping, forces_of)).steps < steps:
+            return UNSOLVED, done, 0
+        moving.slip[:], done = room.history.kept, done + 1
 
 
 @inner_loops
@@ -144,14 +152,15 @@ def _settle(
     step: StepConstants,
     loads: StepLoads,
     state: StepState,
-    until: tuple[Known, Patience],
+    until: tuple[Known, Patience, int],
     room: _Repetition,
     forces_of: Callable[..., int],
 ) -> tuple[int, int, int]:
-    (q, v, _, _, slip), (known, patience), recent = state, until, room.recent
+    """See `settle`; `until` has the periods that are done already."""
+    (q, v, _, _, slip), (known, patience, begin), recent = state, until, room.recent
     steps, m, (kept, size) = loads.free_gap.shape[0] - 1, q.size, recent.shape
     change_allowed = (patience.tolerance * known.size) ** 2
-    for done in range(patience.limit + 1):
+    for done in range(begin, patience.limit + 1):
         place = done % kept
         for j in range(m):
             recent[place, j] = known.weights[j] * q[j]
@@ -176,7 +185,7 @@ def _settle(
             return -3, done, 0
         reached, _, _, _ = _march(step, loads, state, room.history, room.steps, forces_of)
         if reached < steps:
-            return -3, done, 0
+            return -4, done, 0
         for k in range(slip.size):
             slip[k] = room.history.kept[k]
     return -2, patience.limit, 0

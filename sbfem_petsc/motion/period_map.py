@@ -18,12 +18,9 @@ import numpy as np
 
 from ..contact.closed_sets import exact_contacts, located_contacts
 from ..contact.friction import STICKS
-from ..contact.held_rows import empty_sets
 from ..contact.located_rubbing import located_rubbing
 from ..contact.marching import march
-from ..contact.pivoted_step import pivoted_touch
-from ..contact.pivoting import contact_forces, empty_factor
-from ..contact.rubbing import rubbing_forces
+from ..contact.pivoted_step import touch
 from ..contact.rubbing_tangent import LEAST, ROUGH, rubbing_contacts
 from ..contact.step_data import StepHistory, StepLoads, StepState
 from ..contact.tangent import Derivative
@@ -273,12 +270,13 @@ class DrivenPeriod:
         kept = (steps + 1, p.pairs) if len(slip) else (0, 0)
         rows, lost = np.empty(kept, dtype=np.int8), np.empty(max(kept[0] - 1, 0))
         begin = StepState(q, v, forces[0].copy(), former.copy(), slip.copy())
-        reached, settled = 0, self._touch(begin)
+        gap = self.free_gap[0] + p.left @ (p.right.T @ q)
+        reached, touches = 0, touch(self.constants, gap, begin)
         states[0], velocities[0], forces[0] = q, v, begin.force
         rows[:1], left = begin.rows[: rows.shape[1]], np.empty(len(slip))
         landed = np.zeros((len(lost), len(slip), 3)), np.zeros((len(lost), kept[1]), dtype=np.int8)
         landings = *landed, np.zeros((len(lost), kept[1]))
-        if settled >= 0:
+        if touches:
             loads = StepLoads(np.zeros((0, m)), self.free_gap, np.zeros(steps, dtype=np.int8))
             told = states[1:], velocities[1:], forces[1:], work, np.empty(0, dtype=np.int8), lost
             history = StepHistory(*told, rows[1:], left, *landings)
@@ -291,29 +289,6 @@ class DrivenPeriod:
         residual = self._state(q, v, (left - slip) / p.slip_units)
         residual[: 2 * m] -= difference
         return PeriodMotion(residual, states, velocities, forces, work, rows, lost, *landings)
-
-    def _touch(self, begin: StepState) -> int:
-        """Contact at t = 0, where the modes are and after the slips before; negative if it is not solved."""
-        p = self.period
-        gap = self.free_gap[0] + p.left @ (p.right.T @ begin.q)
-        if p.friction is None:
-            begin.rows[:] = p.laws.touched(gap)
-            if not begin.rows.any():
-                return 0
-            room = empty_factor(p.pairs)
-            return int(
-                contact_forces(p.residual_flexibility, gap, p.laws.table, begin.rows, room, begin.force)
-            )
-        sets, count = empty_sets(p.pairs), len(p.laws)
-        held = (p.laws.table, self.constants.rubbing, begin.rows)
-        before = np.append(np.zeros(count), begin.slip)
-        former = begin.rows.copy()
-        settled = rubbing_forces(p.residual_flexibility, (gap, before), held, sets, begin.force)
-        if settled < 0:
-            begin.rows[:] = former
-            return 0 if pivoted_touch(self.constants, gap, begin) else -1
-        begin.slip[:] = np.where(begin.rows[count:] == STICKS, begin.slip, sets.free[count:])
-        return int(settled)
 
     def oscillations(self) -> tuple[np.ndarray, np.ndarray]:
         """Modal forces of the oscillating loads and velocities of the linear steady state over time,

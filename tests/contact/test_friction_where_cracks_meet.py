@@ -7,11 +7,11 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import CrackLine, Plate
-from sbfem_petsc.contact import marching
+from sbfem_petsc.contact import marching, pivoted_step, repeating
 from sbfem_petsc.contact.law import FREE
-from sbfem_petsc.contact.pivoted_step import pivoted_touch
+from sbfem_petsc.contact.pivoted_step import pivoted_touch, touch
 from sbfem_petsc.contact.step_data import NEVER, StepState
-from sbfem_petsc.motion import period_map, reduced_history
+from sbfem_petsc.motion import reduced_history
 from sbfem_petsc.motion.preparation import PeriodSettings, prepare
 from tests.contact.test_friction import LINES
 from tests.contact.test_friction_in_motion import slider
@@ -165,7 +165,7 @@ def test_contact_as_a_period_begins_ends_in_a_solution(monkeypatch):
         solves.append(pivoted_touch(step, gap, state))
         return solves[-1]
 
-    monkeypatch.setattr(period_map, "pivoted_touch", pivoted)
+    monkeypatch.setattr(pivoted_step, "pivoted_touch", pivoted)
     with plate_of(LINES["T"], sb.Coulomb(3.0)) as model:
         period = prepare("test", model, SHAKEN, FREQUENCY, settings=PeriodSettings(modes=MODES, steps=64))
         driven, rng = period.at(FREQUENCY), np.random.default_rng(1)
@@ -177,9 +177,10 @@ def test_contact_as_a_period_begins_ends_in_a_solution(monkeypatch):
             begin = StepState(
                 q, q.copy(), np.zeros(period.pairs), np.zeros(period.pairs, dtype=np.int8), former.copy()
             )
-            settled = driven._touch(begin)
-        assert settled >= 0 and solves == [True]
-        gap = driven.free_gap[0] + period.left @ (period.right.T @ q) + flexibility @ begin.force
+            gap = driven.free_gap[0] + period.left @ (period.right.T @ q)
+            settled = touch(driven.constants, gap, begin)
+        assert settled and solves == [True]
+        gap = gap + flexibility @ begin.force
         pressure, friction = begin.force[:count], begin.force[count:]
         size, least = np.abs(gap).max(), 1e-9 * pressure.max()
         assert (gap[:count] > -1e-8 * size).all() and (pressure > -least).all() and pressure.max() > 0.0
@@ -191,3 +192,36 @@ def test_contact_as_a_period_begins_ends_in_a_solution(monkeypatch):
         moves = np.abs(moved) > 1e-7 * size
         assert friction[moves] == pytest.approx(-3.0 * (np.sign(moved) * pressure[rubs])[moves], abs=least)
         assert moves.any() and not moves.all()
+
+
+def test_basins_where_kernels_find_no_solution(monkeypatch):
+    """Periods of faces that meet in a T are taken on the host where kernels find nothing. A mass of which
+    every third one is taken so, from its first instant or its first step on, settles as without.
+    """
+    starts = 2e-6 * np.random.default_rng(4).standard_normal((2, 6, MODES)) * [[[1.0]], [[2e4]]]
+    taken = []
+    monkeypatch.setattr(repeating, "march", lambda *given: taken.append(marching.march(*given)) or taken[-1])
+    with plate_of(LINES["T"], sb.Coulomb(3.0)) as model:
+        found = sb.basins(model, SHAKEN, FREQUENCY, tuple(starts), steps=64, modes=MODES, limit=2)
+        assert (found.reached == -1).all() and taken
+    kernel, failed = repeating._settle, []
+
+    def ends(step, loads, state, until, room, forces_of):
+        known, patience, begin = until
+        short = patience._replace(limit=min(begin + 2, patience.limit))
+        found = kernel(step, loads, state, (known, short, begin), room, forces_of)
+        if found[0] != repeating.UNSETTLED or found[1] == patience.limit:
+            return found
+        failed.append(repeating.UNSOLVED - len(failed) % 2)
+        if failed[-1] != repeating.UNSOLVED:
+            assert touch(step, loads.free_gap[0] + (step.right @ state.q) @ step.left, state)
+        return failed[-1], found[1], 0
+
+    frequency = 1.7 / (2.0 * np.pi)
+    load = [sb.Harmonic(2.0, frequency), sb.Constant(-2.0)]
+    given = slider(damping=0.05), load, frequency, [sb.StartAxis([-0.8, 0.5])]
+    expected = sb.basins(*given, steps=128)
+    monkeypatch.setattr(repeating, "_settle", ends)
+    found = sb.basins(*given, steps=128)
+    assert len(failed) > 4 and len(found.orbits) == 1 and (found.periods == expected.periods).all()
+    assert found.orbits[0].state == pytest.approx(expected.orbits[0].state, abs=1e-9)
