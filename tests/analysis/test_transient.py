@@ -190,6 +190,38 @@ def test_damped_linear_response_against_closed_form():
         assert np.abs(history.energy.balance[-1]) < 0.05 * omega**2 * step
 
 
+def test_energy_error_without_work():
+    """Of a free motion it is what the trapezoidal rule misses of the damping, in closed form, beside the
+    kinetic energy at the start; of a rest under a constant load rounding, which is none: the
+    first was told to be 0, the second up to .8.
+    """
+    omega, zeta, step = 3.0, 0.05, 0.1
+    r = sb.reduce_matrices(
+        np.eye(1),
+        np.array([[omega**2]]),
+        np.zeros((0, 1)),
+        np.zeros(0),
+        loads=np.eye(1),
+        sensors={"x": 0},
+        damping=zeta,
+    )
+    free = sb.transient(r, [sb.Constant(0.0)], 4.0, step, initial=(np.zeros(1), np.ones(1)))
+    decay, turn = zeta * omega, omega * np.sqrt(1 - zeta**2)
+    angle = turn * free.time
+    x = np.exp(-decay * free.time) * np.sin(angle) / turn
+    v = np.exp(-decay * free.time) * (np.cos(angle) - decay / turn * np.sin(angle))
+    rate = 2 * decay * v**2
+    lost = np.append(0.0, np.cumsum(0.5 * step * (rate[1:] + rate[:-1])))
+    missed = 0.5 * (v**2 + (omega * x) ** 2 - 1.0) + lost
+    assert (
+        free.energy_error == pytest.approx(np.abs(missed).max() / 0.5, rel=1e-6) and free.energy_error > 1e-4
+    )
+
+    at_rest = sb.transient(chain(), [sb.Constant(0.7), sb.Constant(0.4)], 4.0, 0.01, initial="equilibrium")
+    assert at_rest.energy.kinetic.max() < 1e-20 < np.abs(at_rest.energy.balance).max()  # rounding
+    assert at_rest.energy_error == 0.0
+
+
 def bar(elements, length, young, density, area):
     """Consistent mass and stiffness of a free bar."""
     h = length / elements
