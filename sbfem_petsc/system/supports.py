@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from ..selement.basis import tabulated
 from ..supports import Support
 from .layout.layout import Layout
-from .solve.assembly import ElementBlocks
 
 
 def edge_metric(coordinates: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
@@ -27,57 +27,41 @@ def edge_metric(coordinates: np.ndarray, order: int) -> tuple[np.ndarray, np.nda
     return length, np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1) / length[..., None]
 
 
-def spring_forces(layout: Layout, thickness: float, support: Support, field: np.ndarray) -> np.ndarray:
-    """(m, 2): this rank's part of the forces on its nodes that elastic supports take up, N."""
-    part, springs = layout.part, np.array(support.springs)
-    forces = np.zeros_like(field)
-    if not springs.any():
-        return forces
-    if support.where in layout.edge_sets:
-        edges = part.edge_sets[support.where]
-        if len(edges):
-            values, _, weights = tabulated(layout.order, layout.order + 2)
-            lengths, _ = edge_metric(part.coordinates[edges], layout.order)
-            consistent = np.einsum("eq,q,qa,qb,ebi->eai", lengths, weights, values, values, field[edges])
-            np.add.at(forces, edges, springs * thickness * consistent)
-    elif layout.comm.rank == min(layout.point_holders[support.where], default=-1):
-        node = layout.node_of(support.where)
-        forces[node] = springs * field[node]
-    return forces
+class Springs(NamedTuple):
+    """An elastic support on this rank.
+
+    Attributes
+    ----------
+    where : str
+    nodes : (k, n) int array
+        Rows of the part's nodes, an edge's in a row, or a point's.
+    stiffness : (k, 2 n, 2 n) array
+        N/m.
+    """
+
+    where: str
+    nodes: np.ndarray
+    stiffness: np.ndarray
 
 
-def spring_blocks(layout: Layout, thickness: float, supports: Sequence[Support]) -> list[ElementBlocks]:
-    """Blocks of the elastic supports."""
-    blocks = []
-    part, order = layout.part, layout.order
+def springs_of(layout: Layout, thickness: float, supports: Sequence[Support]) -> list[Springs]:
+    """The elastic ones among supports; of a point on the lowest rank that has it. Collective."""
+    part, order, found = layout.part, layout.order, []
     values, _, weights = tabulated(order, order + 2)
-    for support in supports:
-        springs = np.array(support.springs)
+    for where, springs in ((support.where, np.array(support.springs)) for support in supports):
         if not springs.any():
             continue
-        if support.where in layout.edge_sets:
-            edges = part.edge_sets[support.where]
-            if len(edges) == 0:
-                continue
-            lengths, _ = edge_metric(part.coordinates[edges], order)
-            stiffness = np.einsum(
-                "eq,q,qa,qb,i,ij->eaibj",
-                lengths,
-                weights,
-                values,
-                values,
-                springs * thickness,
-                np.eye(2),
-            )
-            unknowns = part.unknowns[edges].reshape(len(edges), -1)
-            stiffness = stiffness.reshape(len(edges), unknowns.shape[1], -1)
-        elif layout.comm.rank == 0:
-            unknowns = np.array(layout.points[support.where][1])[None, :]
-            stiffness = np.diag(springs)[None]
+        if where in layout.edge_sets:
+            nodes = part.edge_sets[where]
+            lengths, _ = edge_metric(part.coordinates[nodes], order)
+            shares = np.einsum("eq,q,qa,qb->eab", lengths, weights, values, values)
+            stiffness = np.kron(shares, np.diag(springs * thickness))
         else:
-            continue
-        blocks.append(ElementBlocks(unknowns, unknowns, stiffness.__getitem__))
-    return blocks
+            mine = layout.comm.rank == min(layout.point_holders[where], default=-1)
+            nodes = layout.node_of(where)[:mine, None]
+            stiffness = np.tile(np.diag(springs), (len(nodes), 1, 1))
+        found.append(Springs(where, nodes, stiffness))
+    return found
 
 
 def free_bodies(layout: Layout, supports: Sequence[Support]) -> list[int]:

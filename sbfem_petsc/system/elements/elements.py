@@ -12,7 +12,7 @@ import numpy as np
 from ...material import AnyMaterial
 from ..layout.layout import Layout
 from ..solve.assembly import ElementBlocks
-from .shapes import Group, solve_groups, turned_both
+from .shapes import Group, add_forces, solve_groups, turned_both
 
 
 class Elements:
@@ -98,11 +98,8 @@ class Elements:
         """(m, 2): this rank's part of the nodal forces that displacements (m, 2) of its nodes take, N."""
         forces = np.zeros_like(field)
         for group in self.groups:
-            moved = field[group.nodes].reshape(len(group.sizes), -1)
-            inner = self.scales(group)[0] * np.einsum(
-                "kij,kj->ki", group.turned_both(group.solution.stiffness), moved
-            )
-            np.add.at(forces, group.nodes, inner.reshape(*group.nodes.shape, 2))
+            stiffness = self.scales(group)[0] * group.turned_both(group.solution.stiffness)
+            add_forces(forces, group.nodes, stiffness, field)
         return forces
 
     def inertia_forces(self, field: np.ndarray) -> np.ndarray:
@@ -111,7 +108,6 @@ class Elements:
         """
         forces = np.zeros_like(field)
         for group in self.moving:
-            moved = field[group.nodes].reshape(len(group.sizes), -1, 1)
-            inertia = self.scales(group)[1][:, None, None] * (group.turned_both(group.solution.mass) @ moved)
-            np.add.at(forces, group.nodes, inertia.reshape(*group.nodes.shape, 2))
+            mass = self.scales(group)[1][:, None, None] * group.turned_both(group.solution.mass)
+            add_forces(forces, group.nodes, mass, field)
         return forces

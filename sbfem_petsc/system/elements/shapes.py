@@ -94,6 +94,14 @@ def turned(rotations: np.ndarray, matrices: np.ndarray) -> np.ndarray:
     return np.matmul(rotations.transpose(0, 2, 1)[:, None], pairs).reshape(len(rotations), n, m)
 
 
+def add_forces(forces: np.ndarray, nodes: np.ndarray, stiffness: np.ndarray, field: np.ndarray) -> None:
+    """Add to nodal forces (m, 2) those of stiffnesses (k, 2 n, 2 n) between nodes (k, n) that have the
+    displacements of a field (m, 2).
+    """
+    pulled = stiffness @ field[nodes].reshape(*stiffness.shape[:2], 1)
+    np.add.at(forces, nodes, pulled.reshape(*nodes.shape, 2))
+
+
 @dataclass(frozen=True, eq=False)
 class _Request:
     key: bytes

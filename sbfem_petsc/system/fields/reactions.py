@@ -7,9 +7,8 @@ from scipy import sparse
 
 from ...petsc import MPI
 from ..elements.elements import Elements
-from ..elements.shapes import Group
+from ..elements.shapes import Group, add_forces
 from ..solve.stiffness import Stiffness
-from ..supports import spring_forces
 
 
 class SupportForces:
@@ -70,10 +69,8 @@ class SupportForces:
     def _springs(self, field: np.ndarray) -> np.ndarray:
         """(names, m, 2): this rank's part of what elastic supports take up, N."""
         result = np.zeros((len(self.names), *field.shape))
-        for support in self._supports:
-            result[self.names.index(support.where)] += spring_forces(
-                self._layout, self._elements.thickness, support, field
-            )
+        for spring in self._statics.springs:
+            add_forces(result[self.names.index(spring.where)], spring.nodes, spring.stiffness, field)
         return result
 
     def _resting(self, springs: np.ndarray, external: np.ndarray | float) -> np.ndarray:

@@ -11,7 +11,8 @@ from ...petsc import PETSc
 from ...supports import Support
 from ..elements.element_stiffness import Refinement
 from ..elements.elements import Elements
-from ..supports import free_bodies, spring_blocks, spring_forces
+from ..elements.shapes import add_forces
+from ..supports import Springs, free_bodies, springs_of
 from .assembly import ElementBlocks, assemble, assemble_by_ranks
 from .demand import require_factor
 from .static_solver import StaticSolver
@@ -71,7 +72,16 @@ class Stiffness:
 
     def spring_blocks(self) -> list[ElementBlocks]:
         """Those of the elastic supports."""
-        return spring_blocks(self.layout, self.elements.thickness, self.supports)
+        return [
+            ElementBlocks(numbers, numbers, spring.stiffness.__getitem__)
+            for spring in self.springs
+            for numbers in [self.layout.part.unknowns[spring.nodes].reshape(spring.stiffness.shape[:2])]
+        ]
+
+    @functools.cached_property
+    def springs(self) -> list[Springs]:
+        """Those of the elastic supports. Collective."""
+        return springs_of(self.layout, self.elements.thickness, self.supports)
 
     def _attach_rigid_motions(self, matrix: PETSc.Mat, free: np.ndarray) -> None:
         part, own = self.layout.part, self.layout.owned
@@ -104,8 +114,8 @@ class Stiffness:
 
     def _spring_forces(self, field: np.ndarray) -> np.ndarray:
         forces = np.zeros_like(field)
-        for support in self.supports:
-            forces += spring_forces(self.layout, self.elements.thickness, support, field)
+        for spring in self.springs:
+            add_forces(forces, spring.nodes, spring.stiffness, field)
         return forces
 
     # ------------------------------------------------------------------ whether it is definite
