@@ -334,27 +334,25 @@ class _Problem:
 
     def pivoted(self) -> tuple[np.ndarray, np.ndarray] | None:
         """States by Lemke's method: unknowns are what presses rows, what pulls those that may be pulled,
-        friction along and against t, and speeds of slip.
+        friction along and against t, and speeds of slip, under what holds rows that are never free.
         """
-        c, table, fixed = self.count, self.laws.table, self.laws.fixed
-        pressed = np.flatnonzero(self.flexible)
-        pulled = np.flatnonzero(self.flexible & (fixed | np.isfinite(table.most[FREE])))
+        c, table, fixed = self.count, self.laws.table, self.laws.fixed & self.flexible
+        moves, held = self.flexible & ~fixed, np.flatnonzero(fixed)
+        pressed, pulled = np.flatnonzero(moves), np.flatnonzero(moves & np.isfinite(table.most[FREE]))
+        holding = np.linalg.lstsq(self.w[np.ix_(held, held)], self.w[held], rcond=None)[0].T
+        w = self.w - holding @ self.w[held]
+        free = self.free + holding @ (table.place[PRESSED, held] - self.free[held])
         rubs = np.flatnonzero(self.rubs)
         rows = np.concatenate([pressed, pulled, c + rubs, c + rubs])
         sign = np.repeat([1.0, -1.0, 1.0, -1.0], [len(pressed), len(pulled), len(rubs), len(rubs)])
-        place = np.concatenate(
-            [
-                table.place[PRESSED, pressed],
-                table.place[np.where(fixed[pulled], PRESSED, PULLED), pulled],
-                *[self.slip[rubs]] * 2,
-            ]
-        )
+        along = self.slip[rubs]
+        place = np.concatenate([table.place[PRESSED, pressed], table.place[PULLED, pulled], along, along])
         size, count = len(rows), len(rubs)
         first = size - 2 * count
         scale = np.concatenate([self.weight[rows], 1.0 / self.weight[c + rubs]])
         matrix, right = np.zeros((size + count, size + count)), np.zeros(size + count)
-        matrix[:size, :size] = np.outer(sign, sign) * self.w[np.ix_(rows, rows)]
-        right[:size] = sign * (self.free[rows] - place)
+        matrix[:size, :size] = np.outer(sign, sign) * w[np.ix_(rows, rows)]
+        right[:size] = sign * (free[rows] - place)
         every = np.arange(count)
         for part in (first + every, first + count + every):
             matrix[part, size + every], matrix[size + every, part] = 1.0, -1.0
@@ -366,7 +364,7 @@ class _Problem:
         normal, tangential = np.zeros(c, dtype=np.int8), np.zeros(len(self.slip), dtype=np.int8)
         normal[pulled[basic[len(pressed) : first]]] = PULLED
         normal[pressed[basic[: len(pressed)]]] = PRESSED
-        normal[fixed & self.flexible] = PRESSED
+        normal[fixed] = PRESSED
         along, slips = basic[first : first + count], basic[size:]
         tangential[rubs] = np.where(slips, np.where(along, ALONG, AGAINST), STICKS)
         return self.joined(normal, tangential)
@@ -398,9 +396,9 @@ def _lemke(matrix: np.ndarray, right: np.ndarray) -> np.ndarray | None:
     basis, artificial = np.arange(n), 2 * n
     right = right / max(np.abs(right).max(initial=0.0), 1e-300)
     table = np.concatenate([np.eye(n), -matrix, -np.ones((n, 1)), right[:, None]], axis=1)
-    entering, row = artificial, int(np.argmin(right))
-    if n == 0 or right[row] >= 0.0:
+    if not (right < 0.0).any():
         return np.zeros(n, dtype=bool)
+    entering, row = artificial, int(np.argmin(right))
     for _ in range(100 + 50 * n):
         table[row] /= table[row, entering]
         column = table[:, entering].copy()

@@ -138,39 +138,45 @@ def test_rows_that_move_by_fewer_motions_than_they_are():
     assert told < 13  # large coefficients, which may have none
 
 
-def test_rows_of_other_laws_beside_those_that_rub():
-    """Tied rows and rows with play, which do not rub, from states that suit none: the same with each of them
-    condensed by what it does.
+@pytest.mark.parametrize(
+    "each, draws",
+    [
+        ([sb.Coulomb(0.9), sb.Tied(), sb.Clearance(width=2e-7), sb.Coulomb(1.2), sb.Unilateral()], 200),
+        # tied rows that Lemke's method pressed and pulled at once left it without a solution in 4 of these
+        ([*map(sb.Coulomb, (2.5, 3.0, 3.5)), *[sb.Tied()] * 3, sb.Unilateral()], 300),
+    ],
+)
+def test_rows_of_other_laws_beside_those_that_rub(each, draws):
+    """Tied rows and rows with play, which do not rub, from Lemke's states: the same with each of them
+    condensed by what it does; where that is the only solution, what is found from states that suit none.
     """
-    rng = np.random.default_rng(3)
-    each = [sb.Coulomb(0.9), sb.Tied(), sb.Clearance(width=2e-7), sb.Coulomb(1.2), sb.Unilateral()]
-    laws, rows = RowLaws.of(each), np.array([0, 3])
-    friction = Friction(rows, np.array([0.9, 1.2]), np.array([0.9, 1.2]))
-    for _ in range(200):
-        root = rng.normal(size=(7, 8))
-        flexibility, free = 1e-9 * root @ root.T, 1e-6 * rng.normal(size=7)
-        memory = Memory.none(laws, friction)
-        found = solve_friction(flexibility, free, laws, friction, memory)
-        # Lemke's states are the solution's: one exchange shows it
+    rng = np.random.default_rng(5)
+    laws, count = RowLaws.of(each), len(each)
+    rows = np.array([k for k, law in enumerate(each) if law.rubs])
+    others, own = np.setdiff1d(np.arange(count), rows), np.append(rows, count + np.arange(len(rows)))
+    friction, pair = Friction.of(each, rows), Friction.of([each[k] for k in rows], np.arange(len(rows)))
+    memory, apart = Memory.none(laws, friction), Memory.none(RowLaws.unilateral(len(rows)), pair)
+    total = count + len(rows)
+    for _ in range(draws):
+        root = rng.normal(size=(total, total + (friction.kinetic.max() < 2.0)))
+        flexibility, free = 1e-9 * root @ root.T, 1e-6 * rng.normal(size=total)
         pivots = _Problem(flexibility, free, laws, friction, memory.slip)
-        (force, _, _), exchanges = pivots.exchanged(*pivots.pivoted())
-        assert exchanges == 1 and force == pytest.approx(found.force, rel=1e-6, abs=1e-9)
-        others = [1, 2, 4]
-        acting = free + flexibility[:, rows] @ found.force[rows] + flexibility[:, 5:] @ found.force[5:]
+        (force, gap, state), exchanges = pivots.exchanged(*pivots.pivoted())
+        if friction.kinetic.max() < 2.0:  # Lemke's states are the solution's: one exchange shows it
+            found = solve_friction(flexibility, free, laws, friction, memory)
+            assert exchanges == 1 and force == pytest.approx(found.force, rel=1e-6, abs=1e-9)
+        acting = free + flexibility[:, own] @ force[own]
         alone = solve_complementarity(
             flexibility[np.ix_(others, others)], acting[others], RowLaws.of([each[k] for k in others])
         )
-        scale = np.abs(found.force).max()
-        assert alone.force == pytest.approx(found.force[others], abs=1e-9 * scale)
-        own = np.array([0, 3, 5, 6])
-        acting = (free + flexibility[:, others] @ found.force[others])[own]
-        pair = Friction(np.arange(2), friction.kinetic, friction.static)
+        assert alone.force == pytest.approx(force[others], abs=1e-9 * np.abs(force).max())
+        acting = (free + flexibility[:, others] @ force[others])[own]
         check(
             flexibility[np.ix_(own, own)],
             acting,
             pair,
-            Memory.none(RowLaws.unilateral(2), pair),
-            Complementarity(found.force[own], found.gap[own], found.state, 1),
+            apart,
+            Complementarity(force[own], gap[own], state[own], 1),
         )
 
 
