@@ -68,7 +68,7 @@ class Beam(BeamShape):
             "tip": scaling centre on the tip. "vertex": the paper's Fig. 2, the tip is a vertex of four closed
             S-elements whose edges are graded down to `tip_size`.
         points : dict of str to (x, y), optional
-            Further named points, m; each becomes a node.
+            Further named points, m; each becomes a node. One on a crack, at its mouth too, is refused.
         corner_size : float, optional
             Size of the innermost cell where the edges are graded towards the corners of the end edges in
             `corners`, m: a clamped corner is singular. Default: 0.2 of the height where there is room, no

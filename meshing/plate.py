@@ -66,8 +66,8 @@ class Plate(PlateShape):
         size : float, optional
             Largest edge, m. Default: 0.2 of the square root of the area.
         points : dict of str to (x, y), optional
-            Named points, m; each becomes a node. One on a crack, or between its faces where it is open, is
-            refused.
+            Named points, m; each becomes a node. One on a crack, at its mouth too, or between its faces where
+            it is open, is refused.
         tip_size : float, optional
             Half-size of the S-element on a tip (its largest extent from it), m. Default: 0.02 of the crack's
             length, or 0.03 of its outermost ring if that is less.

@@ -189,14 +189,15 @@ class _Body:
         """ValueError for a named point outside the body or beside a crack."""
         outline = graph.outline
         for name, vertex in graph.points.items():
-            if vertex in outline:
-                continue
             x, y = graph.vertices[vertex]
-            place = shapely.Point(x, y)
-            if not self.area.covers(place) or any(math.dist((x, y), c) < r for c, r in self.holes):
+            place, inside = shapely.Point(x, y), vertex not in outline
+            if inside and not (
+                self.area.covers(place) and all(math.dist((x, y), c) >= r for c, r in self.holes)
+            ):
                 raise ValueError(f"point {name!r} at ({x:g}, {y:g}) m is outside the body; move it inside.")
             for number, path in enumerate(graph.cracks.values(), 1):
-                if shapely.LineString(graph.vertices[path]).distance(place) < self.least:
+                beside = shapely.LineString(graph.vertices[path]).distance(place)
+                if vertex in path or (inside and beside < self.least):
                     raise ValueError(
                         f"point {name!r} at ({x:g}, {y:g}) m is on or next to crack {number}; move it into "
                         "the material."

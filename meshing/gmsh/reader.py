@@ -19,7 +19,13 @@ from meshing.gmsh.confined import Rights, ask, landlock_version
 from meshing.gmsh.files import FOREIGN, SCRIPTS, checked_content
 from meshing.gmsh.length_units import Units
 from meshing.gmsh.model import FileModel
-from meshing.gmsh.report import check_joined, check_units, pass_on, refuse_empty_groups
+from meshing.gmsh.report import (
+    check_joined,
+    check_units,
+    pass_on,
+    refuse_empty_groups,
+    warn_of_points_on_cracks,
+)
 from meshing.input_checks import checked_order, flag, length, positive
 from meshing.input_checks import path as checked_path
 
@@ -116,8 +122,8 @@ def read_gmsh(
     UnitWarning
         A model that seems to be drawn in another unit.
     GmshWarning
-        What gmsh warns of; a curve inside a material that is no crack;
-        outlines that lie on one another and are not joined.
+        What gmsh warns of; a curve inside a material that is no crack; a point on a crack, which is one of
+        its left face; outlines that lie on one another and are not joined.
 
     Raises
     ------
@@ -167,6 +173,7 @@ def read_gmsh(
     if tip_size is not None:
         cells.tip_sizes = {}
     add_cracks(cells, CrackMeshing.checked(float(np.ptp(where, axis=0).max()), given), origin)
+    warn_of_points_on_cracks(cells, origin)
     recipe = Recipe(functools.partial(read_gmsh, path.resolve()), given)
     return build_mesh(cells, order, origin, recipe=recipe)
 

@@ -152,6 +152,31 @@ def check_joined(cells: CellComplex, origin: str) -> None:
         )
 
 
+def warn_of_points_on_cracks(cells: CellComplex, origin: str) -> None:
+    """Warn of named points that are one of the two that their place is of since its crack was made.
+
+    Parameters
+    ----------
+    cells : CellComplex
+        With its cracks.
+    origin : str
+        For messages.
+    """
+    for crack in cells.cracks:
+        own = {f"{crack.name}_right", f"{crack.name}_left"}
+        for path in crack.paths:
+            right, left = ({vertex for edge in face for vertex in edge} for face in path.faces)
+            for name, vertex in cells.points.items():
+                if path.embedded and vertex in left - right and name not in own:
+                    x, y = cells.vertices[vertex]
+                    warn(
+                        origin,
+                        f"point {name!r} at ({x:.6g}, {y:.6g}) m lies on crack {crack.name!r} and is on its "
+                        f"left face there, {crack.name}_left, alone; put it into the material, or take the "
+                        f"corners {crack.name}_right and {crack.name}_left at a mouth.",
+                    )
+
+
 def _refuse_overlaps(cells: CellComplex, places: np.ndarray, origin: str) -> None:
     corners = [np.array([cells.vertices[vertex] for vertex in cell.vertices]) for cell in cells.cells]
     boxes = shapely.box(*np.array([[*c.min(axis=0), *c.max(axis=0)] for c in corners]).T)

@@ -4,6 +4,7 @@ refused.
 
 import subprocess
 import sys
+import warnings
 
 import numpy as np
 import pytest
@@ -112,6 +113,18 @@ def test_geo_with_hole_materials_and_crack(tmp_path, tip_element):
     assert mesh.nodes[mesh.points["P"]] == pytest.approx([2, 1])
     brass = mesh.materials == 1
     assert (mesh.scaling_centres[brass, 0] > 1.5).all() and (mesh.scaling_centres[~brass, 0] < 1.5).all()
+
+
+@pytest.mark.parametrize("tag", [4, 6])
+def test_points_on_cracks_are_warned_of(tmp_path, tag):
+    """There are two nodes; it is the left one's, at the mouth here, which was not said."""
+    text = PLATE.replace('Physical Point("P")={4}', f'Physical Point("P")={{{tag}}}')
+    says = "point 'P' at (1, 1) m lies on crack 'main' and is on its left face there, main_left, alone"
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        mesh = read_gmsh(write(tmp_path, text), order=3)
+    assert [says in str(warning.message) for warning in told] == [True] * (tag == 6)
+    assert (mesh.points["P"] == mesh.points["main_left"]) == (tag == 6)
 
 
 @pytest.mark.slow

@@ -354,8 +354,12 @@ def test_points_in_an_opening_are_refused():
     on = {"P": (0.01, 0.05)}
     line = [(0.0, 0.05), (0.07, 0.05)]
     for opening in (0.0, 20.0):
-        with pytest.raises(ValueError, match="'P' at .* is on or next to crack"):
-            Plate(SQUARE, cracks=[CrackLine(line, opening)]).mesh(points=on)
+        plate = Plate(SQUARE, cracks=[CrackLine(line, opening)])
+        beam = Beam(0.2, 0.1, cracks=[CrackLine([(0.1, 0.0), (0.1, 0.05)], opening)])
+        # at a mouth, too, where there are two nodes; it had been the left one
+        for body, place in ((plate, on["P"]), (plate, (0.0, 0.05)), (beam, (0.1, 0.02)), (beam, (0.1, 0.0))):
+            with pytest.raises(ValueError, match="'P' at .* is (on or next to|in or on) crack"):
+                body.mesh(points={"P": place})
     with pytest.raises(ValueError, match="opens by up to 20 degrees run into the cells near"):
         Plate(SQUARE, cracks=[CrackLine(line, 20.0)]).mesh(points=between)
 
