@@ -18,7 +18,19 @@ from ..motion.states import Point
 from ..petsc import MPI
 from ..record.units import force_unit, frequency_unit, length_unit, stress_unit, time_unit
 from .drawing import BLACK, CYCLE, Sheet, above, dots, note
-from .picture import CHECKS, a_text, curve, optional, picture, place_name, symbol, table_of, two_numbers
+from .picture import (
+    CHECKS,
+    Look,
+    Unpack,
+    a_text,
+    curve,
+    optional,
+    picture,
+    place_name,
+    symbol,
+    table_of,
+    two_numbers,
+)
 
 # Above this many samples in a panel, the least and the greatest of each column of pixels are drawn.
 COLUMNS = 2000
@@ -97,9 +109,7 @@ def plot_history(
     direction: str | None = None,
     *,
     window: tuple[float, float] | None = None,
-    title: str = "",
-    ax: Any = None,
-    comm: MPI.Comm | None = None,
+    **look: Unpack[Look],
 ) -> list[Axes] | None:
     """Draw what a motion does over time: displacement of a point, and the contact resultant where there is
     contact. Collective.
@@ -125,7 +135,7 @@ def plot_history(
     panels = [_displacement(motion, point, direction, window)]
     if motion.states.contact.shape[1]:
         panels.append(_resultant(motion, window))
-    return _draw(Sheet.of(ax), panels)
+    return _draw(Sheet.of(look["ax"]), panels)
 
 
 @picture(LoadHistory, crack=optional(a_text), direction=optional(CHECKS["direction"]))
@@ -135,9 +145,7 @@ def plot_load_history(
     direction: str | None = None,
     *,
     crack: str | None = None,
-    title: str = "",
-    ax: Any = None,
-    comm: MPI.Comm | None = None,
+    **look: Unpack[Look],
 ) -> list[Axes] | None:
     """Draw static states under slowly changing loads: displacement of a point, contact resultant, and the
     stress intensity factors of a crack. Collective.
@@ -167,7 +175,7 @@ def plot_load_history(
         curves = {name: (history.time, factors[:, k]) for k, name in enumerate(("$K_I$", "$K_{II}$"))}
         scale, unit = stress_unit(float(np.nan_to_num(np.abs(factors)).max()))
         panels.append(Panel(f"K of {crack or tips[0]} ({unit} m$^{{1/2}}$)", curves, scale))
-    return _draw(Sheet.of(ax), panels)
+    return _draw(Sheet.of(look["ax"]), panels)
 
 
 def _displacement(
