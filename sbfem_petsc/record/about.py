@@ -166,8 +166,11 @@ class Quantity:
 
     def only(self, axis: int) -> Quantity:
         """The last entry along an axis."""
+        return self._at(axis, -1, self.unit)
+
+    def _at(self, axis: int, index: int, unit: str) -> Quantity:
         dims = (*self.dims[:axis], *self.dims[axis + 1 :])
-        return dataclasses.replace(self, value=np.take(self.value, -1, axis), dims=dims)
+        return dataclasses.replace(self, value=np.take(self.value, index, axis), dims=dims, unit=unit)
 
     def by_name(self) -> Iterator[tuple[str, Any]]:
         """The entries along the first axis that has names; otherwise the whole, by ""."""
@@ -183,9 +186,7 @@ class Quantity:
         axis = next((k for k, dim in enumerate(self.dims) if name in self.names.get(dim, ())), None)
         if axis is None:
             raise KeyError(name)
-        dims = (*self.dims[:axis], *self.dims[axis + 1 :])
-        value = np.take(self.value, self.names[self.dims[axis]].index(name), axis)
-        return dataclasses.replace(self, value=value, dims=dims, unit=self.units.get(name, self.unit))
+        return self._at(axis, self.names[self.dims[axis]].index(name), self.units.get(name, self.unit))
 
     def columns(self) -> Iterator[tuple[str, Any]]:
         """Real columns over the first axis, by the entries of the others."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..damping import ratios_by_frequency
 from ..petsc import PETSc, SLEPc, all_asked
+from .gather import whole
 from .record import Record, described, quantity
 
 # Numbers of a model, and what its pairs hold of each.
@@ -115,26 +116,14 @@ def _exact(item: Any) -> str:
 
 def _mesh(model: Any) -> dict[str, Any] | None:
     """Nodes and S-elements of all ranks, on rank 0. Collective."""
-    part = model.layout.part
-    chains = [part.nodes[chain] for chain in part.chains]
+    part, comm = model.layout.part, model.comm
     numbers = np.array([model.cells.named_materials(int(k))[0] for k in part.materials], dtype=np.int64)
-    parts = model.comm.gather(
-        (part.nodes, part.coordinates, part.elements, part.centres, part.closed, numbers, chains)
-    )
+    own = {"scaling_centres": part.centres, "closed": part.closed, "element_materials": numbers}
+    found: dict[str, Any] = {name: whole(comm, part.elements, values) for name, values in own.items()}
+    found["nodes"] = whole(comm, part.nodes, part.coordinates)
+    parts = comm.gather({int(k): part.nodes[chain] for k, chain in zip(part.elements, part.chains)})
     if parts is None:
         return None
-    nodes = np.zeros((1 + max(int(p[0].max(initial=-1)) for p in parts), 2))
-    for where, coordinates, *_ in parts:
-        nodes[where] = coordinates
-    order = np.argsort(np.concatenate([p[2] for p in parts]))
-    centres, closed, kinds = (np.concatenate([p[k] for p in parts])[order] for k in (3, 4, 5))
-    chains = [chain for p in parts for chain in p[6]]
-    chains = [chains[k] for k in order]
-    return {
-        "nodes": nodes,
-        "scaling_centres": centres,
-        "closed": closed,
-        "element_materials": kinds,
-        "element_nodes_count": np.array([len(chain) for chain in chains], dtype=np.int64),
-        "element_nodes": np.concatenate(chains),
-    }
+    chains = [chain for _, chain in sorted(item for several in parts for item in several.items())]
+    counts = np.array([len(chain) for chain in chains], dtype=np.int64)
+    return {**found, "element_nodes_count": counts, "element_nodes": np.concatenate(chains)}
