@@ -130,10 +130,10 @@ class NodalForces:
             length, normal = edge_metric(part.coordinates[edges], order)
             forces = np.einsum("q,eq,qa,eqi->eai", weights, length, values, traction(normal))
             self._add(edges, self._elements.thickness * forces)
-        for faces in self._tips.faces:
+        for faces in self._tips.faces.values():
             if edge_set in faces.sets:
                 forces = faces.uniform(edge_set, traction, self._elements.thickness)
-                self._add(faces.group.nodes[faces.member], faces.rows.T @ forces)
+                self._add(faces.nodes, faces.rows.T @ forces)
                 self.tip_forces[faces.number] = self.tip_forces.get(faces.number, 0.0) + forces
 
     def inertia(self, acceleration: tuple[float, float]) -> None:
@@ -198,7 +198,7 @@ def load_columns(stiffness: Stiffness, contact: Contact, tips: Tips, loads: Sequ
         np.zeros((len(factors.rows), count)),
         np.zeros((count, count)),
     )
-    for faces in tips.faces:
+    for faces in tips.faces.values():
         acting = [forces.get(faces.number) for forces in collected]
         if all(forces is None for forces in acting):
             continue

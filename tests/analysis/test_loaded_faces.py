@@ -179,7 +179,7 @@ def test_both_placements_are_met():
     turns = set()
     for end in SENSES[::-1]:
         model = sb.Model(wide_plate(end, 0.01), ALUMINIUM, clamped="edge1")
-        turns |= {round(float(np.linalg.det(faces.rotation))) for faces in model.tips.faces}
+        turns |= {round(float(np.linalg.det(faces.rotation))) for faces in model.tips.faces.values()}
         if len(turns) > 1:
             break
     assert turns == {-1, 1}

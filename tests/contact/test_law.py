@@ -233,7 +233,9 @@ def test_a_layer_on_the_modes_of_a_tip():
     added = model.contact.flexibility.toarray() - bare
     first = len(model.pairs)
     faces = next(
-        faces for faces in model.tips.faces if model.layout.tip_elements[faces.number].name == "crack1"
+        faces
+        for faces in model.tips.faces.values()
+        if model.layout.tip_elements[faces.number].name == "crack1"
     )
     area = faces.size * faces.tractions.lengths[0] * 0.01
     both = np.empty((5, 5))

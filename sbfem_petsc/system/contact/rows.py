@@ -117,7 +117,7 @@ def contact_of(tips: Tips) -> Contact:
     count = gaps + (0 if friction is None else len(friction.rows))
     compliance = np.array([law.compliance for law in laws])
     initial, blocks = np.zeros(count), []
-    for faces in tips.faces:
+    for faces in tips.faces.values():
         modes, numbers = faces.modes, np.arange(count)[faces.contact]
         initial[numbers] = faces.initial_gap()
         block = faces.flexibility[:modes, :modes] + compliance[faces.first] * faces.layer(thickness)
@@ -163,9 +163,9 @@ def rows_on(layout: Layout, tips: Tips) -> Rows:
         entries.append(_entries(np.arange(pairs), unknowns, _pair_rows(layout)))
         if tips.rub:
             entries.append(_entries(gaps + np.arange(pairs), unknowns, _slip_rows(layout)))
-    for faces in tips.faces:
+    for faces in tips.faces.values():
         numbers = np.arange(tips.count)
-        unknowns = np.tile(layout.part.unknowns[faces.group.nodes[faces.member]].ravel(), (faces.modes, 1))
+        unknowns = np.tile(layout.part.unknowns[faces.nodes].ravel(), (faces.modes, 1))
         entries.append(_entries(numbers[faces.contact], unknowns, faces.rows[: faces.modes]))
         if faces.rubbing >= 0:
             entries.append(_entries(numbers[faces.tangential], unknowns, faces.sliding.T @ faces.rows))

@@ -26,18 +26,16 @@ def energy_release_rates(tips: Tips, intensities: dict[str, tuple[float, float]]
     """
     values = np.zeros(len(intensities))
     factors = list(intensities.values())
-    for number, group, _ in tips.places:
+    for place in tips.places:
+        number, material = place.number, place.material
         if not tips.intensities.cracks[number]:
             values[number] = np.nan
             continue
-        material = tips.elements.materials[group.material]
         if isinstance(material, SectorMaterials):
             values[number] = _at_interface(factors[number], material)
             continue
-        axis = np.array(tips.layout.tip_elements[number].axis)
-        values[number] = energy_release_rate(
-            np.array(factors[number]), material.modulus * material.elasticity, axis
-        )
+        elasticity, axis = material.modulus * material.elasticity, np.array(place.tip.axis)
+        values[number] = energy_release_rate(np.array(factors[number]), elasticity, axis)
     tips.layout.comm.Allreduce(MPI.IN_PLACE, values)
     return dict(zip(intensities, values.tolist()))
 
@@ -59,8 +57,8 @@ def unresolved_contact(
     """
     values = np.zeros(len(intensities))
     factors = list(intensities.values())
-    for number, group, _ in tips.places:
-        tip, material = tips.layout.tip_elements[number], tips.elements.materials[group.material]
+    for place in tips.places:
+        number, tip, material = place.number, place.tip, place.material
         first = factors[number][0]
         crack = abs(tips.intensities.exponents[number][0] - 0.5) < NEARLY_A_CRACK
         law = tips.law_of(tip)
@@ -153,11 +151,11 @@ def contact_nodal_forces(contact: Contact, tips: Tips, force: np.ndarray) -> np.
         pressing = pressing + layout.pairs.normal[:, ::-1] * [1.0, -1.0] * behind
     for rows, sign in zip(layout.pair_rows.T, (1.0, -1.0)):
         np.add.at(result, rows[rows >= 0], sign * pressing[rows >= 0])
-    for faces in tips.faces:
+    for faces in tips.faces.values():
         forces = faces.rows[: faces.modes].T @ force[faces.contact]
         if faces.rubbing >= 0:
             forces = faces.rows.T @ faces.pressing(force)
-        np.add.at(result, faces.group.nodes[faces.member], forces.reshape(-1, 2))
+        np.add.at(result, faces.nodes, forces.reshape(-1, 2))
     return result
 
 
@@ -190,7 +188,7 @@ def contact_pressure(
     position = [layout.pairs.arc[chosen]]
     pressure = [force[chosen] / (layout.pairs.weight[chosen] * thickness)]
     inside = []
-    for faces in tips.faces:
+    for faces in tips.faces.values():
         tip = layout.tip_elements[faces.number]
         if tip.crack == number:
             levels = np.maximum(LEVELS, NEXT_TO_TIP) if faces.wedge else LEVELS

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
 
 import numpy as np
 
 from ...material import SectorMaterials
 from ...ranks.parallel import collective
-from ...selement.coefficients import SElementError
-from ...selement.intensity import intensity_rows
-from ...selement.sectors import Sectors
+from ...selement.intensity import IntensityRows, intensity_rows
 from ..elements.elements import Elements
 from ..layout.layout import Layout
 from ..layout.rows import Rows, flat_entries
-from .tip_faces import TipFaces, TipPlace
+from .tip_faces import TipElement, TipFaces
 from .tip_facts import TipFacts
 
 # Length at which stress intensity factors of a crack along an interface are taken, m: K_I + i K_II is then
@@ -68,44 +67,38 @@ class TipIntensities(TipFacts):
 
 
 def tip_intensities(
-    elements: Elements, places: list[TipPlace], faces_of: list[TipFaces], first_rows: np.ndarray, count: int
+    elements: Elements,
+    places: list[TipElement],
+    faces_of: Mapping[int, TipFaces],
+    first_rows: np.ndarray,
+    count: int,
 ) -> TipIntensities:
     """The forms of the tips of a structure with so many contact rows. Collective."""
     layout = elements.layout
     tips = layout.tip_elements
     exponents, errors, interfaces = np.zeros((len(tips), 2)), np.zeros(len(tips)), np.zeros(len(tips))
     contact = np.zeros((2 * len(tips), count))
-    tractions = {faces.number: faces for faces in faces_of}
     local: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     columns: dict[int, np.ndarray] = {}
-    shared: dict[tuple, Any] = {}  # similar tip elements with the same axis have the same forms
+    known: dict[tuple, IntensityRows] = {}
     with collective(layout.comm):  # the rank that owns a tip must not fail alone
-        for number, group, member in places:
-            tip, rotation, size = tips[number], group.rotations[member], group.sizes[member]
-            material = elements.materials[group.material]
-            axis = rotation @ np.array(tip.axis)
-            key: tuple = (id(group), *np.round(axis, 12))
-            if isinstance(material, SectorMaterials):
-                key += (float(size),)  # complex exponents
-            if key not in shared:
-                try:
-                    shared[key] = intensity_rows(
-                        group.solution.radial,
-                        Sectors(group.shape, group.order, material.elasticity),
-                        axis,
-                        reference_length=REFERENCE_LENGTH / size,
-                    )
-                except SElementError as error:
-                    raise SElementError(f"tip {tip.name}: {error}") from None
-            form = shared[key]
-            placed = form.placed(rotation, size, material.modulus).reshape(2, -1)
-            local[number] = (group.nodes[member], placed)
-            exponents[number], interfaces[number] = form.exponents, isinstance(material, SectorMaterials)
+        for place in places:
+            number, material = place.number, place.material
+            several = isinstance(material, SectorMaterials)
+            radial, reference = place.group.solution.radial, REFERENCE_LENGTH / place.size
+            form = place.shared(
+                known,
+                partial(intensity_rows, radial, place.sectors, place.axis, reference_length=reference),
+                *np.round(place.axis, 12),
+                place.size if several else 0.0,  # exponents are complex
+            )
+            placed = form.placed(place.rotation, place.size, material.modulus).reshape(2, -1)
+            local[number] = (place.nodes, placed)
+            exponents[number], interfaces[number] = form.exponents, several
             errors[number] = 0.0 if material.isotropic else np.nan_to_num(form.exponent_error)
-            if number in tractions:
-                faces = tractions[number]
+            if faces := faces_of.get(number):
                 columns[number] = form.placed_of_tractions(
-                    faces.tractions, rotation, size, elements.thickness
+                    faces.tractions, place.rotation, place.size, elements.thickness
                 )
                 faces.place(contact[2 * number : 2 * number + 2], columns[number])
     exponents, contact, errors, interfaces = (

@@ -182,7 +182,6 @@ def places(
     layouts = [layout, layout.held] if moved else [layout]
     held = _held(elements, points)
     _warn_of_faces(tips, points, held)
-    tractions = {faces.number: faces for faces in tips.faces}
     numbers = {int(tip.element): number for number, tip in enumerate(layout.tip_elements)}
     count, size = len(points), tips.count
     local: list[dict[int, tuple[np.ndarray, np.ndarray]]] = [{} for _ in layouts]
@@ -190,7 +189,7 @@ def places(
     face_forms: dict[int, np.ndarray] = {}
     for k, (element, group, member, located) in held:
         material = elements.materials[group.material]
-        faces = tractions.get(numbers.get(element, -1))
+        faces = tips.faces.get(numbers.get(element, -1))
         forms = point_operators(
             group.solution.radial,
             Sectors(group.shape, group.order, material.elasticity),

@@ -56,11 +56,11 @@ class Field:
         faces inside tip elements, N.
         """
         forces = {}
-        for faces in tips.faces:
+        for number, faces in tips.faces.items():
             total = faces.pressing(force)
-            if faces.number in loads:
-                total += loads[faces.number]
-            forces[faces.number] = total
+            if number in loads:
+                total += loads[number]
+            forces[number] = total
         return cls(nodal, forces)
 
 
@@ -213,13 +213,13 @@ def _loaded_faces(tips: Tips, group: Group, state: Field) -> tuple[FaceTractions
         return None
     rows = {int(element): k for k, element in enumerate(group.elements)}
     forces, tractions = None, None
-    for faces in tips.faces:
+    for number, faces in tips.faces.items():
         k = rows.get(int(faces.group.elements[faces.member]))
-        if k is None or faces.number not in state.tip_forces:
+        if k is None or number not in state.tip_forces:
             continue
         if forces is None:
             tractions, forces = faces.tractions, np.zeros((len(faces.tractions.growth), len(rows)))
-        forces[:, k] = state.tip_forces[faces.number] / faces.stiffness
+        forces[:, k] = state.tip_forces[number] / faces.stiffness
     return None if tractions is None or forces is None else (tractions, forces)
 
 

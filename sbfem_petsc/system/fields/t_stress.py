@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from ...material import SectorMaterials
 from ...selement.fracture import t_stress_row
-from ..elements.elements import Elements
-from .tip_faces import TipFaces, TipPlace
+from .tip_faces import TipElement, TipFaces
 
 
 class TStressForm(NamedTuple):
@@ -35,25 +35,21 @@ class TStressForm(NamedTuple):
     columns: np.ndarray
 
 
-def t_stress_forms(elements: Elements, places: list[TipPlace], faces_of: list[TipFaces]) -> list[TStressForm]:
+def t_stress_forms(
+    places: list[TipElement], faces_of: Mapping[int, TipFaces], thickness: float
+) -> list[TStressForm]:
     """Those of the tips that this rank holds, but for open notches and interfaces, which have no T."""
     found = []
-    tractions = {faces.number: faces for faces in faces_of}
-    for number, group, member in places:
-        material, rotation, size = (
-            elements.materials[group.material],
-            group.rotations[member],
-            float(group.sizes[member]),
-        )
+    for place in places:
+        material, shape = place.material, place.group.shape
         if isinstance(material, SectorMaterials):
             continue
-        axis = rotation @ np.array(elements.layout.tip_elements[number].axis)
-        form = t_stress_row(group.solution.radial, group.shape, material.elasticity, axis)
+        form = t_stress_row(place.group.solution.radial, shape, material.elasticity, place.axis)
         if np.isnan(form.row).any():
             continue
-        faces, columns = tractions.get(number), np.zeros(0)
+        faces, columns = faces_of.get(place.number), np.zeros(0)
         if faces is not None:
-            columns = form.of_tractions(faces.tractions) / (size * elements.thickness)
-        row = form.placed(rotation, size, material.modulus)
-        found.append(TStressForm(number, group.nodes[member], row, faces, columns))
+            columns = form.of_tractions(faces.tractions) / (place.size * thickness)
+        row = form.placed(place.rotation, place.size, material.modulus)
+        found.append(TStressForm(place.number, place.nodes, row, faces, columns))
     return found

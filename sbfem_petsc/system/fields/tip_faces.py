@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TypeVar
 
 import numpy as np
 
 from meshing.mesh_arrays import ContactPairs, Tip
 
 from ...material import AnyMaterial
+from ...selement.coefficients import SElementError
 from ...selement.face_tractions import (
     FaceTractions,
     face_axis,
@@ -22,31 +23,83 @@ from ...selement.sectors import Sectors
 from ..elements.elements import Elements
 from ..elements.shapes import Group
 
+_Shared = TypeVar("_Shared")
 
-class TipPlace(NamedTuple):
-    """A tip whose S-element this rank holds."""
+
+@dataclass(frozen=True, eq=False)
+class TipElement:
+    """A tip whose S-element this rank holds.
+
+    Attributes
+    ----------
+    number : int
+        Among the tips with an element.
+    tip : Tip
+    material : Material, OrthotropicMaterial or SectorMaterials
+    group : Group
+    member : int
+        Row of the group.
+    """
 
     number: int
+    tip: Tip
+    material: AnyMaterial
     group: Group
     member: int
 
+    @property
+    def size(self) -> float:
+        """m."""
+        return float(self.group.sizes[self.member])
 
-def tip_places(elements: Elements) -> list[TipPlace]:
+    @property
+    def rotation(self) -> np.ndarray:
+        """(2, 2): from the element's frame to the reference frame."""
+        return self.group.rotations[self.member]
+
+    @property
+    def axis(self) -> np.ndarray:
+        """(2,): unit vector from the tip to the mouth in the reference frame."""
+        return self.rotation @ np.array(self.tip.axis)
+
+    @property
+    def nodes(self) -> np.ndarray:
+        """(n,): rows of this rank's nodes."""
+        return self.group.nodes[self.member]
+
+    @property
+    def sectors(self) -> Sectors:
+        """Of the reference shape."""
+        return Sectors(self.group.shape, self.group.order, self.material.elasticity)
+
+    def shared(self, known: dict[tuple, _Shared], make: Callable[[], _Shared], *key: Hashable) -> _Shared:
+        """What similar tip elements with the same key have too, made once; an error names the tip."""
+        key = (id(self.group), *key)
+        if key not in known:
+            try:
+                known[key] = make()
+            except SElementError as error:
+                raise SElementError(f"tip {self.tip.name}: {error}") from None
+        return known[key]
+
+
+def tip_elements(elements: Elements) -> list[TipElement]:
     """The tip elements that this rank holds."""
     layout = elements.layout
     row_of = {int(element): row for row, element in enumerate(layout.part.elements)}
     open_ones = {
-        int(row): (group, member)
+        int(row): (elements.materials[group.material], group, member)
         for group in elements.groups
         if not group.closed
         for member, row in enumerate(group.elements)
     }
-    rows = [(number, row_of.get(int(tip.element), -1)) for number, tip in enumerate(layout.tip_elements)]
-    return [TipPlace(number, *open_ones[row]) for number, row in rows if row >= 0]
+    rows = [row_of.get(int(tip.element), -1) for tip in layout.tip_elements]
+    numbered = enumerate(zip(layout.tip_elements, rows))
+    return [TipElement(number, tip, *open_ones[row]) for number, (tip, row) in numbered if row >= 0]
 
 
 @dataclass(frozen=True, eq=False)
-class TipFaces:
+class TipFaces(TipElement):
     """Traction modes on the faces of one tip element that this rank holds.
 
     The first `modes` of them press the faces apart (contact): polynomials, and the logarithm where the faces
@@ -55,17 +108,12 @@ class TipFaces:
 
     Attributes
     ----------
-    number : int
-        Of the tip among those with an element.
     first : int
         Contact row of its first mode.
     rubbing : int
         The tangential row of its first mode, -1 where its faces do not rub.
     modes : int
         Number of its contact rows.
-    group : Group
-    member : int
-        Row of the group.
     tractions : FaceTractions
     stiffness : float
         E times the thickness, N/m.
@@ -75,12 +123,9 @@ class TipFaces:
         Initial gaps at the tip and on the element's boundary, m.
     """
 
-    number: int
     first: int
     rubbing: int
     modes: int
-    group: Group
-    member: int
     tractions: FaceTractions
     stiffness: float
     sets: tuple[str, str]
@@ -126,21 +171,10 @@ class TipFaces:
             target[:, self.tangential] = columns @ self.sliding
 
     @property
-    def size(self) -> float:
-        """m."""
-        return float(self.group.sizes[self.member])
-
-    @property
-    def rotation(self) -> np.ndarray:
-        """(2, 2): from the element's frame to the reference frame."""
-        return self.group.rotations[self.member]
-
-    @property
     def rows(self) -> np.ndarray:
         """(m, n): means of the modes for displacements of the element's nodes in its own frame."""
-        return (self.tractions.rows.reshape(len(self.tractions.rows), -1, 2) @ self.rotation).reshape(
-            len(self.tractions.rows), -1
-        )
+        rows = self.tractions.rows
+        return (rows.reshape(len(rows), -1, 2) @ self.rotation).reshape(rows.shape)
 
     @property
     def flexibility(self) -> np.ndarray:
@@ -177,10 +211,11 @@ class TipFaces:
 _AT_THE_TIP = 0.1
 
 
-def drawn_gap(shape: np.ndarray, size: float) -> float:
+def drawn_gap(place: TipElement) -> float:
     """Distance of the faces on the element's boundary, m."""
+    shape = place.group.shape
     opening = float(opening_direction(shape)[0] @ (shape[0] - shape[-1]))
-    return size * opening if opening > 1e-12 else 0.0  # faces of a closed crack coincide to round-off
+    return place.size * opening if opening > 1e-12 else 0.0  # faces of a closed crack coincide to round-off
 
 
 def given_gaps(pairs: ContactPairs, tip: Tip) -> tuple[float, float] | None:
@@ -203,17 +238,16 @@ def given_gaps(pairs: ContactPairs, tip: Tip) -> tuple[float, float] | None:
     return (at_tip if at_tip > _AT_THE_TIP * first else 0.0), first
 
 
-def tractions_of(group: Group, material: AnyMaterial, modes: int) -> FaceTractions:
+def tractions_of(place: TipElement, modes: int) -> FaceTractions:
     """What tractions on the faces inside tip elements of a shape do: along the directions in which they open,
     of polynomials up to so many and a logarithm, and of either face alone.
     """
-    directions = np.concatenate(
-        [opening_direction(group.shape)[None], single_face_directions(0), single_face_directions(1)]
-    )
+    opening, solution = opening_direction(place.group.shape), place.group.solution
+    directions = np.concatenate([opening[None], single_face_directions(0), single_face_directions(1)])
     return face_tractions(
-        Sectors(group.shape, group.order, material.elasticity),
-        stiffness=group.solution.stiffness,
-        radial=group.solution.radial,
+        place.sectors,
+        stiffness=solution.stiffness,
+        radial=solution.radial,
         directions=directions,
         modes=modes,
         logarithm=True,

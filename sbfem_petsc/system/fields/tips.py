@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
@@ -12,12 +13,11 @@ from meshing.mesh_arrays import Tip
 from ...contact.law import ContactLaw
 from ...petsc import MPI
 from ...ranks.parallel import collective
-from ...selement.coefficients import SElementError
 from ...selement.face_tractions import FaceTractions
 from ..elements.elements import Elements
 from .intensities import TipIntensities, tip_intensities
 from .t_stress import TStressForm, t_stress_forms
-from .tip_faces import TipFaces, TipPlace, drawn_gap, given_gaps, tip_places, tractions_of
+from .tip_faces import TipElement, TipFaces, drawn_gap, given_gaps, tip_elements, tractions_of
 
 
 class Tips:
@@ -45,20 +45,19 @@ class Tips:
         return any(law.rubs for law in self.laws.values())
 
     @functools.cached_property
-    def places(self) -> list[TipPlace]:
+    def places(self) -> list[TipElement]:
         """Those that this rank holds."""
-        return tip_places(self.elements)
+        return tip_elements(self.elements)
 
     @functools.cached_property
     def gaps(self) -> np.ndarray:
         """(tips, 2): initial gaps at each tip and on the boundary of its S-element, m. Collective."""
         gaps = np.zeros((len(self.layout.tip_elements), 2))
-        for number, group, member in self.places:
-            drawn = drawn_gap(group.shape, float(group.sizes[member]))
-            given = given_gaps(self.layout.pairs, self.layout.tip_elements[number])
-            gaps[number] = (0.0, drawn)
+        for place in self.places:
+            drawn, given = drawn_gap(place), given_gaps(self.layout.pairs, place.tip)
+            gaps[place.number] = (0.0, drawn)
             if given is not None and abs(given[1] - drawn) > 1e-6 * max(given[1], drawn):
-                gaps[number] = given
+                gaps[place.number] = given
         self.layout.comm.Allreduce(MPI.IN_PLACE, gaps)
         return gaps
 
@@ -96,37 +95,26 @@ class Tips:
         return int(self.first_rows[-1]) + slips
 
     @functools.cached_property
-    def faces(self) -> list[TipFaces]:
-        """Traction modes on the faces inside the tip elements that this rank holds. Collective."""
-        found: list[TipFaces] = []
+    def faces(self) -> dict[int, TipFaces]:
+        """Traction modes on the faces inside the tip elements that this rank holds, by their numbers.
+        Collective.
+        """
+        found: dict[int, TipFaces] = {}
         first, gaps, rubbing = self.first_rows, self.gaps, self.tangential_rows
-        shared: dict[int, FaceTractions] = {}  # similar tip elements have the same
-        if not self.modes:
-            return found
+        known: dict[tuple, FaceTractions] = {}
         with collective(self.layout.comm):
-            for number, group, member in self.places:
-                tip, material = self.layout.tip_elements[number], self.elements.materials[group.material]
-                if id(group) not in shared:
-                    try:
-                        shared[id(group)] = tractions_of(group, material, self.modes)
-                    except SElementError as error:
-                        raise SElementError(f"tip {tip.name}: {error}") from None
-                sets = tip.faces
-                if np.linalg.det(group.rotations[member]) < 0.0:
-                    sets = sets[::-1]  # a reflected shape runs through the element's chain backwards
-                found.append(
-                    TipFaces(
-                        number,
-                        int(first[number]),
-                        int(rubbing[number]),
-                        int(first[number + 1] - first[number]),
-                        group,
-                        member,
-                        shared[id(group)],
-                        material.modulus * self.elements.thickness,
-                        sets,
-                        gaps[number],
-                    )
+            for place in self.places if self.modes else ():
+                number, reflected = place.number, np.linalg.det(place.rotation) < 0.0
+                found[number] = TipFaces(
+                    **vars(place),
+                    first=int(first[number]),
+                    rubbing=int(rubbing[number]),
+                    modes=int(first[number + 1] - first[number]),
+                    tractions=place.shared(known, partial(tractions_of, place, self.modes)),
+                    stiffness=place.material.modulus * self.elements.thickness,
+                    # a reflected shape runs through the element's chain backwards
+                    sets=place.tip.faces[::-1] if reflected else place.tip.faces,
+                    gaps=gaps[number],
                 )
         return found
 
@@ -139,4 +127,4 @@ class Tips:
     @functools.cached_property
     def t_stress_forms(self) -> list[TStressForm]:
         """T-stress of those that this rank holds and that have one. Collective."""
-        return t_stress_forms(self.elements, self.places, self.faces)
+        return t_stress_forms(self.places, self.faces, self.elements.thickness)
