@@ -16,8 +16,9 @@ from meshing.whole_file import read_whole
 
 from ..checks import choice, path
 from .cells import KINDS
-from .finite_element_model import AXES, FiniteElementModel
+from .finite_element_model import FiniteElementModel
 from .plausibility import UNITS
+from .rows import AXES, NONE
 
 OWNER = "read_calculix"
 # What moves or removes unknowns, or closes contact before this program does.
@@ -65,16 +66,11 @@ def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
         raise ValueError(
             f"{OWNER}: {stem}.sti has {stiffness.nnz} entries, .mas not as many; one is cut or of another run"
         )
-    free = set(map(tuple, unknowns.tolist()))
-    solid = {node for _, nodes in deck.elements.values() for node in nodes}
-    if lost := min({(a, d) for a in solid for d in range(3)} - free - deck.held, default=None):
-        raise ValueError(
-            f"{OWNER}: node {lost[0]} has no unknown along {AXES[lost[1]]} in {stem}.dof, and no *BOUNDARY "
-            f"of {stem}.inp holds it; are they of one run?"
-        )
-    _require_order(stem, mass, unknowns, deck)
-    given: dict[str, Any] = {"sets": deck.node_sets, "fixed": deck.held - free, "elements": deck.cells}
-    return FiniteElementModel(mass, stiffness, unknowns, deck.nodes, units=units, **given)
+    given: dict[str, Any] = {"sets": deck.node_sets, "elements": deck.cells, "units": units}
+    given["fixed"] = deck.held - set(map(tuple, unknowns.tolist()))
+    body = FiniteElementModel(mass, stiffness, unknowns, deck.nodes, **given)
+    _require_one_run(stem, body)
+    return body
 
 
 def job_files(job: str) -> list[str]:
@@ -136,10 +132,8 @@ class SolidDeck(Deck):
     @property
     def cells(self) -> dict[str, np.ndarray]:
         """Labels of nodes by kind."""
-        found = dict[str, list[list[int]]]()
-        for kind, nodes in self.elements.values():
-            found.setdefault(kind, []).append(nodes)
-        return {kind: np.array(cells) for kind, cells in found.items()}
+        kinds = dict.fromkeys(kind for kind, _ in self.elements.values())
+        return {own: np.array([a for kind, a in self.elements.values() if kind == own]) for own in kinds}
 
 
 def _type(card: Card) -> str:
@@ -174,12 +168,11 @@ def _unknowns(file: str, nodes: dict[int, list[float]]) -> np.ndarray:
     found = []
     for number, line in enumerate(_read(file).split(), 1):
         node, _, direction = line.partition(".")
-        if not (node.isdigit() and direction in ("1", "2", "3")):
-            raise ValueError(f"{OWNER}: {file}, line {number}: {line!r} is no node.direction, such as 12.3")
-        if int(node) not in nodes:
+        if not (node.isdecimal() and int(node) in nodes and direction in ("1", "2", "3")):
             raise ValueError(
-                f"{OWNER}: {file}, line {number}: node {node} is not in the deck; elements that CalculiX "
-                "expands (shells, beams, plane ones) have nodes of its own and are not read, solid ones are"
+                f"{OWNER}: {file}, line {number}: {line!r} is no node.direction of the deck, such as 12.3; "
+                "elements that CalculiX expands (shells, beams, plane ones) have nodes of its own, read are "
+                "solid ones"
             )
         found.append((int(node), int(direction) - 1))
     return np.array(found, dtype=int).reshape(-1, 2)
@@ -189,35 +182,35 @@ def _matrix(file: str, count: int) -> sparse.coo_matrix:
     """The triangle that is stored, row, column and value a line, rows from 1."""
     lines = _read(file).splitlines()
     try:
-        row, column, value = np.loadtxt(lines or ["0 0 0"], unpack=True, ndmin=2)
+        *place, value = np.loadtxt(lines or ["0 0 0"], unpack=True, ndmin=2)
     except ValueError:
         raise ValueError(f"{OWNER}: {file} is cut, or no matrix of CalculiX, three numbers a line") from None
-    place = np.array([row, column])
-    if not (place.min() >= 1 and place.max() == count and (place == np.round(place)).all()):
+    least, most = np.min(place), np.max(place)
+    if least < 1 or most != count or np.mod(place, 1.0).any():
         raise ValueError(
-            f"{OWNER}: {file} has rows {place.min():g} to {place.max():g}, whole numbers from 1 to {count} "
-            "were expected, the unknowns of .dof; it is cut, or of another run"
+            f"{OWNER}: {file} has rows {least:g} to {most:g}, whole numbers from 1 to {count} were expected, "
+            "the unknowns of .dof; it is cut, or of another run"
         )
-    return sparse.coo_matrix((value, place.astype(np.int64) - 1), (count, count))
+    return sparse.coo_matrix((value, np.array(place, dtype=np.int64) - 1), (count, count))
 
 
-def _require_order(stem: str, mass: sparse.coo_matrix, unknowns: np.ndarray, deck: SolidDeck) -> None:
-    """ValueError unless a mass couples no directions, and only nodes that share an element, as .dof names
-    them; a node may have a mass of its own.
+def _require_one_run(stem: str, body: FiniteElementModel) -> None:
+    """ValueError unless elements' nodes move or are held, and a mass couples no directions, and only nodes
+    that share an element, as .dof names them; a node may have a mass of its own.
     """
-    if not mass.data.any():
-        return
-    one, other = (unknowns[rows] for rows in mass.nonzero())
-    met, labels = one[:, 0] == other[:, 0], np.sort(list(deck.nodes))
-    for cells in deck.cells.values():
-        ends = np.searchsorted(labels, cells)
-        given = np.ones(ends.size, dtype=bool), ends.ravel(), ends.shape[1] * np.arange(len(ends) + 1)
-        has = sparse.csr_matrix(given, (len(ends), len(labels)))
-        near = sparse.csr_matrix(has.T @ has)
-        near.sort_indices()
-        met |= near[np.searchsorted(labels, one[:, 0]), np.searchsorted(labels, other[:, 0])].A1
-    if (wrong := ~met | (one[:, 1] != other[:, 1])).any():
-        (a, d), (b, e) = one[wrong.argmax()] + [0, 1], other[wrong.argmax()] + [0, 1]
+    count, near = len(body.labels), [(len(body.labels) + 1) * np.arange(len(body.labels))]
+    for cells in body.elements.values():
+        near.append((count * cells[:, :, None] + cells[:, None]).ravel())
+        if (lost := body.columns[cells, :3] == NONE).any():
+            element, place, d = np.argwhere(lost)[0]
+            raise ValueError(
+                f"{OWNER}: node {body.labels[cells[element, place]]} has no unknown along {AXES[d]} in "
+                f"{stem}.dof, and no *BOUNDARY of {stem}.inp holds it; are they of one run?"
+            )
+    moves, rows = body.columns >= 0, np.array(body.mass.nonzero())
+    (one, d), (other, e) = np.argwhere(moves)[np.argsort(body.columns[moves])][rows].transpose(0, 2, 1)
+    if (wrong := (d != e) | ~np.isin(count * one + other, np.concatenate(near))).any():
+        (a, d), (b, e) = body.unknowns[rows[:, wrong.argmax()]] + [0, 1]
         raise ValueError(
             f"{OWNER}: as {stem}.dof has it, {stem}.mas couples {a}.{d} and {b}.{e}, which no element does; "
             "is it of another run, or in another order?"

@@ -15,10 +15,9 @@ from ..contact.law import ContactLaw, Unilateral, check_without_layer
 from ..errors import UnknownName, listed, warn
 from .cells import checked_cells, corners, outer_faces, rows_of
 from .faces import APART, ROUNDING, between, given_gap, moved, moving_pairs, normal_of, partners
-from .plausibility import UNITS, warn_of_order, warn_of_rounding, warn_of_units
+from .plausibility import OWNER, UNITS, warn_of_order, warn_of_rounding, warn_of_units
 from .rows import AXES, HELD, NONE, Contact, Row, told
 
-OWNER = "FiniteElementModel"
 # Relative asymmetry that rounding of written files explains.
 SYMMETRY = 1e-6
 # Distance of nodes in sizes of the body that rounding explains.
@@ -84,7 +83,8 @@ class FiniteElementModel:
             )
         if not isinstance(nodes, Mapping) or not nodes:
             raise TypeError(f"{OWNER}: nodes = {shown(nodes)} must be a dict of labels to places")
-        self.labels = _labels(list(nodes))
+        doubles: dict[str, Any] = {"least": -(2**53), "most": 2**53}  # which tell them apart
+        self.labels = np.array([integer(OWNER, "a label of nodes", label, **doubles) for label in nodes])
         self.places = length * real_array(OWNER, "nodes", list(nodes.values()), (len(nodes), 3))
         self._node = {label: k for k, label in enumerate(self.labels.tolist())}
         rows = self._pairs("unknowns", unknowns, self.mass.shape[0])
@@ -92,9 +92,9 @@ class FiniteElementModel:
         self.elements = checked_cells(OWNER, {} if elements is None else elements, self._node)
         instance(OWNER, "fixed", fixed, (list, tuple, set, frozenset, np.ndarray), "pairs (node, direction)")
         held = list(fixed) if getattr(fixed, "ndim", 1) else [fixed]
-        warn_of_rounding(OWNER, stiffness, self.stiffness, rows[:, 1])
+        warn_of_rounding(stiffness, self.stiffness, rows[:, 1])
         self._hold(rows, self._pairs("fixed", held or np.zeros((0, 2)), len(held)))
-        self._sides = np.ptp(self.places[(self._columns != NONE).any(axis=1)], axis=0)
+        self._sides = np.ptp(self.places[(self.columns != NONE).any(axis=1)], axis=0)
         own, heavy = self.stiffness.diagonal(), self.mass.diagonal()
         if (idle := own <= 0.0).any():
             node, direction = self.unknowns[idle.argmax()]
@@ -105,8 +105,8 @@ class FiniteElementModel:
         if heavy.min() < 0.0:
             raise ValueError(f"{OWNER}: mass is negative, {heavy.min():g} kg on its diagonal")
         moves = self.unknowns[:, 1] < 3
-        warn_of_units(OWNER, units, (own[moves], heavy[moves]), self.places, self._weight())
-        warn_of_order(OWNER, self.stiffness, self.places, self._columns)
+        warn_of_units(units, (own[moves], heavy[moves]), self.places, self._weight())
+        warn_of_order(self.stiffness, self.places, self.columns)
 
     def _pairs(self, name: str, given: Any, count: int) -> np.ndarray:
         """(count, 2): rows of nodes, by their labels, and directions."""
@@ -123,28 +123,28 @@ class FiniteElementModel:
         return {name: tuple(self.labels[own].tolist()) for name, own in rows.items()}
 
     def _hold(self, unknowns: np.ndarray, held: np.ndarray) -> None:
-        """Leave out what is held; (n, 3) inertia forces of unit accelerations, kg, know of it. `_columns` are
+        """Leave out what is held; (n, 3) inertia forces of unit accelerations, kg, know of it. `columns` are
         unknowns by node and direction.
         """
-        self._columns = np.full((len(self.labels), 6), NONE)
-        self._columns[tuple(unknowns.T)] = np.arange(len(unknowns))
-        if (self._columns != NONE).sum() < len(unknowns):
+        self.columns = np.full((len(self.labels), 6), NONE)
+        self.columns[tuple(unknowns.T)] = np.arange(len(unknowns))
+        if (self.columns != NONE).sum() < len(unknowns):
             raise ValueError(f"{OWNER}: unknowns has a node and direction twice; each has one row")
-        self._columns[tuple(held.T)] = HELD
-        free = self._columns[tuple(unknowns.T)] != HELD
+        self.columns[tuple(held.T)] = HELD
+        free = self.columns[tuple(unknowns.T)] != HELD
         if not free.any():
             raise ValueError(f"{OWNER}: fixed holds all unknowns; leave some free")
         self.inertia = np.asarray(self.mass @ (unknowns[:, 1:] == np.arange(3)).astype(float))[free]
         if not free.all():
             self.mass, self.stiffness = self.mass[free][:, free], self.stiffness[free][:, free]
-        self._columns[tuple(unknowns[free].T)] = np.arange(free.sum())
+        self.columns[tuple(unknowns[free].T)] = np.arange(free.sum())
         named = [np.column_stack([self.labels[rows], along]) for rows, along in (unknowns[free].T, held.T)]
         self.unknowns, self.fixed = named[0], frozenset(map(tuple, named[1].tolist()))
 
     def nodal(self, unknowns: np.ndarray) -> np.ndarray:
         """(nodes, 3): displacements at all nodes in the order of `labels`, of (n,) values of the unknowns."""
         values = real_array("nodal", "unknowns", unknowns, (len(self.unknowns),))
-        return np.append(values, (0.0, 0.0))[self._columns[:, :3]]
+        return np.append(values, (0.0, 0.0))[self.columns[:, :3]]
 
     def at(self, place: Any, direction: Any) -> Row:
         """The displacement at a place: of a node's label, the mean of a set, the node at (x, y, z) in m.
@@ -317,7 +317,7 @@ class FiniteElementModel:
     def _slip_direction(self, law: ContactLaw, nodes: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The one direction in which faces slide: across the normal and an axis along which they are held."""
         for d in (2, 1, 0):
-            plane = (self._columns[:, d] < 0).all() or (self._columns[nodes, d] == HELD).all()
+            plane = (self.columns[:, d] < 0).all() or (self.columns[nodes, d] == HELD).all()
             if plane and abs(normal[d]) <= ROUNDING:
                 return np.cross(normal, np.eye(3)[d])
         raise ValueError(
@@ -388,7 +388,7 @@ class FiniteElementModel:
     def _along(self, vector: np.ndarray, shares: sparse.csr_matrix, nodes: np.ndarray) -> sparse.csr_matrix:
         """(k, n): displacements of nodes along a vector in (k, nodes) shares."""
         along = np.flatnonzero(np.abs(vector) > ROUNDING)
-        columns, met = self._columns[nodes][:, along], np.unique(shares.indices)
+        columns, met = self.columns[nodes][:, along], np.unique(shares.indices)
         if (lost := columns[met] == NONE).any():
             k, d = np.argwhere(lost)[0]
             raise ValueError(
@@ -422,14 +422,6 @@ def _matrix(name: str, value: Any, factor: float) -> sparse.csr_matrix:
     if off > SYMMETRY * abs(matrix).max():
         raise ValueError(f"{OWNER}: {name} is not symmetric, entries differ by up to {off:g}")
     return ((matrix + matrix.T) / 2.0).tocsr()
-
-
-def _labels(given: Any) -> np.ndarray:
-    """(nodes,) int: whole numbers that doubles tell apart."""
-    labels = real_array(OWNER, "nodes", given, 1)
-    if (labels != np.round(labels)).any() or (np.abs(labels) > 2.0**53).any():
-        raise ValueError(f"{OWNER}: nodes = {shown(given)} must be labels of nodes, whole numbers")
-    return labels.astype(int)
 
 
 def _vector(owner: str, name: str, given: Any) -> np.ndarray:

@@ -29,13 +29,12 @@ def join(*bodies: FiniteElementModel) -> FiniteElementModel:
     TypeError
         If there is none, or one is no body.
     """
-    for k, body in enumerate(bodies, 1):
-        instance("join", f"body {k}", body, FiniteElementModel, "a FiniteElementModel")
     if not bodies:
         raise TypeError("join: no body is given; give two or more")
-    nodes, sets = dict[int, np.ndarray](), dict[str, tuple[int, ...]]()
-    unknowns, fixed, cells = [], set[tuple[int, int]](), dict[str, list[np.ndarray]]()
+    nodes, sets, fixed = dict[int, np.ndarray](), dict[str, tuple[int, ...]](), list[tuple[int, int]]()
+    unknowns, cells = [], dict[str, list[np.ndarray]]()
     for number, body in enumerate(bodies, 1):
+        instance("join", f"body {number}", body, FiniteElementModel, "a FiniteElementModel")
         own = body.labels.tolist()
         up = 10 ** len(str(max(*nodes, *own) - min(0, *own))) if {*own} & {*nodes} else 0
         nodes |= {label + up: place for label, place in zip(own, body.places)}
@@ -44,11 +43,12 @@ def join(*bodies: FiniteElementModel) -> FiniteElementModel:
                 name += f".{number}"
             sets[name] = tuple(label + up for label in labels)
         unknowns.append(body.unknowns + [up, 0])
-        fixed |= {(label + up, d) for label, d in body.fixed}
+        fixed += [(label + up, d) for label, d in body.fixed]
         for kind, rows in body.elements.items():
             cells.setdefault(kind, []).append(body.labels[rows] + up)
-    mass = sparse.block_diag([body.mass for body in bodies])
-    stiffness = sparse.block_diag([body.stiffness for body in bodies])
+    mass, stiffness = (
+        sparse.block_diag([getattr(body, name) for body in bodies]) for name in ("mass", "stiffness")
+    )
     elements = {kind: np.concatenate(parts) for kind, parts in cells.items()}
     whole = mass, stiffness, np.concatenate(unknowns), nodes
     found = FiniteElementModel(*whole, sets=sets, fixed=fixed, elements=elements)

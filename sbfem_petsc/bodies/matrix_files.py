@@ -11,7 +11,7 @@ from scipy import sparse
 
 from meshing.whole_file import require_regular
 
-from ..checks import instance, path
+from ..checks import instance, path, shown
 from .calculix import read_deck
 from .finite_element_model import FiniteElementModel
 
@@ -56,37 +56,30 @@ def read_matrices(
         If a file is missing, cut or of another kind; for what `FiniteElementModel` refuses.
     """
     files = [path(OWNER, name, given) for name, given in (("stiffness", stiffness), ("mass", mass))]
-    found = [_entries(file, k) for k, file in enumerate(files)]
-    labelled = [isinstance(part, tuple) for part in found]
-    if labelled[0] != labelled[1]:
-        one = files[labelled.index(True)]
-        raise ValueError(
-            f"{OWNER}: {one} names nodes, as of Abaqus or Ansys, the other does not; give two alike"
-        )
-    held, elements = {(int(a), int(d)) for a, d in fixed}, dict[str, np.ndarray]()
-    sets = {} if sets is None else sets
+    matrices = [_read(file, k) for k, file in enumerate(files)]
+    held, cells, sets = [*fixed], dict[str, np.ndarray](), {} if sets is None else sets
     if not isinstance(nodes, Mapping):
         instance(OWNER, "nodes", nodes, (str, os.PathLike), "a dict of labels to places, or a deck")
         deck = read_deck(OWNER, path(OWNER, "nodes", nodes))
-        nodes, sets, elements, held = deck.nodes, deck.node_sets | dict(sets), deck.cells, held | deck.held
-    if labelled[0]:
-        if unknowns is not None:
-            raise ValueError(f"{OWNER}: unknowns are those of {files[0]}; leave the argument out")
-        matrices, unknowns, supports = _numbered(*found)
-        held |= supports
-    elif unknowns is None:
-        raise ValueError(f"{OWNER}: unknowns is missing: nodes and directions of the rows of {files[0]}")
-    else:
-        matrices = found
-        if isinstance(unknowns, (str, os.PathLike)):
-            unknowns = _entries(path(OWNER, "unknowns", unknowns), 2)
+        nodes, cells, sets, held = deck.nodes, deck.cells, deck.node_sets | dict(sets), [*held, *deck.held]
+    if {isinstance(matrix, np.ndarray) for matrix in matrices} != {unknowns is None}:
+        raise ValueError(
+            f"{OWNER}: files of Abaqus or Ansys, both, tell nodes and directions of their rows, for others "
+            f"unknowns does; give it for others alone, unknowns = {shown(unknowns)}"
+        )
+    if unknowns is None:
+        matrices, unknowns, supports = _numbered(matrices)
+        held += supports
+    elif isinstance(unknowns, (str, os.PathLike)):
+        unknowns = _read(path(OWNER, "unknowns", unknowns), 2)
+    stiff, heavy = matrices
     return FiniteElementModel(
-        matrices[1], matrices[0], unknowns, nodes, sets=sets, fixed=held, elements=elements, units=units
+        heavy, stiff, unknowns, nodes, sets=sets, fixed=held, elements=cells, units=units
     )
 
 
-def _entries(file: str, place: int) -> Any:
-    """A matrix; of Abaqus' text and Ansys' .full pairs of node and direction, two in a row, and values; of a
+def _read(file: str, place: int) -> Any:
+    """A matrix; of Abaqus' text and Ansys' .full a table of node, direction, node, direction and value; of a
     text of two columns these.
     """
     try:
@@ -106,9 +99,7 @@ def _entries(file: str, place: int) -> Any:
         with open(file, encoding="utf-8", errors="replace") as opened:
             lines = [line.replace(",", " ") for line in opened if not line.startswith("*")]
         table = np.loadtxt(lines or [""], ndmin=2)
-        if table.shape[1:] == (2,):
-            return table
-        if table.shape[1:] != (5,) or (table[:, :4] != np.round(table[:, :4])).any():
+        if table.shape[1:] != (2,) and (table.shape[1:] != (5,) or (table[:, :4] % 1.0).any()):
             raise ValueError("lines of node, direction, node, direction, value were expected")
     except Exception as error:  # of any kind, by libraries
         why = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
@@ -116,10 +107,10 @@ def _entries(file: str, place: int) -> Any:
             f"{OWNER}: {file} is missing or cut, or neither Matrix Market, .npz of scipy.sparse, PETSc's "
             f"binary, text of Abaqus nor .full of Ansys, by ansys-mapdl-reader ({why})"
         ) from None
-    return table[:, :4].astype(int), table[:, 4]
+    return table
 
 
-def _ansys(file: str, place: int) -> tuple[np.ndarray, np.ndarray]:
+def _ansys(file: str, place: int) -> np.ndarray:
     """Stiffness or mass of Ansys as those of Abaqus' text, what is held by its diagonal."""
     from ansys.mapdl.reader import read_binary
 
@@ -129,41 +120,39 @@ def _ansys(file: str, place: int) -> tuple[np.ndarray, np.ndarray]:
     pairs = np.hstack([labels[entries.row], labels[entries.col]]) + [0, 1, 0, 1]
     held = np.tile(full.const, 2) + [0, 1, 0, 1]
     kept = ~np.isin(pairs[:, :2] @ [64, 1], held[:, :2] @ [64, 1])  # Ansys has fewer than 64 directions
-    return np.vstack([pairs[kept], held]), np.append(entries.data[kept], np.full(len(held), 2.0 * HELD))
+    values = np.append(entries.data[kept], np.full(len(held), 2.0 * HELD))
+    return np.column_stack([np.vstack([pairs[kept], held]), values])
 
 
 def _petsc(file: str) -> sparse.csr_matrix:
     """A sparse matrix as PETSc writes it in binary: big-endian, sizes, lengths of rows, columns, values."""
-    with open(file, "rb") as opened:
-        _, rows, columns, count = np.frombuffer(opened.read(16), ">i4").tolist()
-        if os.path.getsize(file) != 16 + 4 * rows + 12 * count or min(rows, columns, count) < 0:
-            raise ValueError(f"it has no {rows} rows and {count} entries")
-        lengths, places = (np.frombuffer(opened.read(4 * n), ">i4") for n in (rows, count))
-        values = np.frombuffer(opened.read(8 * count), ">f8").astype(float)
-    starts = np.append(0, np.cumsum(lengths))
-    if (lengths < 0).any() or starts[-1] != count:
+    _, rows, columns, count = np.fromfile(file, ">i4", 4).tolist()
+    if os.path.getsize(file) != 16 + 4 * rows + 12 * count or min(rows, columns, count) < 0:
+        raise ValueError(f"it has no {rows} rows and {count} entries")
+    lengths, places = np.split(np.fromfile(file, ">i4", rows + count, offset=16).astype(int), [rows])
+    values = np.fromfile(file, ">f8", offset=16 + 4 * (rows + count)).astype(float)
+    if lengths.sum() != count:
         raise ValueError("the lengths of its rows do not fit")
-    return sparse.csr_matrix((values, places.astype(int), starts), (rows, columns))
+    made = sparse.csr_matrix((values, places, np.append(0, np.cumsum(lengths))), (rows, columns))
+    made.check_format()
+    return made
 
 
-def _numbered(
-    *tables: tuple[np.ndarray, np.ndarray],
-) -> tuple[list[sparse.coo_matrix], np.ndarray, set[tuple[int, int]]]:
+def _numbered(tables: list[np.ndarray]) -> tuple[list[sparse.coo_matrix], np.ndarray, Any]:
     """Matrices over one numbering, nodes and directions of their rows, and which of them are held."""
-    pairs = [pair.reshape(-1, 2) for pair, _ in tables]
-    unknowns, place = np.unique(np.concatenate(pairs), axis=0, return_inverse=True)
-    if (unknowns[:, 0] < 0).any():
+    pairs = np.concatenate([table[:, :4].astype(int).reshape(-1, 2) for table in tables])
+    unknowns, place = np.unique(pairs, axis=0, return_inverse=True)
+    if unknowns[0, 0] < 0:
         raise ValueError(
             f"{OWNER}: node {unknowns[0, 0]} is an internal one (Lagrange multiplier); leave contact, ties "
             "and connectors out of the step that writes the matrices"
         )
-    parts = np.split(place.ravel().reshape(-1, 2), [len(tables[0][1])])
-    shape = (len(unknowns), len(unknowns))
-    held = np.zeros(len(unknowns), dtype=bool)
-    matrices = []
-    for (_, values), (rows, columns) in zip(tables, (part.T for part in parts)):
+    matrices, held = [], np.zeros(len(unknowns), dtype=bool)
+    for table, ends in zip(tables, np.split(place.reshape(-1, 2), [len(tables[0])])):
+        (rows, columns), values = ends.T, table[:, 4]
         much = (rows == columns) & (values >= HELD)
         held[rows[much]] = True
-        matrices.append(sparse.coo_matrix((np.where(much, 1.0, values), (rows, columns)), shape))
+        entries = np.where(much, 1.0, values), (rows, columns)
+        matrices.append(sparse.coo_matrix(entries, (len(unknowns), len(unknowns))))
     unknowns = unknowns - [0, 1]
-    return matrices, unknowns, {tuple(pair) for pair in unknowns[held].tolist()}
+    return matrices, unknowns, unknowns[held].tolist()

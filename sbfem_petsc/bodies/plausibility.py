@@ -14,6 +14,7 @@ from meshing.warnings import MeshWarning, UnitWarning
 from ..errors import warn
 from .rows import HELD
 
+OWNER = "FiniteElementModel"
 # m, N/m and kg in one unit of length, stiffness and mass.
 UNITS = {"SI": (1.0, 1.0, 1.0), "mm-N-t": (1e-3, 1e3, 1e3), "mm-kg-mN": (1e-3, 1.0, 1.0)}
 # m/s and kg/m^3: speeds of waves as the matrices tell them, within 1.5 of sqrt(E / density) of solid elements
@@ -26,7 +27,7 @@ FORCED, NEARLY, FEW = 1e-2, 0.9, 200
 
 
 def warn_of_units(
-    owner: str, units: str, diagonals: tuple[np.ndarray, np.ndarray], places: np.ndarray, weight: float
+    units: str, diagonals: tuple[np.ndarray, np.ndarray], places: np.ndarray, weight: float
 ) -> None:
     """Warn of waves and densities that no solid has.
 
@@ -41,9 +42,8 @@ def warn_of_units(
         kg.
     """
     stiffness, mass = (diagonal[diagonals[1] > 0.0] for diagonal in diagonals)
-    far = tree_of(places).query(places, min(4, len(places)))[0].reshape(len(places), -1)
-    far = np.where(far > 0.0, far, np.inf).min(axis=1)  # of nodes that lie in one place to the next
-    far, said = far[np.isfinite(far)], []
+    far, said = tree_of(places).query(places, 2)[0][:, 1], []
+    far = far[np.isfinite(far) & (far > 0.0)]  # some lie in one place
     if len(far) and len(mass):
         speed = np.sqrt(np.median(stiffness / mass)) * np.median(far) / 3.0
         if not SLOWEST <= speed <= FASTEST:
@@ -53,12 +53,12 @@ def warn_of_units(
         said.append(f"a mass of {weight:.3g} kg in {box:.3g} m^3 is more than any solid's")
     if said:
         warn(
-            f"{owner}: {' and '.join(said)}; are units = {units!r} those of the matrices and nodes?",
+            f"{OWNER}: {' and '.join(said)}; are units = {units!r} those of the matrices and nodes?",
             UnitWarning,
         )
 
 
-def warn_of_order(owner: str, stiffness: sparse.csr_matrix, places: np.ndarray, columns: np.ndarray) -> None:
+def warn_of_order(stiffness: sparse.csr_matrix, places: np.ndarray, columns: np.ndarray) -> None:
     """Warn where a body, turned as a whole, meets forces nearly everywhere but beside supports.
 
     Parameters
@@ -80,15 +80,13 @@ def warn_of_order(owner: str, stiffness: sparse.csr_matrix, places: np.ndarray, 
     forced = np.abs(_forces(stiffness, rigid))[columns[far]] > FORCED
     if len(forced) >= FEW and forced.mean() > NEARLY:
         warn(
-            f"{owner}: turned as a whole, the body meets forces at {forced.sum()} of {len(forced)} "
+            f"{OWNER}: turned as a whole, the body meets forces at {forced.sum()} of {len(forced)} "
             "unknowns away from supports; are unknowns and nodes those of the matrices' rows, in order?",
             MeshWarning,
         )
 
 
-def warn_of_rounding(
-    owner: str, given: sparse.spmatrix, stiffness: sparse.csr_matrix, directions: np.ndarray
-) -> None:
+def warn_of_rounding(given: sparse.spmatrix, stiffness: sparse.csr_matrix, directions: np.ndarray) -> None:
     """Warn where entries of few digits leave forces of a body that is shifted as a whole.
 
     Parameters
@@ -102,7 +100,7 @@ def warn_of_rounding(
     left = np.median(np.append(0.0, forces[forces < part]))
     if len(directions) >= FEW and left > EXACT:
         warn(
-            f"{owner}: entries of stiffness are rounded, as in single precision: moved as a whole, the "
+            f"{OWNER}: entries of stiffness are rounded, as in single precision: moved as a whole, the "
             f"body meets forces of {left:.2g} of their parts, which moves low frequencies by many times "
             "that; write them with all their digits",
             MeshWarning,

@@ -116,8 +116,6 @@ def _content(row: sparse.csr_matrix) -> tuple[bytes, bytes]:
 
 def _same(what: str, one: Any, other: Any) -> Any:
     """The other, of the same kind and size."""
-    if type(other) is not type(one):
-        raise TypeError(f"{what}: {shown(other)} cannot be added; give a {what} of the same body")
-    if other.size != one.size:
-        raise ValueError(f"{what}: bodies of {one.size} and {other.size} unknowns do not add; use one body")
+    if type(other) is not type(one) or other.size != one.size:
+        raise TypeError(f"{what}: {shown(other)} does not add to {one}; give a {what} of the same body")
     return other
