@@ -63,9 +63,7 @@ def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
     unknowns = _unknowns(f"{stem}.dof", deck.nodes)
     stiffness, mass = (_matrix(f"{stem}.{ending}", len(unknowns)) for ending in ("sti", "mas"))
     if stiffness.nnz != mass.nnz:
-        raise ValueError(
-            f"{OWNER}: {stem}.sti has {stiffness.nnz} entries, .mas not as many; one is cut or of another run"
-        )
+        raise ValueError(f"{OWNER}: {stem}.sti and .mas differ in entries; one is cut or of another run")
     given: dict[str, Any] = {"sets": deck.node_sets, "elements": deck.cells, "units": units}
     given["fixed"] = deck.held - set(map(tuple, unknowns.tolist()))
     body = FiniteElementModel(mass, stiffness, unknowns, deck.nodes, **given)
@@ -170,9 +168,8 @@ def _unknowns(file: str, nodes: dict[int, list[float]]) -> np.ndarray:
         node, _, direction = line.partition(".")
         if not (node.isdecimal() and int(node) in nodes and direction in ("1", "2", "3")):
             raise ValueError(
-                f"{OWNER}: {file}, line {number}: {line!r} is no node.direction of the deck, such as 12.3; "
-                "elements that CalculiX expands (shells, beams, plane ones) have nodes of its own, read are "
-                "solid ones"
+                f"{OWNER}: {file}, line {number}: {line!r} is no node.direction of the deck; elements that "
+                "CalculiX expands (shells, beams, plane ones) have nodes of its own, solid ones are read"
             )
         found.append((int(node), int(direction) - 1))
     return np.array(found, dtype=int).reshape(-1, 2)
@@ -183,14 +180,13 @@ def _matrix(file: str, count: int) -> sparse.coo_matrix:
     lines = _read(file).splitlines()
     try:
         *place, value = np.loadtxt(lines or ["0 0 0"], unpack=True, ndmin=2)
+        if np.min(place) < 1 or np.max(place) != count or np.mod(place, 1.0).any():
+            raise ValueError
     except ValueError:
-        raise ValueError(f"{OWNER}: {file} is cut, or no matrix of CalculiX, three numbers a line") from None
-    least, most = np.min(place), np.max(place)
-    if least < 1 or most != count or np.mod(place, 1.0).any():
         raise ValueError(
-            f"{OWNER}: {file} has rows {least:g} to {most:g}, whole numbers from 1 to {count} were expected, "
-            "the unknowns of .dof; it is cut, or of another run"
-        )
+            f"{OWNER}: {file} is no matrix, row, column and value a line, with the {count} rows of .dof; is "
+            "it cut, or of another run?"
+        ) from None
     return sparse.coo_matrix((value, np.array(place, dtype=np.int64) - 1), (count, count))
 
 
@@ -222,6 +218,5 @@ def _read(file: str, owner: str = OWNER) -> str:
         return read_whole(Path(file)).decode(errors="replace")
     except ValueError as error:
         raise ValueError(
-            f"{owner}: {str(error).rstrip('.')}; a step with *FREQUENCY, SOLVER=MATRIXSTORAGE writes .sti, "
-            ".mas and .dof beside the deck"
+            f"{owner}: {str(error).rstrip('.')}; *FREQUENCY, SOLVER=MATRIXSTORAGE writes .sti, .mas and .dof"
         ) from None

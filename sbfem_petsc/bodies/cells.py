@@ -44,9 +44,7 @@ def rows_of(
 ) -> np.ndarray:
     """Rows of nodes by their labels, of any shape; an error for a label that no node has."""
     if lost := set(labels.ravel().tolist()) - set(nodes):
-        raise error(
-            f"{owner}: {what} has node {min(lost):.17g}, which does not exist in the body; is it internal?"
-        )
+        raise error(f"{owner}: {what} has node {min(lost):.17g}, which the body has not; is it internal?")
     return np.array([nodes[label] for label in labels.ravel().tolist()], dtype=int).reshape(labels.shape)
 
 

@@ -20,6 +20,8 @@ APART, ROUNDING, LITTLE = 1e-3, 1e-9, 1e-13
 # How far beside a face, in sides of its elements, a node is still before it: straight sides miss .07 of their
 # length of a circle of twelve.
 BESIDE = 0.1
+# Area of a face that lies along the normal, seen along it, in squares of its circumference.
+ALONG = 1e-4
 # Triangles between the nodes of a face, by their number; steps to a place in it, at most.
 HATS = {3: ((0, 1, 2),), 4: ((0, 1, 2), (0, 2, 3)), 6: ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))}
 HATS[8] = ((0, 4, 7), (1, 5, 4), (2, 6, 5), (3, 7, 6), (4, 5, 6), (4, 6, 7))
@@ -81,32 +83,30 @@ def between(
     along = np.linalg.svd(normal[None])[2][1:].T
     x, y = flat = tuple(part @ along for part in places)
     own, other = (given or _hull(part) for given, part in zip(faces, flat))
-    other = [face for face in other if _across(places[1][face[: corners(face)]], normal)]
-    if not other:
-        raise ValueError(
-            f"contact: the {len(y)} right nodes span no surface across the normal; give those of a face"
-        )
-    right = shapely.STRtree([shapely.Polygon(y[face[: corners(face)]]) for face in other])
-    points = shapely.points(x)
-    nearest = right.geometries[before := right.nearest(points)]
+    right = np.array([shapely.Polygon(y[face[: corners(face)]]) for face in other], dtype=object)
+    across = np.flatnonzero(shapely.area(right) > ALONG * shapely.length(right) ** 2)
+    if not len(across):
+        raise ValueError(f"contact: {len(y)} right nodes span no surface across the normal; give a face")
+    other, tree, points = [other[k] for k in across], shapely.STRtree(right[across]), shapely.points(x)
+    nearest = tree.geometries[before := tree.nearest(points)]
     lines = shapely.shortest_line(nearest, points)
     met = np.flatnonzero(shapely.length(lines) < BESIDE * np.sqrt(shapely.area(nearest)))
     ends, one = shapely.get_coordinates(lines)[::2, None], np.ones(1)
     alone: list[Common] = [([k], [k], other[before[k]], ends[k], one) for k in met.tolist()]
     moves = apart(_means(alone, flat, np.ones(len(x), dtype=bool))[1])
     bound = {k for face in own for k in face}
-    commons = [common for common in alone if common[0][0] not in bound] + list(_common(x, own, other, right))
+    commons = [common for common in alone if common[0][0] not in bound] + list(_common(x, own, other, tree))
     return *_means(commons, flat, moves), moves
 
 
-def _common(x: np.ndarray, own: Faces, other: Faces, right: Any) -> Iterator[Common]:
+def _common(x: np.ndarray, own: Faces, other: Faces, tree: Any) -> Iterator[Common]:
     """What the hats of faces have in common with the other's, whose polygons stand in a tree."""
     import shapely
 
     hats = [([face[k] for k in hat], face) for face in own for hat in HATS[len(face)]]
     left = np.array([shapely.Polygon(x[nodes]) for nodes, _ in hats], dtype=object)
-    one, two = right.query(left, predicate="intersects")
-    parts = shapely.intersection(left[one], right.geometries[two])
+    one, two = tree.query(left, predicate="intersects")
+    parts = shapely.intersection(left[one], tree.geometries[two])
     area, whole = shapely.area(parts), shapely.area(left)
     if (np.bincount(one, area, len(left)) > (1.0 + APART) * whole).any():
         raise ValueError("contact: right nodes lie behind each other; give those of one face")
@@ -137,13 +137,6 @@ def _means(
         part.data[np.abs(part.data) <= LITTLE] = 0.0
         part.eliminate_zeros()
     return one, two
-
-
-def _across(corners: np.ndarray, normal: np.ndarray) -> bool:
-    """Whether a face, however small, lies across the normal, not along it."""
-    from_first = corners[1:] - corners[0]
-    area = np.cross(from_first[:-1], from_first[1:]).sum(axis=0)
-    return bool(abs(area @ normal) > APART * np.linalg.norm(area))
 
 
 def _hull(places: np.ndarray) -> Faces:
@@ -212,9 +205,7 @@ def moving_pairs(
     """The pairs of left nodes, by their labels, whose gaps a displacement moves."""
     moves, slides = moved(rows), moved(slips)
     if not moves.any():
-        raise ValueError(
-            "contact: no displacement moves a gap: all nodes are held, or both faces have the same"
-        )
+        raise ValueError("contact: no displacement moves a gap: all nodes are held, or both faces are one")
     if (slides & ~moves).any():
         raise ValueError(
             f"contact: law = {law!r} rubs, and node {one[(slides & ~moves).argmax()]} is held across the "
@@ -231,9 +222,7 @@ def given_gap(gap: Any, x: np.ndarray) -> np.ndarray:
             gap = gap(*x.T)
         except Exception as error:  # of any kind, in a user's function
             why = f"{type(error).__name__}: {error}"
-            raise ValueError(
-                f"contact: gap = {shown(gap)} fails with arrays of x, y and z ({why})"
-            ) from error
+            raise ValueError(f"contact: gap = {shown(gap)} fails for arrays x, y and z ({why})") from error
     if not isinstance(gap, (list, tuple)) and not np.ndim(gap):
         return np.full(len(x), real("contact", "gap", gap, "m"))
     return real_array("contact", "gap", gap, (len(x),), "m")

@@ -78,9 +78,7 @@ class FiniteElementModel:
         self.mass = _matrix("mass", mass, inert)
         self.stiffness = _matrix("stiffness", stiffness, stiff)
         if self.mass.shape != self.stiffness.shape:
-            raise ValueError(
-                f"{OWNER}: mass has shape {self.mass.shape}, not {self.stiffness.shape} as stiffness"
-            )
+            raise ValueError(f"{OWNER}: mass has shape {self.mass.shape}, stiffness {self.stiffness.shape}")
         if not isinstance(nodes, Mapping) or not nodes:
             raise TypeError(f"{OWNER}: nodes = {shown(nodes)} must be a dict of labels to places")
         doubles: dict[str, Any] = {"least": -(2**53), "most": 2**53}  # which tell them apart
@@ -96,11 +94,10 @@ class FiniteElementModel:
         self._hold(rows, self._pairs("fixed", held or np.zeros((0, 2)), len(held)))
         self._sides = np.ptp(self.places[(self.columns != NONE).any(axis=1)], axis=0)
         own, heavy = self.stiffness.diagonal(), self.mass.diagonal()
-        if (idle := own <= 0.0).any():
-            node, direction = self.unknowns[idle.argmax()]
+        if own.min() <= 0.0:
+            node, d = self.unknowns[own.argmin()]
             raise ValueError(
-                f"{OWNER}: stiffness of node {node}, direction {direction} is {own[idle.argmax()]:g}; leave "
-                "unknowns out that nothing holds"
+                f"{OWNER}: stiffness of node {node}, direction {d} is {own.min():g}; leave out what is loose"
             )
         if heavy.min() < 0.0:
             raise ValueError(f"{OWNER}: mass is negative, {heavy.min():g} kg on its diagonal")
@@ -228,8 +225,7 @@ class FiniteElementModel:
         offset = real("contact", "offset", offset, "m", within=Bounds(least=0.0))
         if offset and (right is None or gap is not None):
             raise ValueError(
-                f"contact: offset = {offset:g} m is taken off the distance of two faces' nodes; give the gap "
-                "that is left, and no offset, at a wall and beside a gap"
+                f"contact: offset = {offset:g} m is of two faces; at a wall or beside a gap give what is left"
             )
         one = self._face("left", left)
         other = one if right is None else self._face("right", right)
@@ -272,8 +268,7 @@ class FiniteElementModel:
             ahead = np.append(ahead, height.mean(axis=1) - np.average(height, axis=1, weights=own))
         if len(ahead) and ahead.min() > TOGETHER * self._sides.max():
             raise ValueError(
-                "contact: the normal looks into the elements of the left face; is it from left to right, or "
-                "from the body to the wall?"
+                "contact: the normal looks into the elements of the left face, out of which it is to look"
             )
 
     def _before(
@@ -330,9 +325,8 @@ class FiniteElementModel:
         found = [cells[:, : EIGHT[kind]].ravel() for kind, cells in self.elements.items() if kind in EIGHT]
         if count := np.isin(nodes, np.concatenate([nodes[:0], *found])).sum():
             warn(
-                f"contact: {count} nodes are corners of eight-node faces, which carry a negative share "
-                "of a pressure: pairs of them open where faces press, and resultants are off; take "
-                "tetrahedra, elements of first order, or leave these nodes out",
+                f"contact: {count} nodes are corners of eight-node faces, which carry a negative share of a "
+                "pressure: pairs open where faces press; take tetrahedra, first order, or leave them out",
                 MeshWarning,
             )
 
@@ -368,8 +362,7 @@ class FiniteElementModel:
         far = np.linalg.norm(self.places - numbers_of("at", "place", place, 3, "x, y and z in m"), axis=1)
         if far.min() > APART * self._sides.max():
             raise ValueError(
-                f"at: the nearest node of {shown(place)} is {self.labels[far.argmin()]}, {far.min():g} m "
-                "away; coordinates are in m"
+                f"at: the nearest node of {shown(place)} is {far.min():g} m off; coordinates are in m"
             )
         near = np.flatnonzero(far <= far.min() + TOGETHER * self._sides.max())
         if len(near) > 1:
@@ -391,10 +384,8 @@ class FiniteElementModel:
         columns, met = self.columns[nodes][:, along], np.unique(shares.indices)
         if (lost := columns[met] == NONE).any():
             k, d = np.argwhere(lost)[0]
-            raise ValueError(
-                f"{OWNER}: node {self.labels[nodes[met[k]]]} has no unknown along {AXES[along[d]]} and "
-                "is not fixed; give it in fixed, or free it of its constraint"
-            )
+            label, axis = self.labels[nodes[met[k]]], AXES[along[d]]
+            raise ValueError(f"{OWNER}: node {label} has no unknown along {axis}, nor does fixed hold it")
         rows, d = np.nonzero(columns >= 0)
         entries = vector[along[d]], (rows, columns[rows, d])
         return shares @ sparse.csr_matrix(entries, (len(nodes), len(self.unknowns)))

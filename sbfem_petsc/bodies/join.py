@@ -46,9 +46,8 @@ def join(*bodies: FiniteElementModel) -> FiniteElementModel:
         fixed += [(label + up, d) for label, d in body.fixed]
         for kind, rows in body.elements.items():
             cells.setdefault(kind, []).append(body.labels[rows] + up)
-    mass, stiffness = (
-        sparse.block_diag([getattr(body, name) for body in bodies]) for name in ("mass", "stiffness")
-    )
+    mass = sparse.block_diag([body.mass for body in bodies])
+    stiffness = sparse.block_diag([body.stiffness for body in bodies])
     elements = {kind: np.concatenate(parts) for kind, parts in cells.items()}
     whole = mass, stiffness, np.concatenate(unknowns), nodes
     found = FiniteElementModel(*whole, sets=sets, fixed=fixed, elements=elements)

@@ -55,7 +55,7 @@ def read_matrices(
     ValueError, TypeError
         If a file is missing, cut or of another kind; for what `FiniteElementModel` refuses.
     """
-    files = [path(OWNER, name, given) for name, given in (("stiffness", stiffness), ("mass", mass))]
+    files = [path(OWNER, name, given) for name, given in (("mass", mass), ("stiffness", stiffness))]
     matrices = [_read(file, k) for k, file in enumerate(files)]
     held, cells, sets = [*fixed], dict[str, np.ndarray](), {} if sets is None else sets
     if not isinstance(nodes, Mapping):
@@ -64,18 +64,15 @@ def read_matrices(
         nodes, cells, sets, held = deck.nodes, deck.cells, deck.node_sets | dict(sets), [*held, *deck.held]
     if {isinstance(matrix, np.ndarray) for matrix in matrices} != {unknowns is None}:
         raise ValueError(
-            f"{OWNER}: files of Abaqus or Ansys, both, tell nodes and directions of their rows, for others "
-            f"unknowns does; give it for others alone, unknowns = {shown(unknowns)}"
+            f"{OWNER}: unknowns = {shown(unknowns)}; give it unless both files are of Abaqus or Ansys"
         )
     if unknowns is None:
         matrices, unknowns, supports = _numbered(matrices)
         held += supports
     elif isinstance(unknowns, (str, os.PathLike)):
         unknowns = _read(path(OWNER, "unknowns", unknowns), 2)
-    stiff, heavy = matrices
-    return FiniteElementModel(
-        heavy, stiff, unknowns, nodes, sets=sets, fixed=held, elements=cells, units=units
-    )
+    m, k = matrices
+    return FiniteElementModel(m, k, unknowns, nodes, sets=sets, fixed=held, elements=cells, units=units)
 
 
 def _read(file: str, place: int) -> Any:
@@ -111,12 +108,13 @@ def _read(file: str, place: int) -> Any:
 
 
 def _ansys(file: str, place: int) -> np.ndarray:
-    """Stiffness or mass of Ansys as those of Abaqus' text, what is held by its diagonal."""
+    """Mass (0) or stiffness (1) of Ansys as those of Abaqus' text, what is held by its diagonal."""
     from ansys.mapdl.reader import read_binary
 
     full = read_binary(file)
-    labels, *matrices = full.load_km(as_sparse=True)
-    entries = sparse.coo_matrix(matrices[place] + sparse.triu(matrices[place], 1).T)
+    labels, stiffness, mass = full.load_km(as_sparse=True)
+    upper = (mass, stiffness)[place]
+    entries = sparse.coo_matrix(upper + sparse.triu(upper, 1).T)
     pairs = np.hstack([labels[entries.row], labels[entries.col]]) + [0, 1, 0, 1]
     held = np.tile(full.const, 2) + [0, 1, 0, 1]
     kept = ~np.isin(pairs[:, :2] @ [64, 1], held[:, :2] @ [64, 1])  # Ansys has fewer than 64 directions
@@ -144,8 +142,7 @@ def _numbered(tables: list[np.ndarray]) -> tuple[list[sparse.coo_matrix], np.nda
     unknowns, place = np.unique(pairs, axis=0, return_inverse=True)
     if unknowns[0, 0] < 0:
         raise ValueError(
-            f"{OWNER}: node {unknowns[0, 0]} is an internal one (Lagrange multiplier); leave contact, ties "
-            "and connectors out of the step that writes the matrices"
+            f"{OWNER}: node {unknowns[0, 0]} is an internal one, as of ties or contact; write none of them"
         )
     matrices, held = [], np.zeros(len(unknowns), dtype=bool)
     for table, ends in zip(tables, np.split(place.reshape(-1, 2), [len(tables[0])])):

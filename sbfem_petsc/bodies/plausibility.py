@@ -100,9 +100,8 @@ def warn_of_rounding(given: sparse.spmatrix, stiffness: sparse.csr_matrix, direc
     left = np.median(np.append(0.0, forces[forces < part]))
     if len(directions) >= FEW and left > EXACT:
         warn(
-            f"{OWNER}: entries of stiffness are rounded, as in single precision: moved as a whole, the "
-            f"body meets forces of {left:.2g} of their parts, which moves low frequencies by many times "
-            "that; write them with all their digits",
+            f"{OWNER}: entries of stiffness are rounded, as in single precision: moved as a whole, the body "
+            f"meets forces of {left:.2g} of their parts, low frequencies are further off; write all digits",
             MeshWarning,
         )
 

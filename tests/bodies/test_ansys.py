@@ -46,7 +46,7 @@ def test_wrong_files(example, tmp_path):
     with pytest.raises(ValueError, match="none.full is missing or cut") as raised:
         sb.read_matrices(none, none, example[1])
     assert "\n" not in str(raised.value)
-    with pytest.raises(ValueError, match="unknowns has node .*, which does not exist in the body"):
+    with pytest.raises(ValueError, match="unknowns has node .*, which the body has not"):
         sb.read_matrices(example[0], example[0], {1: (0.0, 0.0, 0.0)})
 
 

@@ -234,7 +234,7 @@ def test_summary(parts, body):
         ({"mass": scipy.sparse.eye(3)}, "mass has shape"),
         ({"mass": np.eye(3)}, "must be a real sparse matrix"),
         ({"unknowns": [[1, 0]]}, "unknowns has shape"),
-        ({"nodes": {1: (0.0, 0.0, 0.0)}}, "which does not exist in the body; is it internal"),
+        ({"nodes": {1: (0.0, 0.0, 0.0)}}, "which the body has not; is it internal"),
         ({"sets": {"A": [99999]}}, "set 'A' has node 99999"),
         ({"fixed": [(99999, 0)]}, "fixed has node 99999"),
     ],
@@ -249,7 +249,7 @@ def test_wrong_models(parts, change, sentence):
     [
         (lambda b: b.at("TOP", "x"), "set 'TOP' does not exist"),
         (lambda b: b.at((80, 10, 10), "z"), "coordinates are in m"),
-        (lambda b: b.at(10**6, "z"), "place has node 1000000, which does not exist"),
+        (lambda b: b.at(10**6, "z"), "place has node 1000000, which the body has not"),
         (lambda b: b.at(None, "z"), "place = None must be a label, a set or x, y, z in m"),
         (lambda b: b.at(5, "z") * "a", "row: factor = 'a' must be a number"),
         (
@@ -266,10 +266,13 @@ def test_wrong_models(parts, change, sentence):
         (lambda b: b.contact("LEFT", normal="x", gap=-1e-6), "overlap"),
         (
             lambda b: b.contact("LEFT", normal="x", gap=lambda x, y, z: 1e-6 if z > 0.005 else 0.0),
-            "gap = <function .* fails with arrays of x, y and z .ValueError: The truth value",
+            "gap = <function .* fails for arrays x, y and z .ValueError: The truth value",
         ),
-        (lambda b: b.contact("LEFT", normal="x", offset=1e-6), "at a wall"),
-        (lambda b: b.contact("LEFT", "RIGHT", normal="x", gap=2e-6, offset=1e-6), "beside a gap"),
+        (lambda b: b.contact("LEFT", normal="x", offset=1e-6), "at a wall or beside a gap"),
+        (
+            lambda b: b.contact("LEFT", "RIGHT", normal="x", gap=2e-6, offset=1e-6),
+            "beside a gap give what is left",
+        ),
         (
             lambda b: b.contact("LEFT", "RIGHT", normal="x", offset=1e-3),
             "overlap by 0.001 m, with offset = 0.001 m between nodes 0 m apart",
@@ -399,7 +402,7 @@ def test_normals_that_look_into_the_body(body):
     for left, normal in (("LEFT", (-1, 0.2, 0)), ("RIGHT", "x")):
         with pytest.raises(ValueError, match="the normal looks into the elements of the left face"):
             body.contact(left, "RIGHT" if left == "LEFT" else "LEFT", normal=normal, gap=0.0)
-        with pytest.raises(ValueError, match="from the body to the wall"):
+        with pytest.raises(ValueError, match="out of which it is to look"):
             body.contact(left, normal=normal, gap=1e-6)
     crack = body.contact("RIGHT", "LEFT", normal=(-1, 0, 0), gap=0.0)
     assert crack.rows.shape[0] == len(body.sets["LEFT"])
