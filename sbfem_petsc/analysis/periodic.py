@@ -140,7 +140,8 @@ def periodic(
     LargeDisplacementWarning
         If displacements of named points are more than 5 % of the body.
     AccuracyWarning
-        If the told error is above `accuracy` in the modes or steps given, or in all that the mesh has.
+        If the told error is above `accuracy` in the modes or steps given, or in all that the mesh has; above
+        1e-2 where none of these is given.
     StepWarning
         If contact does more than 1e-2 of what the loads exchange with the modes, in given steps or in 32
         times the default ones.

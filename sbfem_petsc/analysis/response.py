@@ -123,7 +123,8 @@ def frequency_response(
     Warns
     -----
     AccuracyWarning
-        If the told error is above `accuracy` in the modes or steps given, or in all that the mesh has.
+        If the told error is above `accuracy` in the modes or steps given, or in all that the mesh has; above
+        1e-2 where none of these is given.
     """
     over = ParameterRange("frequency", start, stop)
     with collective(communicator(model)):

@@ -30,6 +30,8 @@ from .search import NEWTON_ALONE, find_steady_state
 # Of the highest frequency of the modes from one attempt to the next, by the error, and modes beyond which
 # none is made; share of the error that the steps may have.
 LEAST_MORE, MOST_MORE, MOST_MODES, OF_STEPS = 1.25, 2.5, 320, 0.6
+# What default modes and steps may be told to be off without a warning.
+BY_DEFAULT = 1e-2
 
 
 class TooInaccurate(Exception):
@@ -65,8 +67,8 @@ HARMONICS = Words()
 
 class Accuracy:
     """What is asked of harmonics 1 to 4, and which of modes and steps may grow: those that were not given.
-    By default, where a few modes do (`preparation.saving`), nothing is said of what is missing, and there are
-    the usual modes and steps where these few do not.
+    By default, where a few modes do (`preparation.saving`), there are the usual modes and steps where these
+    few do not, and more than `BY_DEFAULT` is said to be missing.
 
     Parameters
     ----------
@@ -259,6 +261,9 @@ class Accuracy:
         if late > max(by_modes, by_steps):
             cause = f"viscous by Rayleigh's b of what is left out beyond {modes} modes"
             remedy = "damp the modes, as damping does, or ask for less"
+        elif self.by_default:
+            cause = f"left out beyond {modes} modes" if by_modes >= by_steps else f"lost in {steps} steps"
+            remedy = f"give accuracy = {self.value:g} for as many modes and steps as that needs"
         elif by_modes >= by_steps:
             cause, remedy = f"left out beyond {modes} modes", f"give more than modes = {modes}"
             if self._model is not None:
@@ -269,19 +274,17 @@ class Accuracy:
             cause, remedy = f"lost in {steps} steps{self.words.each}", self.words.remedy.format(steps)
         worst = largest_error(errors.sum(axis=0))
         off = f"told to be {worst:.2g} off" if math.isfinite(worst) else "off by what is not found"
-        return (
-            f"{self.words.subject} are {off}, not within accuracy = {self.value:g}, most by what is {cause}; "
-            f"{remedy}"
-        )
+        asked = "" if self.by_default else f" not within accuracy = {self.value:g},"
+        return f"{self.words.subject} are {off},{asked} most by what is {cause}; {remedy}"
 
     def tell(self, reduced: ReducedModel, steps: int, errors: np.ndarray) -> str:
-        """Warn the owner's caller of told errors above it, if it was asked for; what is missing is
-        returned.
+        """Warn the owner's caller of told errors above it, by default far above it; what is missing of what
+        was asked for is returned.
         """
-        missing = "" if self.by_default else self.missing(reduced, steps, errors)
-        if missing:
+        missing = self.missing(reduced, steps, errors)
+        if missing and (not self.by_default or largest_error(errors.sum(axis=0)) > BY_DEFAULT):
             warnings.warn(f"{self.owner}: {missing}", AccuracyWarning, stacklevel=caller_level())
-        return missing
+        return "" if self.by_default else missing
 
 
 def _places(over: ParameterRange, period: Period) -> list[float]:
