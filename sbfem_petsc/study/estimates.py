@@ -19,7 +19,7 @@ from .case.analyses import KINDS
 from .case.case import Case
 from .case.problems import CaseError
 from .case.sweep import SweepTable
-from .costs import FEWEST_MODES, Cost
+from .costs import Cost
 from .structure import Structure, lines_of
 
 # Bytes: the program and its libraries, on each rank; of N log2 N of N displacement unknowns, statics with a
@@ -47,8 +47,8 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
             facts["cracks"] = [crack.name for crack in model.cracks]
             facts |= {"edge_sets": list(model.layout.edge_sets), "regions": list(model.layout.material_names)}
         outer = facts.get("boundary_unknowns", facts["unknowns"])
-        with collective(comm):
-            _require_modes(case, outer)
+        for name in case.tables.analyses:
+            structure.check(case, name)
         size = structure.size(case)
         costs = {name: kind.cost(size) for name, kind in case.tables.analyses.items()}
     for name, kind in case.tables.analyses.items():
@@ -86,20 +86,6 @@ def model_memory(kind: str, boundary_unknowns: int, *, ranks: int = 1, unreduced
     each = _STATICS if KINDS[kind].statics else _MODES
     growth = boundary_unknowns * math.log2(boundary_unknowns + 1)
     return ranks * _BASE_MEMORY + each * growth + _UNREDUCED * unreduced
-
-
-def _require_modes(case: Case, unknowns: int) -> None:
-    """Refuse analyses that ask for more modes than a structure of so many unknowns has."""
-    most, words = unknowns // 2, "half the unknowns on boundaries; give fewer, or a finer mesh"
-    if case.tables.body is not None:
-        most = case.tables.body.modes or max(min(FEWEST_MODES, most), 1)
-        words = "those of the reduced body; give fewer, or more as body.modes"
-    for name, kind in case.tables.analyses.items():
-        for key in kind.modes_in:
-            asked = getattr(kind, key, None) or 0
-            if asked > most:
-                text = f"= {asked:,d} is more than the {most:,d} modes that there are, {words}"
-                raise case.problem(("analyses", name, key), text)
 
 
 def _sweep(table: SweepTable, rows: Rows, unknowns: int, costs: dict[str, Cost]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from ..motion.preparation import expected
 from ..record.found import Found
 from .case import objects
 from .case.case import Case
-from .costs import Size
+from .costs import FEWEST_MODES, Size
 from .kinds.kind import Run
 
 
@@ -72,10 +72,23 @@ class Structure:
         known = self.model.points if self.body is None else self.body.points
         return tuple(known) if chosen is None else tuple(chosen)
 
+    def check(self, case: Case, name: str) -> None:
+        """Raise CaseError where an analysis asks for what the structure has not. Collective."""
+        if self.body is None:
+            found = self.model, self.model.boundary_unknowns // 2
+            words = "half the unknowns on boundaries; give fewer, or a finer mesh"
+        else:
+            table: Any = case.tables.body
+            found = None, table.modes or max(min(FEWEST_MODES, len(self.body.model.unknowns) // 2), 1)
+            words = "those of the reduced body; give fewer, or more as body.modes"
+        for problem in case.tables.analyses[name].lacking(*found, words):
+            raise case.problem(("analyses", name, *problem.path), problem.text)
+
     def solve(self, case: Case, name: str, **run: Any) -> Any:
         """Result of an analysis of a case of this structure, with the file and progress of a `Run`.
         Collective.
         """
+        self.check(case, name)
         return case.tables.analyses[name].solve(case, self.model, Run(**run))
 
     def found(self, case: Case, name: str, result: Any) -> Found:

@@ -125,7 +125,7 @@ def test_the_numbers_of_python(file):
 def test_other_commands(file):
     """Check, report and plots; a deck that has changed is another case; a sweep over a gap and a point."""
     file.write_text(CASE.replace("count = 5", "count = 11"))
-    assert "frequencies.count = 11 is more than the 10 modes" in sbfem("check", file).err
+    assert "frequencies.count = 11 asks for 11 modes, and there are 10, those of" in sbfem("check", file).err
     file.write_text(CASE)
     done = sbfem("check", file, "--json")
     assert done.answer["unknowns"] == 78 and done.answer["contact_pairs"] == 2
@@ -196,6 +196,13 @@ WRONG = [
     (r"\[output\]", '[output]\npoints = ["A"]', "output.points = 'A' is no point of the body"),
     ("modes = 10", "modes = 0", "body.modes = 0 must be at least 1"),
     (r'kind = "transient"', 'kind = "transient"\nmodes = 5', "modes is not for a .*give body.modes"),
+    (r'kind = "transient"', 'kind = "transient"\nreduced = false', "reduced is not for a .*leave it out"),
+    (
+        r'kind = "static"',
+        'kind = "static"\nstress_at = { a = [0, 0] }',
+        "stress_at is not for a .*leave it out",
+    ),
+    ("count = 5", "count = 5\naccuracy = 1e-3", "accuracy is not for a .*leave it out"),
 ]
 # What only the body itself tells.
 LATER = [

@@ -134,17 +134,30 @@ def test_check(folder):
 @pytest.mark.parametrize(
     "asked, key",
     [
-        ('kind = "modal"\ncount = 100_000', "count = 100,000"),
-        ('kind = "transient"\nload = "burst"\nduration = 1e-3\nmodes = 99_999', "modes = 99,999"),
-        ('kind = "backbone"\nstart = 1.0\nstop = 2.0\nmode = 90_000', "mode = 90,000"),
+        ('kind = "modal"\ncount = 100_000', "count = 100000 asks for 100,000"),
+        (
+            'kind = "transient"\nload = "burst"\nduration = 1e-3\nmodes = 99_999',
+            "modes = 99999 asks for 99,999",
+        ),
+        ('kind = "backbone"\nstart = 1.0\nstop = 2.0\nmode = 9_000', "mode = 9000 asks for 27,020"),
     ],
 )
 def test_check_tells_modes_that_there_are_not(asked, key, tmp_path):
     """As the functions do, which take half of the unknowns on boundaries at most."""
     file = written(tmp_path, f"{CASE}\n[analyses.many]\n{asked}\n")
     done, unknowns = sbfem("check", file), objects.model(read_case(file), MPI.COMM_SELF).boundary_unknowns
-    words = f"analyses.many.{key} is more than the {unknowns // 2:,d} modes that there are"
+    words = f"analyses.many.{key} modes, and there are {unknowns // 2:,d}, half the unknowns on boundaries"
     assert done.code == 2 and words in done.err and done.err.count("\n") == 1
+
+
+def test_places_outside_are_told_before_a_solve(tmp_path, monkeypatch):
+    """By check and by run, which had solved and then failed; the place is named."""
+    file = written(
+        tmp_path, CASE.replace('load = "push"', 'load = "push"\nstress_at = { far = [0.5, 0.5] }', 1)
+    )
+    monkeypatch.setattr(sb, "static", None)
+    for done in (sbfem("check", file), sbfem("run", file, "--output", tmp_path / "out")):
+        assert done.code == 2 and "analyses.push.stress_at.far is refused: the point (0.5, 0.5) m" in done.err
 
 
 def test_check_draws_the_ends_of_a_sweep(tmp_path):

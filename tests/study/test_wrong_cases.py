@@ -285,6 +285,41 @@ WRONG = [
     ),
     (
         'kind = "static"\nload = "push"',
+        'kind = "modulation"\npump = "push"\nprobe = "push"\npoint = "A"\npump_frequency = 300.0\n'
+        "probe_frequency = 900.0\npairs = 3" + NEW,
+        "analyses.push.pairs = 3 reaches down to 0 Hz",
+        "give fewer",
+    ),
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "modulation"\npump = "push"\nprobe = "push"\npoint = "A"\npump_frequency = 10.0\n'
+        "probe_frequency = 900.0\nsteps = 186" + NEW,
+        "analyses.push.steps = 186 tells lines below 930 Hz, and the highest sideband is at 930 Hz",
+        "leave steps out",
+    ),
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "frequency_response"\nstart = 50.0\nstop = 60.0\nload = "hold"\n[loads.hold]\n'
+        'kind = "point_force"\npoint = "A"\nfy = { kind = "constant", value = 1.0 }' + NEW,
+        "analyses.push.load = ['hold'] does not oscillate",
+        "give a number",
+        'load = "hold"',
+    ),
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "periodic"\nload = "push"\nfrequency = 50.0\nreduced = false' + NEW,
+        "analyses.push.reduced = false needs damping of all motions",
+        "give model.rayleigh",
+    ),
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "frequency_response"\nload = "push"\nstart = 50.0\nstop = 60.0\nreduced = false\n'
+        "contact = false" + NEW,
+        "analyses.push.contact = false is for the reduced model",
+        "leave out reduced = false or contact",
+    ),
+    (
+        'kind = "static"\nload = "push"',
         'kind = "basins"\nload = "push"\nfrequency = 50.0\nstarts = [{ values = [0.0] }]\nfactor = 0.0' + NEW,
         "analyses.push.factor = 0",
         "give another factor",

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import sbfem_petsc as sb
 
+from ...analysis.backbone import MODES
 from ...analysis.options import BackboneOptions
 from ...options import item
 from ...record.about import Quantity
@@ -22,11 +23,15 @@ class Backbone(BackboneOptions, Kind):
     kind: Literal["backbone"] = item(text="frequency of free vibration over its energy")
     alike = True
     running = True
-    modes_in = ("modes", "mode")
     details = ("harmonics",)
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Backbone:
         return sb.backbone(model, **self.of(BackboneOptions), **run.kept)
+
+    def asked(self) -> Iterator[tuple[str, int]]:
+        yield from super().asked()
+        if self.modes is None:
+            yield "mode", 3 * self.mode + MODES
 
     def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
         first, last = map(float, result.frequency[[0, -1]])

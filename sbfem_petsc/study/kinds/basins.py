@@ -51,14 +51,12 @@ class Basins(BasinsOptions, Loaded):
     kind: Literal["basins"] = item(text="basins of attraction")
     starts: list[StartAxis] = item(text="axes of the grid", min_length=1, max_length=3)
     signals = PERIODIC
-    rubs = True
+    rubs = oscillates = True
     saved = True
 
     def problems(self) -> Iterator[Problem]:
-        """A load that is none, and a mode that is not kept, too."""
+        """A mode that is not kept, too."""
         yield from super().problems()
-        if self.factor == 0.0:
-            yield Problem(("factor",), "= 0 leaves no load; give another factor")
         for k, axis in enumerate(self.starts):
             if axis.kind != "impulse" and self.modes is not None and axis.mode > self.modes:
                 text = f"= {axis.mode} must be one of the modes = {self.modes}"

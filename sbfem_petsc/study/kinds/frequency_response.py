@@ -30,7 +30,7 @@ class Curve(Reducible):
     """A kind whose result is a response curve."""
 
     of_reduced = {"accuracy": (None,), "stability": (None, False)}
-    rubs = True
+    rubs = settles = oscillates = True
     running = saved = True
     details = ("harmonics",)
     captions = {"curve": "response curve"}
@@ -72,6 +72,7 @@ class FrequencyResponse(Curve, FrequencyResponseOptions, Loaded):
 
     kind: Literal["frequency_response"] = item(text="response curve over the frequency")
     signals = ("constant",)
+    of_reduced = Curve.of_reduced | {"contact": (True,)}
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Branch:
         kept = run.kept if self.contact else {"progress": run.progress}

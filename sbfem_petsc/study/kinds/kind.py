@@ -136,8 +136,10 @@ class Kind(Table):
         Whether it is kept in a file while it runs, from which an interrupted run goes on.
     saved : bool
         Whether its result is written to a file of its own, unless it has been kept.
-    modes_in : tuple of str
-        Keys that ask for so many modes.
+    plane : tuple of str
+        Keys that are not for a body of another code.
+    oscillates : bool
+        Whether a load must: constant ones alone are refused.
     details : tuple of str
         Quantities that are kept, but stand in no summary or table.
     captions : dict of str to str
@@ -157,7 +159,8 @@ class Kind(Table):
     fields: ClassVar[bool] = False
     running: ClassVar[bool] = False
     saved: ClassVar[bool] = False
-    modes_in: ClassVar[tuple[str, ...]] = ("modes",)
+    plane: ClassVar[tuple[str, ...]] = ("modes", "reduced")
+    oscillates: ClassVar[bool] = False
     details: ClassVar[tuple[str, ...]] = ()
     captions: ClassVar[dict[str, str]] = {}
 
@@ -182,8 +185,11 @@ class Kind(Table):
                 f"= {self.kind!r} needs a structure held against every rigid-body motion, but "
                 "model.clamped = [] and there are no supports; clamp an edge set",
             )
-        if case.body is not None and getattr(self, "modes", None) is not None:
-            yield Problem(("modes",), "is not for a [body], which is reduced once; give body.modes")
+        fields = type(self).model_fields
+        for key in self.plane if case.body is not None else ():
+            if key in fields and getattr(self, key) != fields[key].default:
+                more = "give body.modes" if key == "modes" else "leave it out"
+                yield Problem((key,), f"is not for a [body], which is reduced once; {more}")
         for key in self.loads_in:
             names = getattr(self, key)
             yield from (
@@ -193,6 +199,16 @@ class Kind(Table):
             )
             loads = {name: case.loads[name] for name in names if name in case.loads}
             yield from self._signals(key, loads)
+            yield from self._still(key, loads) if self.oscillates else ()
+
+    def _still(self, key: str, loads: dict[str, Any]) -> Iterator[Problem]:
+        """Loads that do not oscillate."""
+        given = [value for load in loads.values() for value in load.components.values()]
+        if given and all(value == 0.0 or getattr(value, "kind", "") == "constant" for value in given):
+            text = f"= {list(loads)} does not oscillate; give a number, the amplitude of sin(2 pi f t)"
+            yield Problem((key,), text)
+        if getattr(self, "factor", 1.0) == 0.0:
+            yield Problem(("factor",), "= 0 leaves no load; give another factor")
 
     def _signals(self, key: str, loads: dict[str, Any]) -> Iterator[Problem]:
         """Signals that an analysis does not understand; and a number beside signals that vary, where numbers
@@ -227,6 +243,27 @@ class Kind(Table):
     def places(self) -> Iterator[tuple[Path, str]]:
         """Points that must exist, by their paths within the table."""
         return iter(())
+
+    def asked(self) -> Iterator[tuple[str, int]]:
+        """Keys that ask for modes of the structure, and for how many."""
+        yield "modes", getattr(self, "modes", None) or 0
+
+    def lacking(self, model: Any, most: int, words: str) -> Iterator[Problem]:
+        """What a structure has not that is asked of it, before anything is solved. Collective.
+
+        Parameters
+        ----------
+        model : Model or None
+            None: a body, which is not reduced yet.
+        most : int
+            Modes that there are.
+        words : str
+            What these are, and what to do for more.
+        """
+        for key, count in self.asked():
+            if count > most:
+                text = f"= {getattr(self, key)} asks for {count:,d} modes, and there are {most:,d}, {words}"
+                yield Problem((key,), text)
 
     def tones(self, case: Given, path: Path) -> None:
         """Refuse loads without the common period or the tones that the analysis needs, which a run would come
@@ -309,10 +346,13 @@ class Reducible(Kind):
     ----------
     of_reduced : dict of str to tuple
         Options that are for the reduced model, and the values that the unreduced one takes of them.
+    settles : bool
+        Whether its motions are steady states, for which all modes of the unreduced model must be damped.
     """
 
     reduced: bool = item(True, text="false: the unreduced model")
     of_reduced: ClassVar[dict[str, tuple[Any, ...]]] = {"accuracy": (None,)}
+    settles: ClassVar[bool] = False
 
     @property
     def reduction(self) -> str | None:
@@ -327,6 +367,16 @@ class Reducible(Kind):
             if value not in taken:
                 words = f"= {json.dumps(value)} is for the reduced model; leave out reduced = false or {name}"
                 yield name, words
+
+    def against(self, case: Tables) -> Iterator[Problem]:
+        """Motions of the unreduced model that never settle, too."""
+        yield from super().against(case)
+        given = case.model.rayleigh
+        if self.settles and not self.reduced and (given is None or isinstance(given, list) and not given[1]):
+            text = (
+                "= false needs damping of all motions, not of the modes alone; give model.rayleigh with b > 0"
+            )
+            yield Problem(("reduced",), text)
 
 
 class TwoTones(Kind):

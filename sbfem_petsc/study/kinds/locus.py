@@ -28,7 +28,7 @@ class Locus(LineOptions, FrequencyRange, Loaded):
         ["fold", "period doubling", "Neimark-Sacker"], text="which kinds are followed", min_length=1
     )
     signals = ("constant",)
-    saved = True
+    saved = oscillates = True
 
     @property
     def frictionless(self) -> str | None:

@@ -26,11 +26,14 @@ class Modal(ModalOptions, Kind):
 
     kind: Literal["modal"] = item(text="natural frequencies and modes")
     free = alike = fields = rubs = True
-    modes_in = ("count",)
+    plane = ("accuracy",)
     captions = {"modes": "mode shapes"}
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Modal:
         return sb.modal(model, **self.of(ModalOptions))
+
+    def asked(self) -> Iterator[tuple[str, int]]:
+        yield "count", self.count or 0
 
     def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
         yield estimated_error(self, result)

@@ -50,12 +50,25 @@ class Modulation(Steady, TwoTones):
     signals = ("constant",)
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
-        """Tones in the wrong order."""
+        """Tones in the wrong order, sidebands below 0 Hz, and lines that the steps do not resolve."""
+        furthest, rate = self.pairs * self.pump_frequency, self._steps() * self.pump_frequency
         if self.pump_frequency >= self.probe_frequency:
             yield (
                 "pump_frequency",
                 f"= {self.pump_frequency:g} must be below probe_frequency = {self.probe_frequency:g}, in Hz; "
                 "exchange pump and probe",
+            )
+        elif furthest >= self.probe_frequency:
+            yield (
+                "pairs",
+                f"= {self.pairs} reaches down to 0 Hz, for {self.pairs} times pump_frequency is "
+                f"{furthest:g} Hz and probe_frequency = {self.probe_frequency:g} Hz; give fewer",
+            )
+        elif self.probe_frequency + furthest >= 0.5 * rate:
+            yield (
+                "steps",
+                f"= {self.steps} tells lines below {0.5 * rate:g} Hz, and the highest sideband is at "
+                f"{self.probe_frequency + furthest:g} Hz; give more, or leave steps out",
             )
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Orbit:

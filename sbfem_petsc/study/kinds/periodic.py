@@ -106,7 +106,7 @@ class Periodic(Reducible, PeriodicOptions, Steady, Loaded):
     sin(2 pi frequency t)."""
 
     kind: Literal["periodic"] = item(text="steady state")
-    rubs = True
+    rubs = settles = True
     of_reduced = {
         "segments": (1,),
         "tolerance": (None,),

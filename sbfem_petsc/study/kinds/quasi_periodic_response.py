@@ -28,7 +28,7 @@ class QuasiPeriodicResponse(TorusCurveOptions, SwitchOptions, FrequencyRange, Lo
     end: float = item(text="frequency up to which the quasi-periodic motions are followed", unit="Hz", gt=0)
     order: int = item(3, text="lines are kept up to this |m| and |n|", ge=1, le=20)
     signals = ("constant",)
-    saved = True
+    saved = oscillates = True
     rubs = True
 
     def contradictions(self) -> Iterator[tuple[str, str]]:

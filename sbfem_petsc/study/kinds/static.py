@@ -34,6 +34,7 @@ class Static(StaticOptions, Loaded):
     )
     signals = ()
     statics = fields = rubs = True
+    plane = ("accuracy", "stress_at")
     captions = {"crack": "deformed region of crack", "contact": "contact pressure and gap along crack"}
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Static:
@@ -48,6 +49,15 @@ class Static(StaticOptions, Loaded):
 
     def places(self) -> Iterator[tuple[Path, str]]:
         return ((("stress_at", name), at) for name, at in self.stress_at.items() if isinstance(at, str))
+
+    def lacking(self, model: Any, most: int, words: str) -> Iterator[Problem]:
+        """Places outside the structure, too."""
+        for name, at in self.stress_at.items() if model is not None else ():
+            if not isinstance(at, str):
+                try:
+                    model.places([tuple(at)])
+                except ValueError as error:
+                    yield Problem(("stress_at", name), f"is refused: {error}")
 
     def _stresses(self, result: Any) -> dict[str, np.ndarray]:
         """Stress (xx, yy, xy), Pa, at the places that are named. Collective."""

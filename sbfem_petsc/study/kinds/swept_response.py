@@ -26,7 +26,7 @@ class SweptResponse(SweptOptions, Loaded):
         0.2, text="relative change of the amplitude, beyond that of a linear resonance, that is a jump", gt=0
     )
     signals = ("constant",)
-    saved = True
+    saved = oscillates = True
     rubs = True
 
     def solve(self, case: Any, model: Any, run: Run) -> tuple[sb.SweptResponse, ...]:
