@@ -131,7 +131,7 @@ class Accuracy:
         assert model is not None  # the caller has asked
         if self.by_default:
             return few_modes(model, band, least, FEW) or max(FEW, modes) + 1
-        return min(self._most_modes(modes), max(modes_beyond(model, band, modes + 1), least))
+        return min(self._most_modes(modes), modes_beyond(model, band, least))
 
     def _more_steps(self, steps: int, above: float) -> int:
         """How many times the steps, whose error is so many times what is wanted."""

@@ -22,7 +22,7 @@ from ..petsc import MPI
 from ..ranks.parallel import agreed, checked_communicator, collective
 from ..system.fields.resolution import warn_of_tips
 from ..system.idle_loads import warn_of_idle_loads
-from ..system.model import Model, count_below
+from ..system.model import Model, count_below, known_modes
 from ..system.solve.modal_result import Modal
 from ..system.solve.pencil import top_of_band
 from ..system.solve.static_solver import block_width
@@ -237,22 +237,34 @@ def few_modes(model: Model, band: float, least: int = ACCURATE_LEAST, most: int 
 
 def modes_beyond(model: Model, frequency: float, least: int) -> int:
     """Number of modes up to a frequency (Hz) and one more, at least so many, if the mesh is good for them."""
-    count = _passing(model, frequency, min(least, most_modes(model)))
-    return min(count, max(least, 1 + int((model.modes(count).frequencies <= frequency).sum())))
+    return min(max(least, 1 + _below(model, frequency, least)), most_modes(model))
 
 
-def _passing(model: Model, frequency: float, count: int) -> int:
-    """So many modes or more, computed so that the highest of them passes a frequency, Hz."""
+def _below(model: Model, frequency: float, count: int) -> int:
+    """Number of modes below a frequency (Hz), of those that the mesh is good for: counted by inertia where
+    those that are known, or so many, do not pass it, and computed otherwise, or in growing numbers where the
+    direct solver counts none.
+    """
     most = most_modes(model)
-    while count < most and model.modes(count).frequencies[-1] < frequency:
-        count = min(math.ceil(1.5 * count), most)
-    return count
+    count = min(count, most)
+    beyond = known_modes(model) > 0 or 2.0 * math.pi * frequency > top_of_band(model.statics.elements, count)
+    while True:
+        below = count_below(model, frequency) if beyond else None
+        if below is not None:
+            return min(below, most)
+        known = model.modes(count).frequencies
+        if count == most or known[-1] >= frequency:
+            return int((known < frequency).sum())
+        count, beyond = min(math.ceil(1.5 * count), most), True
 
 
 def modes_up_to(model: Model, frequency: float, least: int) -> int:
     """Number of modes computed so that the highest of them passes a frequency, Hz."""
     most = most_modes(model)
-    count = _passing(model, frequency, min(max(least, 8), most))
+    count = min(max(least, 8), most)
+    below = _below(model, frequency, count)
+    while count < most and count <= below:
+        count = min(math.ceil(1.5 * count), most)
     top = float(model.modes(count).frequencies[-1])
     if count == most and top < frequency:
         warn(

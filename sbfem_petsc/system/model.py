@@ -265,6 +265,11 @@ def _contact_laws(laws: object, cracks: tuple[str, ...]) -> dict[str, ContactLaw
     return {name: laws.get(name, Unilateral()) for name in cracks}
 
 
+def known_modes(model: Model) -> int:
+    """Number of modes that are computed."""
+    return 0 if model._modes is None else len(model._modes.frequencies)
+
+
 def count_below(model: Model, frequency: float) -> int | None:
     """Number of modes below a frequency, Hz; None where the direct solver tells none. Collective."""
     known = np.empty(0) if model._modes is None else model._modes.frequencies
