@@ -168,6 +168,32 @@ def solve_selement(
     return element if terms is None else element.with_inertia(terms)
 
 
+def solve_selements(
+    stack: Sectors, closed: bool, terms: int, *, density: np.ndarray | None = None
+) -> list[SElement]:
+    """Solve many non-dimensional S-elements of one number of nodes as `solve_selement`, those at once that
+    can be.
+
+    Parameters
+    ----------
+    stack : Sectors
+        With (k, nodes, 2) shapes and one elasticity, that of `solve_selement`.
+    closed, terms, density
+        As of `solve_selement`.
+    """
+    shapes, order, elasticity = stack
+    if not closed or elasticity.ndim != 2 or density is not None:
+        return [solve_selement(Sectors(s, order, elasticity), closed, terms, density=density) for s in shapes]
+    found = [
+        element or _solved_alone(Sectors(shape, order, elasticity), closed, density, None)
+        for shape, element in zip(shapes, solve_stack(stack))
+    ]
+    return [
+        element.with_inertia(terms) if dynamics is None else replace(element, dynamics=dynamics)
+        for element, dynamics in zip(found, inertia_of_stack(found, terms))
+    ]
+
+
 def _solved_alone(sectors: Sectors, closed: bool, density: np.ndarray | None, method: str | None) -> SElement:
     """The stiffness by doubling or by Schur forms, without known modes but the translations."""
     coordinates, order, elasticity = sectors

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -13,11 +13,12 @@ from meshing.warnings import MeshWarning
 from ...errors import listed, warn
 from ...selement.coefficients import edge_nodes
 from ...selement.sectors import Sectors
-from ...selement.solution import SElement, solve_selement
+from ...selement.solution import STACK, SElement, solve_selements
 from ..elements.elements import Elements
 from ..elements.shapes import Group
 from ..solve.modal_result import Modal
 from ..solve.modes import lowest_scale
+from ..solve.pencil import reduced_fraction
 from ..solve.stiffness import Stiffness
 from .tips import Tips
 
@@ -51,8 +52,12 @@ LEFT_OUT = 0.3
 # Share of the errors of waves that cells may have which warnings leave out beside larger ones: it changed the
 # largest of eight errors by 4 % at most, of cantilevers, beams with a notch and plates with cracks.
 NEGLIGIBLE = 0.03
-# S-elements that are looked at at a time.
-_BATCH = 1024
+# S-elements that are looked at at a time, and what left-out auxiliary unknowns contribute to one, see
+# `Pencil`.
+_BATCH, _TOLERANCE = 1024, 1e-6
+# Size of a cell times omega / c_s up to which a further term of the continued fraction changes nothing: the
+# largest of eight errors by 1e-4 at .6 to 1.6, by nearly all of it at 4 in order 7.
+SHORT = 1.6
 # Modes whose errors are estimated: the highest ones, since modes of several kinds take turns.
 LOOKED_AT = 8
 
@@ -60,10 +65,10 @@ LOOKED_AT = 8
 def frequency_errors(found: Modal, modes: Sequence[int], negligible: float = 0.0) -> np.ndarray:
     """Estimated relative errors of natural frequencies, which are too high. Collective.
 
-    The dynamic stiffness of each S-element is taken with two orders and one term of the continued fraction
-    more: what the modes' energy loses by them as they are, and by the two further polynomials on each edge,
-    one edge by itself. Small cells next to tips and corners are left out: this is about waves, not about
-    singularities.
+    The dynamic stiffness of each S-element is taken with two orders and, of large ones, one term of the
+    continued fraction more: what the modes' energy loses by them as they are, and by the two further
+    polynomials on each edge, one edge by itself. Small cells next to tips and corners are left out: this is
+    about waves, not about singularities.
 
     Parameters
     ----------
@@ -82,9 +87,11 @@ def frequency_errors(found: Modal, modes: Sequence[int], negligible: float = 0.0
     omega = 2.0 * np.pi * found.frequencies[modes]
     shapes = np.stack([found.nodal(mode) for mode in modes], axis=-1)
     lost, edges = np.zeros(len(modes)), _Edges(statics, len(modes))
-    for group, rows in _looked_at(elements, float(omega.max()), negligible):
-        for first in range(0, len(rows), _BATCH):
-            lost += _add_group(elements, group.select(rows[first : first + _BATCH]), omega, shapes, edges)
+    for groups, terms in _alike(elements, _looked_at(elements, float(omega.max()), negligible)):
+        for group, rich in zip(groups, _richer(elements, groups, terms)):
+            for first in range(0, len(group.sizes), _BATCH):
+                some = group.select(slice(first, first + _BATCH))
+                lost += _add_group(elements, some, rich, omega, shapes, edges)
     lost = elements.layout.comm.allreduce(lost) + FURTHER * edges.energies()
     if not statics.supported:  # rigid-body modes have nothing to lose
         lost[omega**2 < lowest_scale(elements)] = 0.0
@@ -256,8 +263,9 @@ def _shear_speed(elements: Elements, group: Group) -> float:
     return float(np.sqrt(material.elasticity[..., 2, 2].min() * material.modulus / material.density))
 
 
-def _looked_at(elements: Elements, omega: float, negligible: float) -> list[tuple[Group, np.ndarray]]:
-    """Groups with S-elements whose errors at omega count, and their rows. Collective.
+def _looked_at(elements: Elements, omega: float, negligible: float) -> list[tuple[Group, float]]:
+    """S-elements whose errors at omega count, by groups, and their largest size times omega / c_s.
+    Collective.
 
     Errors of waves go with the area and at least with (size omega / c_s)^(2 order - 2): those of cells which
     have less than a share of the mean of it are together less than this share of all. Second order and less
@@ -272,24 +280,38 @@ def _looked_at(elements: Elements, omega: float, negligible: float) -> list[tupl
     )
     least = negligible * total / area if elements.layout.order > 2 else 0.0
     found = [
-        (group, np.flatnonzero((long >= LEFT_OUT * _safe(elements)) & (error >= least)))
+        (group, long, np.flatnonzero((long >= LEFT_OUT * _safe(elements)) & (error >= least)))
         for group, long, (_, error) in zip(groups, waves, parts)
     ]
-    return [(group, rows) for group, rows in found if len(rows)]
+    return [(group.select(rows), float(long[rows].max())) for group, long, rows in found if len(rows)]
+
+
+def _alike(elements: Elements, found: list[tuple[Group, float]]) -> Iterator[tuple[list[Group], int]]:
+    """Groups that are solved at once, and the terms of the continued fraction that they take."""
+    alike: dict[tuple[int, int, bool, int], list[Group]] = {}
+    for group, waves in found:
+        terms = elements.terms + (MORE_TERMS if waves > SHORT or not elements.terms else 0)
+        alike.setdefault((group.material, len(group.shape), group.closed, terms), []).append(group)
+    for (_, _, _, terms), groups in alike.items():
+        for first in range(0, len(groups), STACK):
+            yield groups[first : first + STACK], terms
+
+
+def _richer(elements: Elements, groups: list[Group], terms: int) -> list[SElement]:
+    """The S-elements of some groups in a higher order."""
+    order, material = elements.layout.order, elements.materials[groups[0].material]
+    whole = _prolongation(len(groups[0].shape), order, groups[0].closed)
+    shapes = np.stack([whole @ group.shape for group in groups])
+    stack = Sectors(shapes, order + MORE_ORDERS, material.elasticity)
+    return solve_selements(stack, groups[0].closed, terms, density=material.densities)
 
 
 def _add_group(
-    elements: Elements, group: Group, omega: np.ndarray, shapes: np.ndarray, edges: _Edges
+    elements: Elements, group: Group, rich: SElement, omega: np.ndarray, shapes: np.ndarray, edges: _Edges
 ) -> np.ndarray:
     """Energies that the group's S-elements lose with the modes as they are; residuals go to `edges`."""
     order, material = elements.layout.order, elements.materials[group.material]
     whole = _prolongation(len(group.shape), order, group.closed)
-    rich = solve_selement(
-        Sectors(whole @ group.shape, order + MORE_ORDERS, material.elasticity),
-        group.closed,
-        elements.terms + MORE_TERMS,
-        density=material.densities,
-    )
     bubbles = _bubbles(len(group.shape), order, group.closed)
     scale, count, members = material.modulus * elements.thickness, len(whole), len(group.sizes)
     own = np.einsum("nb,ij->nibj", bubbles, np.eye(2)).reshape(2 * count, -1)
@@ -297,21 +319,23 @@ def _add_group(
     local = np.matmul(group.rotations[:, None], shapes[group.nodes])
     fine = np.einsum("fn,knim->kfim", whole, local, optimize=True).reshape(members, 2 * count, -1)
     coarse = local.reshape(members, 2 * len(group.shape), -1)
-    force = _dynamic(rich, fine, waves)
+    force = _dynamic(rich, fine, waves, elements.terms + MORE_TERMS)
     edges.add(group, scale * (own.T @ force), scale * (own.T @ rich.stiffness @ own))
     # one by one: of the lowest modes little is left
-    by_element = (coarse * _dynamic(group.solution, coarse, waves)).sum(axis=1) - (fine * force).sum(axis=1)
+    less = _dynamic(group.solution, coarse, waves, elements.terms)
+    by_element = (coarse * less).sum(axis=1) - (fine * force).sum(axis=1)
     return scale * by_element.sum(axis=0)
 
 
-def _dynamic(element: SElement, u: np.ndarray, waves: np.ndarray) -> np.ndarray:
+def _dynamic(element: SElement, u: np.ndarray, waves: np.ndarray, terms: int) -> np.ndarray:
     """(k, n, modes): dynamic stiffness of an S-element times displacements, each at its own frequency."""
     result = element.stiffness @ u - waves * (element.mass @ u)
-    if len(element.inertia):
-        share = 1.0 - element.inertia[:, None] * waves
+    coupling, inertia = reduced_fraction(element, float(waves.max()), _TOLERANCE, terms)
+    if len(inertia):
+        share = 1.0 - inertia[:, None] * waves
         # next to a frequency of the cell alone the fraction means nothing but "much too large a cell"
         share = np.where(share >= 0.0, np.maximum(share, 1e-3), np.minimum(share, -1e-3))
-        result -= waves**2 * (element.coupling @ ((element.coupling.T @ u) / share))
+        result -= waves**2 * (coupling @ ((coupling.T @ u) / share))
     return result
 
 

@@ -336,7 +336,7 @@ def _pieces(elements: Elements, highest: float, tolerance: float) -> list[_Piece
         for some in _of_one_size(group):
             modulus, scales = elements.scales(some)
             w2 = highest**2 * scales[0] / modulus
-            coupling, inertia = _reduced(some.solution, w2, tolerance, elements.terms)
+            coupling, inertia = reduced_fraction(some.solution, w2, tolerance, elements.terms)
             key = (group.material, len(coupling), len(inertia))
             alike.setdefault(key, []).append(_Kind(some, float(scales[0]), coupling, inertia))
     return [_Piece(elements, kinds) for kinds in alike.values()]
@@ -350,7 +350,9 @@ def _of_one_size(group: Group) -> list[Group]:
     return [group.select(rows) for rows in np.split(order, breaks)] if len(sizes) > 1 else [group]
 
 
-def _reduced(solution: SElement, w2: float, tolerance: float, terms: int) -> tuple[np.ndarray, np.ndarray]:
+def reduced_fraction(
+    solution: SElement, w2: float, tolerance: float, terms: int
+) -> tuple[np.ndarray, np.ndarray]:
     """C (n, r) and J (r,) of the auxiliary unknowns that matter up to omega^2 rho h^2 / E = `w2`."""
     if tolerance >= _BY_MOMENTS and isinstance(solution.dynamics, Moments):
         return _leading(solution.stiffness, solution.dynamics, w2, tolerance)
