@@ -16,10 +16,9 @@ from ..errors import on_all_ranks
 from ..motion.history import History
 from ..ranks.parallel import collective
 from ..system.model import Model
-from .accurate_history import distance
 from .analysis import analysis
 from .options import ErrorOptions
-from .transient import by_functions, transient
+from .transient import by_functions, distance, transient
 
 # Relative difference of a history that is made again from a file on other ranks: 2e-12 was met.
 REPEATED = 1e-6

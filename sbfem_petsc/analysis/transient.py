@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import math
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -15,13 +17,16 @@ import numpy as np
 from meshing.warnings import StepWarning
 
 from ..checks import choice, flag, real_array, shown
+from ..continuation.accuracy import Accuracy, Words
+from ..continuation.harmonic_errors import beyond
+from ..continuation.orbit import LOWEST
 from ..errors import warn
 from ..motion.files.history_file import HistoryFile
 from ..motion.history import History, of_instants
 from ..motion.initial import modal_start
 from ..motion.integration import Integrator, Steps, chunks
 from ..motion.loading import Loading, Wanted, communicator, loading, moved_up_to, serving, warn_of_unreduced
-from ..motion.preparation import check_reduction
+from ..motion.preparation import PeriodSettings, check_reduction
 from ..motion.reduced_history import ReducedIntegrator
 from ..motion.reduced_history import row_size as reduced_row
 from ..motion.states import Rows
@@ -32,16 +37,17 @@ from ..motion.unreduced.history import row_size as unreduced_row
 from ..progress import Progress, progress_bar
 from ..ranks.capacity import KEPT, require_compiler
 from ..ranks.parallel import collective
-from ..reduction.build import default_modes
+from ..reduction.build import default_modes, modes_for, reduced, wider
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
-from .accurate_history import accurate_history
 from .analysis import analysis
 from .options import TransientOptions
 
 # Work of contact in parts of steps that cannot be halved further, relative to what is supplied, from which on
 # it is told.
 WORKED = 1e-4
+# What an accuracy is of, in sentences.
+WORDS = Words("displacements over time", "", "give a shorter step")
 
 
 @analysis(TransientOptions, rubs=True)
@@ -177,8 +183,8 @@ def transient(
         if isinstance(model, Model) and unreduced:
             problem = _unreduced(model, loads, initial, modes, contact, step is not None)
         else:
-            reduced = serving("transient", model, loads, Wanted(modes), loads.highest_frequency)
-            problem = _reduced(record.adopt(reduced), loads, initial, contact, scheme)
+            served = serving("transient", model, loads, Wanted(modes), loads.highest_frequency)
+            problem = _reduced(record.adopt(served), loads, initial, contact, scheme)
         count, step, every = _planned(problem, duration, step, decimation, record.former)
         integration = "implicit" if unreduced else scheme
         steps = Steps(count, step, contact, integration, every)
@@ -201,17 +207,71 @@ def _accurate(
     history: Callable[..., History],
     recorded: dict[str, Any],
 ) -> History:
-    """The history in modes and a step in which it is accurate, and once more into a file where that is
-    wanted.
+    """The history whose told error, see `_errors`, is within an accuracy as far as modes and steps may grow,
+    and once more into a file where that is wanted. Collective.
+
+    Parameters
+    ----------
+    asked : (float, int or None, float or None)
+        The accuracy; modes and step where they are given.
+    history : callable
+        Of a reduced model, with `step` (s; None: the default) and `decimation`.
     """
+    accuracy, modes, step = asked
+    count, wanted = modes, None
+    if modes is None and isinstance(model, Model):
+        # loads that jump move all modes
+        count = modes_for(model, 0.0 if loads.sudden else loads.highest_frequency, accuracy)
+    while True:
+        r = model if isinstance(model, ReducedModel) else reduced(model, loads.units, count or 0)
+        found = history(r, step=step, decimation=recorded["decimation"])
+        steps = round(loads.duration / found.step)
+        if wanted is None:
+            given = None if asked[2] is None else steps
+            settings = PeriodSettings(steps=given, modes=modes, accuracy=accuracy, least=steps)
+            wanted = Accuracy("transient", model, settings, WORDS)
+        errors = np.zeros((2, LOWEST))
+        errors[:, 1] = _errors(r, found, history)
+        if (more := wanted.further(r, steps, errors)) is None:
+            break
+        count, step = more[0] or count, loads.duration / more[1]
+    wanted.tell(r, steps, errors)
+    if recorded["file"] is not None:
+        found = history(r, step=found.step, **recorded)
+    return replace(found, mode_error=float(errors.sum()))
 
-    def run(reduced: ReducedModel, step: float | None, every: int | None) -> History:
-        return history(reduced, step=step, decimation=every or recorded["decimation"])
 
-    found = accurate_history(model, loads, asked, run)
-    if recorded["file"] is None:
-        return found
-    return replace(history(found.reduced, step=found.step, **recorded), mode_error=found.mode_error)
+def _errors(own: ReducedModel, found: History, history: Callable[..., History]) -> tuple[float, float]:
+    """Errors of the displacements of all named points, relative L2 over them and the instants, by left-out
+    modes and by the steps: the history again in shorter steps, half of them or such as half as many modes
+    again ask for, and in these in so many modes. nan where nothing is known of the left-out modes or no point
+    is named.
+    """
+    more = wider(own)
+    if more is None or not found.points or len(found.time) < 2:
+        return math.nan, math.nan
+    every = round(float(found.time[1]) / found.step)
+    times = 2
+    if len(own.initial_gap):
+        times = max(2, math.ceil(found.step * more.frequencies.max() / CONTACT_STEP - 1e-9))
+    again = functools.partial(history, step=found.step / times, decimation=times * every)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", StepWarning)  # it was told of the history itself
+        shorter = again(own)
+        by_steps = times**2 / (times**2 - 1.0) * distance(found, shorter)
+        factor = beyond(own, more)
+        if not math.isfinite(factor) or more is own:
+            return (0.0 if more is own else math.inf), by_steps
+        return factor * distance(shorter, again(more)), by_steps
+
+
+def distance(one: History, other: History) -> float:
+    """Relative to the second, L2 over all named points and instants."""
+    if one.time.shape != other.time.shape:
+        return math.inf
+    found, exact = (np.stack([h.displacement(p) for p in h.points]) for h in (one, other))
+    off = float(np.linalg.norm(found - exact))
+    return off / max(float(np.linalg.norm(exact)), 1e-300) if off else 0.0
 
 
 class _Problem(NamedTuple):

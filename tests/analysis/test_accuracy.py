@@ -9,7 +9,7 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Plate
 from sbfem_petsc.analysis import response
-from sbfem_petsc.analysis.accurate_history import distance
+from sbfem_petsc.analysis.transient import distance
 from sbfem_petsc.continuation import branch_following, harmonic_errors
 from sbfem_petsc.continuation.harmonic_errors import FAINT
 from sbfem_petsc.errors import PetscFailure
