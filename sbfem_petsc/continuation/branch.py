@@ -50,23 +50,6 @@ class Branch(OfOrbits, OverParameter, ToldError, OfPeriod):
     labels: ClassVar = {"place": "names"}
     coordinates: ClassVar = ("value", "frequency", "stable")
 
-    states: np.ndarray = quantity(
-        "m sqrt(kg)/s",
-        "(Omega q, q') at t = 0, and what faces that rub remember: slips over the root of their compliance",
-        "point state",
-        detail=True,
-    )
-    point_harmonics: np.ndarray = quantity(
-        "m",
-        "harmonics 0 to 20 of the displacement",
-        "point place xy harmonic",
-        called="harmonics",
-        kinds="c",
-        detail=True,
-    )
-    point_amplitudes: np.ndarray = quantity(
-        "m", "half the peak-to-peak of u_y", "point place", called="amplitude"
-    )
     point_subharmonics: np.ndarray = quantity(
         "m",
         "amplitudes at j f / periods",
@@ -76,9 +59,6 @@ class Branch(OfOrbits, OverParameter, ToldError, OfPeriod):
         detail=True,
     )
     contact_peak: np.ndarray = quantity("N", "largest contact resultant over the period", "point")
-    multipliers: np.ndarray = quantity(
-        "1", "Floquet multipliers, by falling modulus", "point multiplier", kinds="c", detail=True
-    )
     multiplier_error: np.ndarray = quantity(
         "1", "uncertainty of their largest modulus by the steps", "point", finite=False, detail=True
     )

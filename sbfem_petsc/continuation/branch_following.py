@@ -297,9 +297,9 @@ class PointRows:
         row = (
             np.moveaxis(spectrum[::periods][: HARMONICS + 1], 0, -1),
             0.5 * np.ptp(u[..., -1], axis=0),
+            found.values if found is not None else np.zeros(0, dtype=complex),
             np.moveaxis(spectrum[:periods], 0, -1),
             resultant.max(initial=0.0),
-            found.values if found is not None else np.zeros(0, dtype=complex),
         )
         place = len(self.rows) if place is None else place
         self.rows.insert(place, row)
@@ -314,9 +314,9 @@ class PointRows:
         return np.asarray((touching[1:] & ~touching[:-1]).sum(axis=0))
 
     def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Harmonics, amplitudes, subharmonics, contact peaks and multipliers of all points."""
-        harmonics, amplitudes, subharmonics, peaks, values = (np.array(column) for column in zip(*self.rows))
-        return harmonics, amplitudes, subharmonics, peaks, values
+        """Harmonics, amplitudes, multipliers, subharmonics and contact peaks of all points."""
+        harmonics, amplitudes, values, subharmonics, peaks = (np.array(column) for column in zip(*self.rows))
+        return harmonics, amplitudes, values, subharmonics, peaks
 
 
 def _separate(line: Line, rows: PointRows) -> None:

@@ -232,13 +232,32 @@ def why_undecided(reduced: ReducedModel | None) -> str:
     return "stability not asked for"
 
 
-class OfOrbits:
-    """What the motions of a branch are asked at a point. Those kept are of named points, amplitudes of u_y;
-    for others each motion is integrated again from its state.
+@described
+class OfOrbits(Record):
+    """A branch of motions, and what they are asked at a point. Those kept are of named points, amplitudes of
+    u_y; for others each motion is integrated again from its state.
     """
 
-    point_harmonics: np.ndarray
-    point_amplitudes: np.ndarray
+    states: np.ndarray = quantity(
+        "m sqrt(kg)/s",
+        "(Omega q, q') at t = 0, and what faces that rub remember: slips over the root of their compliance",
+        "point state",
+        detail=True,
+    )
+    point_harmonics: np.ndarray = quantity(
+        "m",
+        "harmonics 0 to 20 of the displacement",
+        "point place xy harmonic",
+        called="harmonics",
+        kinds="c",
+        detail=True,
+    )
+    point_amplitudes: np.ndarray = quantity(
+        "m", "half the peak-to-peak of u_y", "point place", called="amplitude", least=0.0
+    )
+    multipliers: np.ndarray = quantity(
+        "1", "Floquet multipliers, by falling modulus", "point multiplier", kinds="c", detail=True
+    )
 
     @property
     def reduced(self) -> ReducedModel | None:

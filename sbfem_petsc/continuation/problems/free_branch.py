@@ -13,7 +13,7 @@ from ...checks import index_of
 from ...errors import SolveError, failed_solve, on_all_ranks
 from ...motion.excitation import one_sided
 from ...motion.of_period import require_waves
-from ...record.record import Record, derived, described, quantity
+from ...record.record import derived, described, quantity
 from ...reduction.reduced_model import ReducedModel
 from ..events import folds
 from ..events import refine as refine_points
@@ -43,7 +43,7 @@ PACE = Settings(points=400, first=0.05, largest=0.4, smallest=1e-6, turn=0.25)
 
 
 @described
-class Backbone(OfOrbits, Record):
+class Backbone(OfOrbits):
     """Free periodic motions, point by point along their branch.
 
     Errors are what half the step changes, estimates; nan without refinement, or where half the step leads
@@ -74,21 +74,6 @@ class Backbone(OfOrbits, Record):
     damping_error: np.ndarray = quantity("1", "error of damping_ratio", "point", finite=False)
     energy_damping_ratio: np.ndarray = quantity("1", "damping ratio by the energy", "point")
     energy_damping_error: np.ndarray = quantity("1", "error of energy_damping_ratio", "point", finite=False)
-    states: np.ndarray = quantity("m sqrt(kg)/s", "(Omega q, q') at t = 0", "point state", detail=True)
-    multipliers: np.ndarray = quantity(
-        "1", "Floquet multipliers, by falling modulus", "point multiplier", kinds="c", detail=True
-    )
-    point_harmonics: np.ndarray = quantity(
-        "m",
-        "harmonics 0 to 20 of the displacement",
-        "point place xy harmonic",
-        called="harmonics",
-        kinds="c",
-        detail=True,
-    )
-    point_amplitudes: np.ndarray = quantity(
-        "m", "half the peak-to-peak of u_y", "point place", called="amplitude", least=0.0
-    )
     passed: tuple[tuple[float, float], ...] = quantity(
         "J", "energies on either side of interactions with higher modes passed over", "interaction side"
     )
@@ -339,6 +324,10 @@ class Rows:
             np.array(column) for column in zip(*self.rows)
         )
         return Backbone(
+            np.array([point.state.state for point in points]),
+            harmonics,
+            amplitudes,
+            multipliers,
             self.system.mode + 1,
             line.values,
             found[:, 0].copy(),
@@ -347,10 +336,6 @@ class Rows:
             changed[:, 1].copy(),
             found[:, 2].copy(),
             changed[:, 2].copy(),
-            np.array([point.state.state for point in points]),
-            multipliers,
-            harmonics,
-            amplitudes,
             tuple((one.value, other.value) for one, other in zip(points, points[1:]) if other.leapt),
             (),
             self.damped,
