@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import ClassVar, overload
+from typing import Any, ClassVar, overload
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from ..motion.loading import loading
 from ..motion.states import ModalStates, Point
 from ..ranks.capacity import require_memory
 from ..ranks.parallel import agreed, collective
-from ..record.record import Record, derived, described, quantity
+from ..record.record import Derived, Record, derived, described, entries, quantity
 from ..reduction.reduced_model import ReducedModel
 from ..signals.signal import Signal
 from ..system.fields.places import checked_line
@@ -32,6 +32,25 @@ from .analysis import analysis
 from .options import LoadHistoryOptions
 from .static import reduced_states, state
 from .static_result import Static
+
+
+def _over_time(name: str, **more: Any) -> Derived[Any]:
+    """What `Static` has by a name, of each state of a history, in its words; None where these have none.
+    Further keywords are those of `About` that differ.
+    """
+    own = entries(Static)[name].about
+    if (of_state := own.unit_of) is not None:
+        more["unit_of"] = lambda history: of_state(history.states[0])
+    told = replace(own, dims=("time", *own.dims), row=False, **more)
+
+    def over_time(history: LoadHistory) -> np.ndarray | None:
+        found = [getattr(state, name) for state in history.states]
+        if isinstance(found[0], dict):
+            rows = np.array([list(part.values()) for part in found])
+            return rows.reshape(len(found), -1, *(2 for _ in own.dims[1:]))
+        return None if found[0] is None else np.array(found)
+
+    return Derived(told, over_time)
 
 
 @described
@@ -66,11 +85,17 @@ class LoadHistory(Record):
         """Names of the crack tips with a tip element."""
         return tuple(self.states[0].stress_intensity)
 
-    @derived("m", "displacement", "time place xy", called="displacement")
-    def point_displacements(self) -> np.ndarray:
-        """(n, points, 2): of the named points, m."""
-        found = [list(state.point_displacements.values()) for state in self.states]
-        return np.array(found).reshape(len(self.time), -1, 2)
+    point_displacements = _over_time("point_displacements")
+    reactions = _over_time("reactions")
+    stress_intensities = _over_time("stress_intensity", called="stress_intensity")
+    energy_release_rate = _over_time("energy_release_rate")
+    t_stress = _over_time("t_stress")
+    contact_force = _over_time("contact_force", detail=True)
+    gap = _over_time("gap", detail=True)
+    slip = _over_time("slip", detail=True)
+    friction_force = _over_time("friction_force", detail=True)
+    slid = _over_time("slid", detail=True)
+    contact_resultant = _over_time("contact_resultant")
 
     def displacement(self, point: str | tuple[float, float]) -> np.ndarray:
         """(n, 2): displacement of a named point, or of any point (x, y) in m, in m. Collective for (x, y)."""
@@ -122,77 +147,12 @@ class LoadHistory(Record):
         at_point(self.states[0].stress_intensity, crack, "crack tip")
         return np.array([state.stress_intensity[crack] for state in self.states])
 
-    @derived("N", "force of each support on the structure", "time support xy")
-    def reactions(self) -> np.ndarray:
-        """(n, supports, 2): N."""
-        return self._of_each("reactions", 2)
-
-    @derived(
-        "Pa m^(1 - exponent)",
-        "K_I and K_II of each crack tip",
-        "time tip component",
-        called="stress_intensity",
-        finite=False,
-        unit_of=lambda found: found.states[0].tip_facts.by_tip,
-    )
-    def stress_intensities(self) -> np.ndarray:
-        """(n, tips, 2): as `stress_intensity` of one tip."""
-        return self._of_each("stress_intensity", 2)
-
-    @derived("J/m^2", "G of each crack tip", "time tip", finite=False)
-    def energy_release_rate(self) -> np.ndarray:
-        """(n, tips): J/m^2, nan where `Static` has none."""
-        return self._of_each("energy_release_rate", 1)[..., 0]
-
-    @derived("Pa", "T-stress of each crack tip", "time tip", finite=False)
-    def t_stress(self) -> np.ndarray:
-        """(n, tips): Pa, nan where `Static` has none."""
-        return self._of_each("t_stress", 1)[..., 0]
-
-    def _of_each(self, name: str, width: int) -> np.ndarray:
-        """(n, names, width): what each state has by name."""
-        found = [list(getattr(state, name).values()) for state in self.states]
-        return np.array(found).reshape(len(self.states), -1, width)
-
-    @derived("N", "contact forces, compression positive", "time pair", detail=True)
-    def contact_force(self) -> np.ndarray:
-        """(n, pairs): N, compression positive."""
-        return np.array([state.contact_force for state in self.states])
-
-    @derived("m", "gaps of the contact pairs", "time pair", detail=True)
-    def gap(self) -> np.ndarray:
-        """(n, pairs): m."""
-        return np.array([state.gap for state in self.states])
-
-    @derived("m", "slips of the pairs, where faces of the model rub", "time pair", detail=True)
-    def slip(self) -> np.ndarray | None:
-        """(n, pairs): m, along the normal turned clockwise."""
-        return self._rubbed("slip")
-
-    @derived("N", "friction of the pairs", "time pair", detail=True)
-    def friction_force(self) -> np.ndarray | None:
-        """(n, pairs): N, against the changes of the slips."""
-        return self._rubbed("friction_force")
-
-    @derived("m", "ways that the pairs have slid since the state before", "time pair", detail=True)
-    def slid(self) -> np.ndarray | None:
-        """(n, pairs): m, what lands from where it lands."""
-        return self._rubbed("slid")
-
     @derived("J", "lost to friction so far", "time")
     def friction_loss(self) -> np.ndarray | None:
         """(n,): J, that inside tip elements included; friction changes linearly from a state to the next."""
-        lost = self._rubbed("friction_loss")
-        return None if lost is None else np.cumsum(lost)
-
-    def _rubbed(self, name: str) -> np.ndarray | None:
-        found = [getattr(state, name) for state in self.states]
-        return None if found[0] is None else np.array(found)
-
-    @derived("N", "sum of the contact forces", "time")
-    def contact_resultant(self) -> np.ndarray:
-        """(n,): sum of all contact forces, N."""
-        return np.array([state.contact_resultant for state in self.states])
+        if self.states[0].friction_loss is None:
+            return None
+        return np.cumsum([state.friction_loss for state in self.states])
 
     def __repr__(self) -> str:
         return (
