@@ -4,17 +4,20 @@ Neimark-Sacker point to quasi-periodic ones.
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from ..checks import instance
 from ..continuation.bifurcations import Bifurcation
 from ..continuation.branch import Branch
-from ..continuation.newton import correct
+from ..continuation.newton import attempt, correct
 from ..continuation.orbit import Orbit, make_orbit, orbit_stability
+from ..continuation.problem import Point
 from ..continuation.problems.driven_orbits import Orbits, ParameterRange
 from ..continuation.problems.own_tone import OwnTone, curve_near, first_curve
 from ..continuation.problems.tones import QuasiPeriodic, own_motion, warn_if_unresolved
-from ..errors import PetscFailure, SolveError, failed_solve
+from ..errors import SolveError, failed_solve
 from ..ranks.parallel import collective
 from .analysis import analysis
 from .options import SwitchOptions
@@ -89,22 +92,18 @@ def _quasi_periodic(
     period = branch.period
     own = OwnTone(period, branch.parameter, branch.fixed_frequency, samples, period.comm)
     own.require_room("switch_branch")
-    problem, found = "", []
+    failed, found = list[SolveError](), list[Point]()
     for share in sizes:
-        try:
-            found.append(curve_near(own, *first_curve(own, bifurcation, share)))
-        except PetscFailure:
-            raise
-        except SolveError as error:
-            problem = str(error)
-            continue
-        if found[-1].state.resolved:
-            return own_motion(found[-1], stability=True)
+        begin = first_curve(own, bifurcation, share)
+        point = attempt(functools.partial(curve_near, own, *begin), SolveError, failed)
+        found += [] if point is None else [point]
+        if point is not None and point.state.resolved:
+            return own_motion(point, stability=True)
     if found:
         return own_motion(found[0], stability=True)
     raise failed_solve(
         f"switch_branch: no quasi-periodic motion was found near {bifurcation!r}; give another size "
-        f"({problem})"
+        f"({failed[-1]})"
     )
 
 

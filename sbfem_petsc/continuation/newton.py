@@ -21,13 +21,19 @@ Found = TypeVar("Found")
 FAILURES = SolveError, np.linalg.LinAlgError, ValueError
 
 
-def attempt(call: Callable[[], Found], failures: Any = FAILURES) -> Found | None:
-    """What a call gives, None where that leads nowhere; PETSc's own failures are no such thing."""
+def attempt(
+    call: Callable[[], Found], failures: Any = FAILURES, told: list[Any] | None = None
+) -> Found | None:
+    """What a call gives, None where that leads nowhere, of which the failure is told; PETSc's own failures
+    are no such thing.
+    """
     try:
         return call()
     except PetscFailure:
         raise
-    except failures:
+    except failures as error:
+        if told is not None:
+            told.append(error)
         return None
 
 

@@ -8,6 +8,7 @@ frequencies. The message of a search in vain says what was tried and how far it 
 
 from __future__ import annotations
 
+import functools
 import math
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -15,11 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import PetscFailure, SolveError, failed_solve
+from ..errors import SolveError, failed_solve
 from ..motion.period_map import DrivenPeriod, FixedPoint, Period
 from ..progress import Progress, progress_bar, silent
 from .follow import Line, Settings, follow
-from .newton import FAILURES
+from .newton import attempt
 from .problem import Point
 from .problems.driven_orbits import Orbits, ParameterRange
 from .shooting import shoot
@@ -116,12 +117,10 @@ def find_steady_state(
     SolveError
         If nothing leads to one; it says what was tried.
     """
-    try:
-        return shoot(driven, guess, jacobian), "Newton"
-    except PetscFailure:
-        raise
-    except SolveError as error:
-        first = error
+    failed = list[SolveError]()
+    shot = attempt(functools.partial(shoot, driven, guess, jacobian), SolveError, failed)
+    if shot is not None:
+        return shot, "Newton"
     search = search or Search()
     tried = _Attempts(driven, guess, jacobian, multiples, search)
     near = [1.0 + distance for distance in search.neighbours]
@@ -136,14 +135,14 @@ def find_steady_state(
         ways = [ways[0], ways[-1]]
     with progress_bar(driven.period.reduced.comm, "search for a steady state", progress) as report:
         whole = _Share(report)
-        for k, (attempt, path) in enumerate(ways):
+        for k, (way, path) in enumerate(ways):
             tried.share = whole.part(k, len(ways))
-            shot = attempt()
+            shot = way()
             whole.tell((k + 1) / len(ways) if shot is None else 1.0)
             if shot is not None:
                 return shot, path
     others = f". Tried in vain as well: {'; '.join(tried.notes)}" if tried.notes else ""
-    raise failed_solve(f"{first}{others}{_trembles(driven)}")
+    raise failed_solve(f"{failed[0]}{others}{_trembles(driven)}")
 
 
 def _trembles(driven: DrivenPeriod) -> str:
@@ -240,10 +239,8 @@ class _Attempts:
 
     def _newton(self, driven: DrivenPeriod, state: np.ndarray) -> FixedPoint | None:
         """The fixed point near a state, or None."""
-        try:
-            return shoot(driven, state, self.jacobian, self.search.attempt)
-        except SolveError:
-            return None
+        find = functools.partial(shoot, driven, state, self.jacobian, self.search.attempt)
+        return attempt(find, SolveError)
 
     # ---------------------------------------------------------------- a history
     def settle_first(self) -> FixedPoint | None:
@@ -373,12 +370,9 @@ class _Attempts:
             if effort > EFFORT:
                 raise SolveError(f"{EFFORT} Newton iterations, at {line.points[-1].value:.6g}")
 
-        try:
-            follow(line, over.range, Settings(points), tell)
-        except PetscFailure:
-            raise
-        except FAILURES as error:
-            return None, str(error)
+        failed = list[Exception]()
+        if attempt(functools.partial(follow, line, over.range, Settings(points), tell), told=failed) is None:
+            return None, str(failed[0])
         if not over.reached(line.points[-1].value):
             return None, line.reason
         # of the map itself, not of a copy of it

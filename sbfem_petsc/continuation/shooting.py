@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+import functools
 import math
 
 import numpy as np
@@ -12,7 +13,7 @@ from ..motion.period_map import DrivenPeriod, FixedPoint
 from ..motion.period_motion import PeriodMotion
 from ..petsc import MPI, PETSc, asked, configure, finite, free, require_thread, scripted
 from .linear import PREFIX, Factors, Operator, by_operator, operator
-from .newton import ITERATIONS, Updated
+from .newton import ITERATIONS, Updated, attempt
 from .problem import GAIN, Lost
 
 # SNES by default: residual relative to the first one, with updated derivatives, which converge more slowly,
@@ -68,23 +69,20 @@ def shoot(
     if driven.period.unknowns > WHOLE:
         return solve("matrix-free")
     if iterations is None and near is None and driven.period.modes >= MANY:
-        found = _from_fewer_steps(driven, state)
+        found = attempt(functools.partial(_from_fewer_steps, driven, state), SolveError)
         if found is not None:
             return found
     updated = Shooting(driven, "updated", iterations)
     updated.near = None if near is None else near - np.eye(len(state))
-    try:
-        return updated.solve(state)
-    except PetscFailure:
-        raise
-    except SolveError:
-        if updated.made >= len(updated.residuals) - 1:  # none was updated: the dense way is the same
-            raise
-        return solve("dense")
+    failed = list[SolveError]()
+    found = attempt(functools.partial(updated.solve, state), SolveError, failed)
+    if found is None and updated.made >= len(updated.residuals) - 1:
+        raise failed[0]  # none was updated: the dense way is the same
+    return found or solve("dense")
 
 
 def _from_fewer_steps(driven: DrivenPeriod, state: np.ndarray) -> FixedPoint | None:
-    """As `shoot`, by way of the motion with far fewer steps; None if that leads to none."""
+    """As `shoot`, by way of the motion with far fewer steps; None without any, or by a good guess."""
     period = driven.period
     steps = max(period.steps // COARSER, RESOLVED * int(period.excitation.orders.max(initial=1)))
     if 2 * steps > period.steps:
@@ -92,17 +90,11 @@ def _from_fewer_steps(driven: DrivenPeriod, state: np.ndarray) -> FixedPoint | N
     coarse = Shooting(driven.in_steps(steps), "updated")
     coarse.relative = ROUGHLY
     fine = Shooting(driven, "updated")
-    try:
-        residual = driven.run(state).residual
-        if np.linalg.norm(residual) <= ROUGH * driven.oscillation:
-            return None
-        rough = coarse.solve(state)
-        fine.near = coarse.derivative
-        return fine.solve(rough.state)
-    except PetscFailure:
-        raise
-    except SolveError:
+    if np.linalg.norm(driven.run(state).residual) <= ROUGH * driven.oscillation:
         return None
+    rough = coarse.solve(state)
+    fine.near = coarse.derivative
+    return fine.solve(rough.state)
 
 
 class Steady(abc.ABC):

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import PetscFailure, SolveError
+from ...errors import SolveError
 from ...motion.excitation import Excitation
 from ...motion.of_period import OfPeriod
 from ...motion.period_map import DrivenPeriod, Period
@@ -269,7 +269,7 @@ def curve_near(
     SolveError
         The first one, if Newton's method converges from none.
     """
-    failed: SolveError | None = None
+    failed = list[SolveError]()
     for share in PHASES:
         turns = share / own.samples
 
@@ -282,16 +282,13 @@ def curve_near(
         metric = Metric(problem, begin)
         if begins is not None:
             problem.begins = turned(begins) / metric.units
-        try:
-            if tangent is None:
-                return correct(problem, begin, metric.level(begin, float(u[-1])), most=most)
-            return correct(problem, begin, metric.plane(turned(tangent), begin), most=most)
-        except PetscFailure:
-            raise
-        except SolveError as error:
-            failed = failed or error
+        level = metric.level(begin, float(u[-1]))
+        condition = level if tangent is None else metric.plane(turned(tangent), begin)
+        find = functools.partial(correct, problem, begin, condition, most=most)
+        if (point := attempt(find, SolveError, failed)) is not None:
+            return point
     raise SolveError(
-        f"{named(failed)}; take more samples or steps, or a motion nearer to the one that is known; "
+        f"{named(failed[0])}; take more samples or steps, or a motion nearer to the one that is known; "
         "or the motion's own tone is locked to the load there, so that it is periodic over some periods "
         "(`periodic(..., periods=n)`)"
     )

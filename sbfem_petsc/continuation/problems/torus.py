@@ -17,7 +17,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.signal import lfilter
 
-from ...errors import PetscFailure, SolveError
+from ...errors import SolveError
 from ...motion.excitation import Excitation, modal_forces
 from ...motion.period_map import DrivenPeriod, Period
 from ...motion.period_motion import PeriodMotion
@@ -199,17 +199,14 @@ class Torus(InvariantCurves):
             begin = np.tile(self.linear, (self.samples, 1)) if states is None else states
             u = np.append(begin.ravel(), 0.0)
 
-        done, failed = 0, None
+        done, failed = 0, list[SolveError]()
         for target in (0, *SETTLING):
             u, done = self._followed(u, target - done), target
-            try:
-                return correct(self, u, self.value)
-            except PetscFailure:
-                raise
-            except SolveError as error:
-                failed = failed or error
+            point = attempt(functools.partial(correct, self, u, self.value), SolveError, failed)
+            if point is not None:
+                return point
         raise SolveError(
-            f"{named(failed)}; neither from where {done} periods of the first tone take the curve; "
+            f"{named(failed[0])}; neither from where {done} periods of the first tone take the curve; "
             "take more samples or steps, or smaller loads"
         )
 

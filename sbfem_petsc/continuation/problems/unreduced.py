@@ -10,11 +10,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ...errors import PetscFailure, SolveError, called
+from ...errors import SolveError, called
 from ...motion.unreduced.period import KRYLOV, UnreducedDriven, UnreducedMotion, UnreducedPeriod
 from ...petsc import PETSc, finite, solving
 from ...progress import silent
 from ..linear import Krylov, Operator, operator, preconditioned
+from ..newton import attempt
 from ..problem import Point, Problem
 from ..shooting import Steady
 from .driven_orbits import LEAST, REST, SPAN, ParameterRange
@@ -197,20 +198,20 @@ class UnreducedSteady(Steady):
         self._product, self._nearby = Operator(), Operator()
         driven = orbits.driven(value)
         guess = driven.linear_state
-        norm, failed = max(orbits.norm(guess), 1e-300), None
+        norm, failed = max(orbits.norm(guess), 1e-300), list[SolveError]()
+
+        def solved() -> np.ndarray:
+            with solving(called()):
+                return self.by_snes(guess, RELATIVE, EPSILON * norm, norm)
+
         for periods, self.path in (0, "Newton"), *((count, "history") for count in SETTLING):
             for _ in range(periods):
                 guess = driven.run(guess).end
-            try:
-                with solving(called()):
-                    self.state = self.by_snes(guess, RELATIVE, EPSILON * norm, norm)
+            found = attempt(solved, SolveError, failed)
+            if found is not None:
+                self.state = found
                 return
-            except PetscFailure:
-                raise
-            except SolveError as error:
-                failed = error
-        assert failed is not None
-        raise failed
+        raise failed[-1]
 
     def _operator(
         self, ksp: PETSc.KSP, pc: PETSc.PC, size: int
