@@ -9,9 +9,9 @@ import numpy as np
 from ..errors import SolveError
 from .complementarity import Complementarity
 from .friction import STICKS, Friction, Memory, solve_friction
-from .held_rows import empty_sets
+from .held_rows import Sets
 from .law import RowLaws
-from .pivoting import contact_forces, empty_factor
+from .pivoting import Factor, contact_forces
 from .rubbing import rubbing_forces
 from .step_data import StepConstants, StepHistory, StepLoads, StepState
 
@@ -44,16 +44,17 @@ def pivoted_step(step: StepConstants, loads: StepLoads, state: StepState, histor
     return True
 
 
-def touch(step: StepConstants, free_gap: np.ndarray, state: StepState) -> bool:
+def touch(step: StepConstants, free_gap: np.ndarray, state: StepState, room: tuple[Factor, Sets]) -> bool:
     """Contact at an instant from which no step leads back, under the gaps without forces (pairs,), from the
-    slips and states before: forces, states and slips of `state` are written; whether there is a solution.
+    slips and states before: forces, states and slips of `state` are written, and room for what solves it;
+    whether there is a solution.
     """
-    count, (_, _, force, rows, slip) = step.rubbing.beside.size, state
+    count, (_, _, force, rows, slip), (factor, sets) = step.rubbing.beside.size, state, room
+    factor.members[-1] = sets.members[-1] = -1
     if not len(slip):
         rows[:] = RowLaws(step.laws).touched(free_gap)
-        room = empty_factor(count)
-        return not rows.any() or contact_forces(step.residual, free_gap, step.laws, rows, room, force) >= 0
-    sets, former = empty_sets(len(rows)), rows.copy()
+        return not rows.any() or contact_forces(step.residual, free_gap, step.laws, rows, factor, force) >= 0
+    former = rows.copy()
     gaps, held = (free_gap, np.append(np.zeros(count), slip)), (step.laws, step.rubbing, rows)
     if rubbing_forces(step.residual, gaps, held, sets, force) < 0:
         rows[:] = former

@@ -115,6 +115,8 @@ class Excitation(Record):
 
     def scaled(self, factor: float) -> Excitation:
         """The oscillating part times a factor; the constant part stays."""
+        if factor == 1.0:
+            return self
         return replace(
             self,
             amplitudes=np.where(self.orders[:, None] > 0, factor, 1.0) * self.amplitudes,

@@ -12,17 +12,17 @@ import copy
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ..contact.closed_sets import exact_contacts, located_contacts
 from ..contact.friction import STICKS
 from ..contact.located_rubbing import located_rubbing
-from ..contact.marching import march
+from ..contact.marching import Address, Room, begun, march
 from ..contact.pivoted_step import touch
 from ..contact.rubbing_tangent import LEAST, ROUGH, rubbing_contacts
-from ..contact.step_data import StepHistory, StepLoads, StepState
+from ..contact.step_data import StepConstants, StepHistory, StepLoads, StepState
 from ..contact.tangent import Derivative
 from ..errors import called, failed_solve
 from ..petsc import MPI
@@ -65,6 +65,11 @@ class Period:
         self.weights = np.where(r.omega > 0.0, r.omega, 2.0 * np.pi * r.frequencies.max())
         self._load(excitation)
         self._lengths: dict[float, StepLength] = {}
+        self._kept: tuple[Room, Address] | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Of what is kept no other process knows the places."""
+        return {**self.__dict__, "_kept": None}
 
     def _fingerprint(self) -> object:
         """What tells it from others, the same on all ranks."""
@@ -92,7 +97,8 @@ class Period:
 
     def in_steps(self, steps: int) -> Period:
         """The same period in so many steps."""
-        result = self.of(steps)
+        result = copy.copy(self)
+        result.steps, result._lengths = steps, {}
         result._load(self.excitation)
         return result
 
@@ -101,12 +107,6 @@ class Period:
         if times == 1:
             return self
         return Period(self.reduced, self.excitation.repeated(times), times * self.steps, self.pairs > 0)
-
-    def of(self, steps: int) -> Period:
-        """The map over so many steps, for parts of the period (`DrivenPeriod.part`)."""
-        result = copy.copy(self)
-        result.steps, result._lengths = steps, {}
-        return result
 
     def _load(self, excitation: Excitation) -> None:
         self.excitation, self._waves = excitation, None
@@ -164,6 +164,12 @@ class Period:
         """What the length of a step (s) alone determines."""
         given = self._acting, self.reduced.damping, step, self.steps
         return _recent(self._lengths, step, lambda: StepLength(*given))
+
+    def kept(self, constants: StepConstants) -> tuple[Room, Address]:
+        """For `march`: room that its steps of any length need beside them."""
+        if self._kept is None:
+            self._kept = begun(constants)
+        return self._kept
 
     def with_damping(self, ratios: np.ndarray) -> Period:
         """The same period of the model with other damping ratios, under loads that do not depend on them."""
@@ -271,7 +277,8 @@ class DrivenPeriod:
         rows, lost = np.empty(kept, dtype=np.int8), np.empty(max(kept[0] - 1, 0))
         begin = StepState(q, v, forces[0].copy(), former.copy(), slip.copy())
         gap = self.free_gap[0] + p.left @ (p.right.T @ q)
-        reached, touches = 0, touch(self.constants, gap, begin)
+        room, solves = p.kept(self.constants)
+        reached, touches = 0, touch(self.constants, gap, begin, (room.factor, room.sets))
         states[0], velocities[0], forces[0] = q, v, begin.force
         rows[:1], left = begin.rows[: rows.shape[1]], np.empty(len(slip))
         landed = np.zeros((len(lost), len(slip), 3)), np.zeros((len(lost), kept[1]), dtype=np.int8)
@@ -280,7 +287,7 @@ class DrivenPeriod:
             loads = StepLoads(np.zeros((0, m)), self.free_gap, np.zeros(steps, dtype=np.int8))
             told = states[1:], velocities[1:], forces[1:], work, np.empty(0, dtype=np.int8), lost
             history = StepHistory(*told, rows[1:], left, *landings)
-            reached = march(self.constants, loads, begin, history, self.length.kept).steps
+            reached = march(self.constants, loads, begin, history, (room, solves)).steps
         if reached < steps:
             raise failed_solve(
                 f"{called()}: the contact problem of step {reached} of {steps} at {self.frequency:g} Hz "

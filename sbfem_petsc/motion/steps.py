@@ -5,14 +5,13 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from scipy import linalg
 
 from ..contact.held_rows import rubbing_of
 from ..contact.law import RowLaws
-from ..contact.marching import Address, Room, begun, step_constants
+from ..contact.marching import step_constants
 from ..contact.step_data import NEVER, Halving, StepConstants
 from ..contact.tangent import Propagation
 from ..reduction.reduced_model import ReducedModel
@@ -204,15 +203,6 @@ class StepLength:
         self._modes, self._step, self._steps = (reduced.omega, damping), step, steps
         self.coefficients = step_coefficients(reduced.omega, damping, step, "exact")
         self.constants = constants_of(reduced, [self.coefficients])
-
-    @functools.cached_property
-    def kept(self) -> tuple[Room, Address]:
-        """For `march`."""
-        return begun(self.constants)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Of what is kept no other process knows the places."""
-        return {name: value for name, value in self.__dict__.items() if name != "kept"}
 
     @functools.cached_property
     def propagation(self) -> Propagation:

@@ -178,7 +178,8 @@ def test_contact_as_a_period_begins_ends_in_a_solution(monkeypatch):
                 q, q.copy(), np.zeros(period.pairs), np.zeros(period.pairs, dtype=np.int8), former.copy()
             )
             gap = driven.free_gap[0] + period.left @ (period.right.T @ q)
-            settled = touch(driven.constants, gap, begin)
+            room = period.kept(driven.constants)[0]
+            settled = touch(driven.constants, gap, begin, (room.factor, room.sets))
         assert settled and solves == [True]
         gap = gap + flexibility @ begin.force
         pressure, friction = begin.force[:count], begin.force[count:]
@@ -214,7 +215,8 @@ def test_basins_where_kernels_find_no_solution(monkeypatch):
             return found
         failed.append(repeating.UNSOLVED - len(failed) % 2)
         if failed[-1] != repeating.UNSOLVED:
-            assert touch(step, loads.free_gap[0] + (step.right @ state.q) @ step.left, state)
+            gap, beside = loads.free_gap[0] + (step.right @ state.q) @ step.left, room.steps
+            assert touch(step, gap, state, (beside.factor, beside.sets))
         return failed[-1], found[1], 0
 
     frequency = 1.7 / (2.0 * np.pi)

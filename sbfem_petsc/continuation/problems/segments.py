@@ -44,7 +44,7 @@ class SegmentedMotion(Problem):
     closed, settled, patience = 1e-12, 1e-12, 5
 
     def __init__(self, period: Period, frequency: float, count: int):
-        short = period.of(period.steps // count)
+        short = period.in_steps(period.steps // count)
         self.period, self.count, self.driven = period, count, period.at(frequency)
         self.parts = [self.driven.part(short, k * short.steps) for k in range(count)]
 
