@@ -19,6 +19,7 @@ class LoadAssembler(Protocol):
     """What a structure offers to a load that assembles itself."""
 
     edge_sets: tuple[str, ...]
+    inner_edges: dict[str, int]  # how many edges of a set have S-elements on both sides
     points: dict[str, Any]
     supports: tuple[Support, ...]
 
@@ -130,7 +131,8 @@ class PointForce(Load):
 
 @dataclass(frozen=True)
 class EdgeLoad(Load):
-    """Uniform traction on a named set of edges.
+    """Uniform traction on a named set of edges. On those inside the body, as between two materials, it has
+    components along x and y alone; a pressure is refused.
 
     Parameters
     ----------
@@ -152,6 +154,12 @@ class EdgeLoad(Load):
             raise UnknownName(
                 f"EdgeLoad: edge set {self.edge_set!r} does not exist; the mesh has "
                 f"{listed(structure.edge_sets)}"
+            )
+        inside = structure.inner_edges[self.edge_set]
+        if inside and (isinstance(self.pressure, Signal) or self.pressure):
+            raise ValueError(
+                f"EdgeLoad: pressure on {self.edge_set!r} acts towards the body, which lies on both sides of "
+                f"{inside} of its edges; give tx and ty"
             )
 
     def assemble(self, structure: LoadAssembler) -> None:

@@ -105,6 +105,7 @@ class NodalForces:
     def __init__(self, stiffness: Stiffness, tips: Tips):
         self._layout, self._elements, self._tips = stiffness.layout, stiffness.elements, tips
         self.points, self.edge_sets = self._layout.points, self._layout.edge_sets
+        self.inner_edges = self._layout.inner_edges
         self.supports = stiffness.supports
         # forces of the traction modes of the tips that this rank holds, and on its nodes
         self.tip_forces: dict[int, np.ndarray] = {}

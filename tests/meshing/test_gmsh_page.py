@@ -88,3 +88,28 @@ def test_angle_section_with_one_element_as_its_corner(tmp_path):
     mesh = read_gmsh(tmp_path / "angle.geo", scale=1e-3)
     assert sorted(np.diff(mesh.element_start)) == [4, 4, 6]
     assert mesh.area == pytest.approx(0.1**2 - 0.07**2)
+
+
+def test_loads_on_edges_between_two_materials(tmp_path):
+    """tx and ty act once on each; a pressure would act to one side on some and to the other on others: .8 of
+    it was left of a seam of ten edges.
+    """
+    import sbfem_petsc as sb
+
+    (tmp_path / "two.geo").write_text(
+        'SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 1, .5}; Rectangle(2) = {0, .5, 0, 1, .5};\n'
+        "Coherence; Mesh.MeshSizeMax = 0.2; e = 1e-3;\n"
+        'Physical Surface("low") = {1}; Physical Surface("high") = {2};\n'
+        'Physical Curve("foot") = Curve In BoundingBox{-e, -e, -e, 1 + e, e, e};\n'
+        'Physical Curve("seam") = Curve In BoundingBox{-e, .5 - e, -e, 1 + e, .5 + e, e};\n'
+    )
+    mesh = read_gmsh(tmp_path / "two.geo", order=2)
+    steel = sb.Material(210e9, 0.3, 7800.0)
+    model = sb.Model(mesh, {"low": steel, "high": steel}, clamped="foot", thickness=0.5)
+    pulled = sb.static(model, sb.EdgeLoad("seam", tx=30.0, ty=-8.0))
+    assert pulled.reactions["foot"] == pytest.approx([-15.0, 4.0])
+    for pressure in (1.0, sb.Harmonic(1.0, 100.0)):
+        with pytest.raises(
+            ValueError, match=r"pressure on 'seam' acts .* on both sides of \d of its edges; give tx"
+        ):
+            sb.transient(model, sb.EdgeLoad("seam", ty=1.0, pressure=pressure), 1e-4)

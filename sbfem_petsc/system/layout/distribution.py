@@ -71,7 +71,7 @@ def _handed_out(comm: MPI.Comm, parts: partition.Parts | None) -> partition.Part
 
 
 def _facts(mesh: BoundaryMesh, numbering: partition.Numbering) -> dict[str, Any]:
-    area, perimeter = _measures(mesh)
+    (area, perimeter), outline = _measures(mesh), mesh.outline_edges()
     return {
         "order": mesh.order,
         "elements": mesh.elements,
@@ -80,6 +80,9 @@ def _facts(mesh: BoundaryMesh, numbering: partition.Numbering) -> dict[str, Any]
         "material_names": tuple(mesh.material_names),
         "compositions": partition.compositions(mesh),
         "edge_sets": tuple(mesh.edge_sets),
+        "inner_edges": {
+            name: int((~np.isin(edges, outline)).sum()) for name, edges in mesh.edge_sets.items()
+        },
         "pairs": mesh.pairs,
         "points": {
             name: (tuple(mesh.nodes[n]), tuple(numbering.unknowns[n]), int(n))

@@ -49,6 +49,8 @@ class Layout:
     material_names, edge_sets : tuple of str
     compositions : tuple of tuple of int
         Materials around S-elements in several of them; `Part.materials` counts on from the names.
+    inner_edges : dict of str to int
+        How many edges of each set have S-elements on both sides.
     pairs : ContactPairs
     points : dict of str to ((x, y), (2,) int tuple, int)
         Place, m, unknowns and node of each named point.
@@ -75,6 +77,7 @@ class Layout:
     material_names: tuple[str, ...]
     compositions: tuple[tuple[int, ...], ...]
     edge_sets: tuple[str, ...]
+    inner_edges: dict[str, int]
     pairs: ContactPairs
     points: dict[str, tuple[tuple[float, float], tuple[int, int], int]]
     pair_unknowns: np.ndarray
