@@ -104,10 +104,7 @@ class SolidDeck(Deck):
     def _counts(card: Card) -> bool:
         """Whether it tells of nodes or solid elements; elements of other kinds do not."""
         if card.keyword in REFUSED:
-            card.refuse(
-                "changes what the unknowns are or what touches; leave it out of this deck, contact is said "
-                "by body.contact"
-            )
+            card.refuse("changes what moves or touches; leave it out, contact is said by body.contact")
         return card.keyword != "ELEMENT" or _type(card) in SOLIDS
 
     def labels(self, card: Card, place: str, own: str, kind: str) -> Iterable[int]:

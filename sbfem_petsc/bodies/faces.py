@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from meshing.warnings import MeshWarning
+
 from ..checks import real, real_array, shown
 from ..contact.law import ContactLaw, Unilateral
+from ..errors import warn
 from .cells import corners
 from .plausibility import tree_of
 from .rows import Contact
@@ -55,13 +58,12 @@ def partners(labels: np.ndarray, x: np.ndarray, y: np.ndarray, normal: np.ndarra
 
 
 def between(
-    places: tuple[np.ndarray, np.ndarray],
+    nodes: tuple[np.ndarray, np.ndarray, np.ndarray],
     normal: np.ndarray,
     faces: tuple[Faces, Faces],
     apart: Callable[[sparse.csr_matrix], np.ndarray],
-) -> tuple[sparse.csr_matrix, sparse.csr_matrix, np.ndarray]:
-    """(left, left) and (left, right): means of displacements before each other about left nodes, and what
-    comes apart.
+) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
+    """(left, left) and (left, right): means of displacements before each other about left nodes.
 
     Weights are hat functions, linear on triangles between the left nodes, over what is common to both faces,
     so that a constant or linear pressure has on each side the forces that its elements give it. Nodes of
@@ -69,7 +71,8 @@ def between(
 
     Parameters
     ----------
-    places : (left, 3), (right, 3) arrays
+    nodes : (left,), (left, 3), (right, 3) arrays
+        Labels, places, and places of the other face.
     normal : (3,) array
     faces : pair of lists of lists of int
         Nodes by their places in these arrays, corners first; without any, triangles that fill the nodes'
@@ -77,9 +80,20 @@ def between(
     apart : function
         Which left nodes come apart, (left,) array of bool, from (left, right) weights of what is before each
         by itself; hats of others, such as a crack's front, are shared out to their neighbours.
+
+    Raises
+    ------
+    ValueError
+        If nothing lies before the right face.
+
+    Warns
+    -----
+    MeshWarning
+        If some left nodes lie beside the right face, or on no face of their set.
     """
     import shapely
 
+    labels, *places = nodes
     along = np.linalg.svd(normal[None])[2][1:].T
     x, y = flat = tuple(part @ along for part in places)
     own, other = (given or _hull(part) for given, part in zip(faces, flat))
@@ -94,9 +108,21 @@ def between(
     ends, one = shapely.get_coordinates(lines)[::2, None], np.ones(1)
     alone: list[Common] = [([k], [k], other[before[k]], ends[k], one) for k in met.tolist()]
     moves = apart(_means(alone, flat, np.ones(len(x), dtype=bool))[1])
-    bound = {k for face in own for k in face}
-    commons = [common for common in alone if common[0][0] not in bound] + list(_common(x, own, other, tree))
-    return *_means(commons, flat, moves), moves
+    bound = np.isin(np.arange(len(x)), [k for face in own for k in face])
+    commons = [common for common in alone if not bound[common[0]]] + list(_common(x, own, other, tree))
+    weights, share = _means(commons, flat, moves)
+    paired = np.diff(weights.indptr) > 0
+    for some, what in (
+        (moves & ~paired, "beside the right face and make no pairs"),
+        (paired & ~bound & bool(faces[0]), "on no outer face of their set, and are paired alone"),
+    ):
+        if some.any():
+            label = labels[some.argmax()]
+            said = f"contact: {some.sum()} of {len(x)} left nodes, node {label} say, lie {what}"
+            if not paired.any():
+                raise ValueError(f"{said}; do these faces meet along this normal?")
+            warn(f"{said}; are both sets right?", MeshWarning)
+    return weights, share
 
 
 def _common(x: np.ndarray, own: Faces, other: Faces, tree: Any) -> Iterator[Common]:

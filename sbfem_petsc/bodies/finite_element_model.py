@@ -79,8 +79,7 @@ class FiniteElementModel:
         self.stiffness = _matrix("stiffness", stiffness, stiff)
         if self.mass.shape != self.stiffness.shape:
             raise ValueError(f"{OWNER}: mass has shape {self.mass.shape}, stiffness {self.stiffness.shape}")
-        if not isinstance(nodes, Mapping) or not nodes:
-            raise TypeError(f"{OWNER}: nodes = {shown(nodes)} must be a dict of labels to places")
+        instance(OWNER, "nodes", nodes, Mapping, "a dict of labels to places")
         doubles: dict[str, Any] = {"least": -(2**53), "most": 2**53}  # which tell them apart
         self.labels = np.array([integer(OWNER, "a label of nodes", label, **doubles) for label in nodes])
         self.places = length * real_array(OWNER, "nodes", list(nodes.values()), (len(nodes), 3))
@@ -97,7 +96,7 @@ class FiniteElementModel:
         if own.min() <= 0.0:
             node, d = self.unknowns[own.argmin()]
             raise ValueError(
-                f"{OWNER}: stiffness of node {node}, direction {d} is {own.min():g}; leave out what is loose"
+                f"{OWNER}: stiffness of node {node}, direction {d} is {own.min():g}; is it held?"
             )
         if heavy.min() < 0.0:
             raise ValueError(f"{OWNER}: mass is negative, {heavy.min():g} kg on its diagonal")
@@ -236,10 +235,14 @@ class FiniteElementModel:
         self._require_outward(one, normal)
         slip = self._slip_direction(law, np.append(one, other), normal) if law.rubs else np.zeros(3)
         weights = share = sparse.identity(len(one), format="csr")
-        if not matching and right is not None:
-            weights, share = self._before(one, other, normal)
-        elif right is not None:
+        if matching and right is not None:
             share = partners(self.labels[one], x, y, normal)
+        elif right is not None:
+            own, faces = self._along(normal, weights, one), (self._faces(one), self._faces(other))
+            nodes = self.labels[one], x, y
+            weights, share = between(
+                nodes, normal, faces, lambda alone: moved(self._along(normal, alone, other) - own)
+            )
         moves = right is not None  # which a wall does not
         rows, slips = (
             self._along(moves * vector, share, other) - self._along(vector, weights, one)
@@ -270,35 +273,6 @@ class FiniteElementModel:
             raise ValueError(
                 "contact: the normal looks into the elements of the left face, out of which it is to look"
             )
-
-    def _before(
-        self, one: np.ndarray, other: np.ndarray, normal: np.ndarray
-    ) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
-        """See `between`; what comes apart is told by places before each node alone."""
-        own, each = self._faces(one), sparse.identity(len(one), format="csr")
-        weights, share, moves = between(
-            (self.places[one], self.places[other]),
-            normal,
-            (own, self._faces(other)),
-            lambda share: moved(self._along(normal, share, other) - self._along(normal, each, one)),
-        )
-        paired = np.diff(weights.indptr) > 0
-        alone = ~np.isin(np.arange(len(one)), [k for face in own for k in face])
-        for some, what in (
-            (moves & ~paired, "beside the right face and make no pairs"),
-            (
-                paired & alone & bool(own),
-                "on no outer face whose nodes are all in the set, and are paired alone",
-            ),
-        ):
-            if some.any():
-                said = (
-                    f"{some.sum()} of {len(one)} left nodes, node {self.labels[one[some.argmax()]]} say, lie"
-                )
-                if not paired.any():
-                    raise ValueError(f"contact: {said} {what}; do these faces meet along this normal?")
-                warn(f"contact: {said} {what}; are both sets right?", MeshWarning)
-        return weights, share
 
     def _faces(self, nodes: np.ndarray) -> list[list[int]]:
         """Outer faces of elements between nodes of a set, by their places in it, corners first."""

@@ -76,8 +76,8 @@ def read_matrices(
 
 
 def _read(file: str, place: int) -> Any:
-    """A matrix; of Abaqus' text and Ansys' .full a table of node, direction, node, direction and value; of a
-    text of two columns these.
+    """A matrix, mass (0) or stiffness (1); of Abaqus' text and Ansys' .full a table of node, direction, node,
+    direction and value. Or unknowns (2), of a text nodes and directions.
     """
     try:
         require_regular(file)
@@ -96,8 +96,9 @@ def _read(file: str, place: int) -> Any:
         with open(file, encoding="utf-8", errors="replace") as opened:
             lines = [line.replace(",", " ") for line in opened if not line.startswith("*")]
         table = np.loadtxt(lines or [""], ndmin=2)
-        if table.shape[1:] != (2,) and (table.shape[1:] != (5,) or (table[:, :4] % 1.0).any()):
-            raise ValueError("lines of node, direction, node, direction, value were expected")
+        what = "node, direction" if place == 2 else "node, direction, node, direction, value"
+        if table.shape[1:] != (len(what.split()),) or (table[:, :4] % 1.0).any():
+            raise ValueError(f"lines of {what} were expected")
     except Exception as error:  # of any kind, by libraries
         why = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
         raise ValueError(

@@ -319,9 +319,7 @@ def test_gaps_of_planes_that_lean(body):
         assert len(body.contact("LEFT", inner, normal="x", matching=False).gap) == 12
     cell = [n for n in body.sets["LEFT"] if moved[n][1] < 0.003 and moved[n][2] < 0.004]
     lone = [n for n in body.sets["LEFT"] if moved[n][1] > 0.009 and moved[n][2] > 0.009]
-    with pytest.warns(
-        sb.MeshWarning, match="1 of 5 left nodes, node .* lie on no outer face whose nodes are all"
-    ):
+    with pytest.warns(sb.MeshWarning, match="1 of 5 left nodes, node .* lie on no outer face of their set"):
         with_lone = body.contact(cell + lone, "RIGHT", normal="x", matching=False).rows
     for node, d in ((lone[0], 0), (cell[0], 0)):
         assert with_lone[:, np.flatnonzero((body.unknowns == [node, d]).all(axis=1))].count_nonzero()

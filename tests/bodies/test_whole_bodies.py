@@ -329,6 +329,7 @@ WRONG = [
     ("txt", lambda text: text[:-30], "stiffness.txt is missing or cut"),
     ("txt", lambda text: text.replace(b"\n", b"\n-7,1, -7,1, 1.0\n", 1), "node -7 is an internal one"),
     ("txt", lambda text: b"1 2 3\n", "lines of node, direction, node, direction, value were expected"),
+    ("txt", lambda text: b"1 2\n", "lines of node, direction, node, direction, value were expected"),
 ]
 
 
