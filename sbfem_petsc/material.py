@@ -130,7 +130,7 @@ class OrthotropicMaterial:
             value = getattr(self, name)
             if value is not None or name in ("poisson_12", "angle"):
                 object.__setattr__(self, name, real(own, name, value, "degrees" if name == "angle" else ""))
-        if not np.linalg.eigvalsh(self._compliance())[0] > 0.0:
+        if not np.linalg.eigvalsh(self.compliance())[0] > 0.0:
             raise ValueError(
                 f"OrthotropicMaterial: poisson_12 = {self.poisson_12!r} with these moduli gives an "
                 "indefinite elasticity; poisson_12^2 < young_1 / young_2 is needed (and the like for axis "
@@ -140,8 +140,8 @@ class OrthotropicMaterial:
     isotropic = False
     densities = None
 
-    def _compliance(self) -> np.ndarray:
-        """(4, 4) compliance of (11, 22, 33, 12)."""
+    def compliance(self) -> np.ndarray:
+        """(4, 4) compliance of (11, 22, 33, 12), 1/Pa; in plane stress nothing is coupled with 33."""
         e3 = self.young_2 if self.young_3 is None else self.young_3
         nu13 = self.poisson_12 if self.poisson_13 is None else self.poisson_13
         nu23 = self.poisson_12 if self.poisson_23 is None else self.poisson_23
@@ -160,10 +160,7 @@ class OrthotropicMaterial:
     @property
     def elasticity(self) -> np.ndarray:
         """(3, 3) matrix D in the x, y axes in units of `modulus`; strains are (xx, yy, 2 xy)."""
-        if self.plane == "stress":
-            principal = np.linalg.inv(self._compliance()[np.ix_([0, 1, 3], [0, 1, 3])])
-        else:
-            principal = np.linalg.inv(self._compliance())[np.ix_([0, 1, 3], [0, 1, 3])]
+        principal = np.linalg.inv(self.compliance())[np.ix_([0, 1, 3], [0, 1, 3])]
         c, s = math.cos(math.radians(self.angle)), math.sin(math.radians(self.angle))
         # strains of the principal axes from those of x, y
         turn = np.array(

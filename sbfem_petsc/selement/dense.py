@@ -127,14 +127,6 @@ def symmetric_eigen(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return values, vectors
 
 
-def orthogonal_complement(vectors: np.ndarray) -> np.ndarray:
-    """Orthonormal basis (n, n - rank) of the complement of the two columns of `vectors` (n, 2)."""
-    ordered = vectors if vectors[:, 0] @ vectors[:, 0] >= vectors[:, 1] @ vectors[:, 1] else vectors[:, ::-1]
-    basis, triangle = np.linalg.qr(ordered, mode="complete")
-    diagonal = np.abs(triangle.diagonal())
-    return basis[:, int((diagonal > 1e-8 * max(diagonal[0], 1.0)).sum()) :]
-
-
 def turned(matrix: np.ndarray) -> np.ndarray:
     """The transpose of a matrix, or of each of many."""
     return matrix.swapaxes(-1, -2)

@@ -19,6 +19,7 @@ from scipy import linalg
 from .basis import shape_functions
 from .coefficients import edge_nodes, strain_operators
 from .face_tractions import FaceTractions
+from .rigid_motions import translations
 from .sectors import Sectors
 
 
@@ -61,16 +62,16 @@ def radial_displacement(
             f"{levels.max():g}"
         )
     n = len(radial)
-    translations, rest = _translations(n)
+    moved, rest = translations(n)
     inner = rest.T @ radial @ rest
-    outer = translations.T @ radial @ rest
-    constant = translations.T @ boundary
+    outer = moved.T @ radial @ rest
+    constant = moved.T @ boundary
     start = rest.T @ boundary
     if faces is not None:
         tractions, force = faces
         m = len(tractions.growth)
         inner = np.block([[inner, -rest.T @ tractions.forcing], [np.zeros((m, n - 2)), tractions.growth]])
-        outer = np.concatenate([outer, -translations.T @ tractions.forcing], axis=1)
+        outer = np.concatenate([outer, -moved.T @ tractions.forcing], axis=1)
         start = np.concatenate([start, tractions.monomials @ force])
     transfer = linalg.solve(inner.T, outer.T).T  # a B^-1
     total = constant - transfer @ start  # translation of the scaling centre
@@ -87,19 +88,8 @@ def radial_displacement(
                 factors[ratio] = linalg.expm(inner * np.log(ratio))
             current = factors[ratio] @ current
         reached = level
-        result[index] = translations @ (total + transfer @ current) + rest @ current[: n - 2]
+        result[index] = moved @ (total + transfer @ current) + rest @ current[: n - 2]
     return result
-
-
-def _translations(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Orthonormal bases of the two translations (n, 2) and of their complement (n, n - 2), from a Householder
-    reflector.
-    """
-    nodes = n // 2
-    vector = np.full(nodes, 1.0 / np.sqrt(nodes))
-    vector[0] += 1.0
-    reflector = np.eye(nodes) - np.outer(vector, vector) / vector[0]
-    return np.kron(reflector[:, :1], np.eye(2)), np.kron(reflector[:, 1:], np.eye(2))
 
 
 class Located(NamedTuple):

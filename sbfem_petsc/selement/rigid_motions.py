@@ -24,3 +24,14 @@ def rigid_body_basis(coordinates: np.ndarray) -> np.ndarray:
     """(..., n, 3): orthonormal translations and rotation about the mean of the nodes (..., nodes, 2)."""
     motions = rigid_motions(coordinates - coordinates.mean(axis=-2, keepdims=True))
     return motions / np.linalg.norm(motions, axis=-2, keepdims=True)
+
+
+def translations(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Orthonormal bases of the two translations (n, 2) and of their complement (n, n - 2), from a Householder
+    reflector.
+    """
+    nodes = n // 2
+    vector = np.full(nodes, 1.0 / np.sqrt(nodes))
+    vector[0] += 1.0
+    reflector = np.eye(nodes) - np.outer(vector, vector) / vector[0]
+    return np.kron(reflector[:, :1], np.eye(2)), np.kron(reflector[:, 1:], np.eye(2))

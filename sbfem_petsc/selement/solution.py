@@ -199,7 +199,7 @@ def _solved_alone(sectors: Sectors, closed: bool, density: np.ndarray | None, me
     coordinates, order, elasticity = sectors
     c = coefficient_matrices(coordinates, order, closed, elasticity, density=density)
     factor, motions = cholesky(c.e0, _E0), rigid_motions(coordinates)
-    stiffness, asymmetry = static_stiffness(c, factor, motions[:, :2], method)
+    stiffness, asymmetry = static_stiffness(c, method)
     cholesky(_shifted(stiffness), "stiffness")
     residual = (stiffness - c.e1) @ cholesky_solve(factor, stiffness - c.e1.T) - c.e2
     riccati = largest(residual) / max(largest(c.e2), largest(stiffness))

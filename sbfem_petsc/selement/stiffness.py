@@ -19,17 +19,9 @@ from __future__ import annotations
 import numpy as np
 
 from .coefficients import Coefficients, SElementError
-from .dense import (
-    ADVICE,
-    cholesky_solve,
-    growing_subspace,
-    largest,
-    orthogonal_complement,
-    solve,
-    symmetric,
-    turned,
-)
+from .dense import ADVICE, growing_subspace, largest, solve, symmetric, turned
 from .polynomial_modes import PolynomialModes
+from .rigid_motions import translations
 
 # Doubling converges quadratically: an increment below this is followed by one below round-off. From 1 to 400
 # unknowns it takes 4 to 14 steps; its residual is 1e-15 to 1e-13, and beyond ACCEPTED the Schur form is
@@ -37,18 +29,13 @@ from .polynomial_modes import PolynomialModes
 _INCREMENT, _STEPS, ACCEPTED = 1e-9, 30, 1e-12
 
 
-def static_stiffness(
-    coefficients: Coefficients, factor: np.ndarray, translations: np.ndarray, method: str | None = None
-) -> tuple[np.ndarray, float]:
+def static_stiffness(coefficients: Coefficients, method: str | None = None) -> tuple[np.ndarray, float]:
     """K, and its relative asymmetry before the symmetrisation.
 
     Parameters
     ----------
     coefficients : Coefficients
-    factor : (n, n) array
-        Lower Cholesky factor of E0.
-    translations : (n, 2) array
-        The two translations, or their parts in an invariant subspace.
+        With E0 that is definite.
     method : {"doubling", "schur"}, optional
         Default: doubling, and the Schur form where the residual of doubling is not at round-off.
 
@@ -57,12 +44,8 @@ def static_stiffness(
     SElementError
         If the radial modes cannot be separated.
     """
-    complement = orthogonal_complement(translations)
-    inverse = cholesky_solve(factor, complement)  # F P
-    inverse_e1 = cholesky_solve(factor, coefficients.e1.T @ complement)  # F E1' P
-    a = complement.T @ inverse_e1
-    g = complement.T @ inverse
-    q = complement.T @ (coefficients.e2 @ complement - coefficients.e1 @ inverse_e1)
+    _, complement = translations(len(coefficients.e0))
+    a, g, q = _equation(coefficients, complement, -(coefficients.e1.T @ complement))
     found = None if method == "schur" else _doubling(a[None], symmetric(g)[None], symmetric(q)[None])
     if found is not None and found[1].all():
         reduced = found[0][0]
@@ -79,24 +62,30 @@ def stiffness_beyond(
     """K (b, n, n) of many S-elements, its relative asymmetries (b,), and whether round-off was reached (b,),
     from what it does to the polynomial modes and by doubling on the rest; None where a matrix is singular.
     """
-    e1, e2, basis, rest, forces = coefficients.e1, coefficients.e2, known.basis, known.rest, known.forces
-    count = rest.shape[2]
+    basis, rest, forces = known.basis, known.rest, known.forces
     mixed = turned(forces) @ rest  # V^T K W
-    right = basis @ mixed - turned(e1) @ rest  # (K0 - E1^T) W
     try:
-        solved = np.linalg.solve(coefficients.e0, np.concatenate([rest, right], axis=2))
+        a, g, q = _equation(coefficients, rest, basis @ mixed - turned(coefficients.e1) @ rest)
     except np.linalg.LinAlgError:
         return None
-    inverse, inverse_right = solved[:, :, :count], solved[:, :, count:]
-    q = turned(rest) @ (e2 @ rest) - turned(right) @ inverse_right
-    a, g = -(turned(rest) @ inverse_right), turned(rest) @ inverse
-    found = _doubling(a, symmetric(g), symmetric(q), True) if count else (q, np.ones(len(q), dtype=bool))
+    done = (q, np.ones(len(q), dtype=bool))
+    found = _doubling(a, symmetric(g), symmetric(q), True) if rest.size else done
     if found is None:
         return None
     half = turned(basis) @ forces  # V^T K V
     both = forces @ turned(basis)
     both += (basis @ mixed + rest @ found[0]) @ turned(rest)
     return symmetric(both), largest_of_each(half - turned(half)) / largest_of_each(half), found[1]
+
+
+def _equation(
+    c: Coefficients, rest: np.ndarray, right: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """a, g and q of the equation on a complement W (n, m), or on many, from (K0 - E1^T) W."""
+    solved = np.linalg.solve(c.e0, np.concatenate([rest, right], axis=-1))
+    inverse, inverse_right = np.split(solved, 2, axis=-1)
+    q = turned(rest) @ (c.e2 @ rest) - turned(right) @ inverse_right
+    return -(turned(rest) @ inverse_right), turned(rest) @ inverse, q
 
 
 def _doubling(

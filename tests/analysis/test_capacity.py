@@ -11,14 +11,16 @@ import shutil
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from meshing import Beam, VNotch
+from meshing import Beam, Plate, VNotch
 from sbfem_petsc.continuation import harmonic_errors
-from sbfem_petsc.petsc import MPI
+from sbfem_petsc.petsc import MPI, PETSc
 from sbfem_petsc.ranks import capacity
 from sbfem_petsc.study.sweep import sweep
+from sbfem_petsc.system.solve.demand import factor_memory, matrix_entries
 from tests.parallel import ROOT
 from tests.study.small_case import CASE, SWEEP, sbfem, written
 from tests.systems import two_masses
@@ -143,6 +145,23 @@ def test_structures(case, monkeypatch):
     monkeypatch.setattr(capacity, "available_memory", lambda: 5000)
     with pytest.raises(ValueError, match=TOLD.format(owner=case.split()[0])):
         STRUCTURES[case](model)
+
+
+def test_a_factor_and_what_it_is_made_of():
+    """A matrix is a value and the number of a column an entry; MUMPS is given a value and two numbers of each
+    entry of one half. What is left goes with N log2 N. PETSc's own matrix has no more entries than are told.
+    """
+    value, number = (np.dtype(kind).itemsize for kind in (PETSc.ScalarType, PETSc.IntType))
+    given = (value + number) + 0.5 * (value + 2 * number)
+    factors = []
+    for size in (0.5, 0.2):
+        plate = Plate([(0, 0), (1, 0), (1, 1), (0, 1)]).mesh(order=2, size=size)
+        model = sb.Model(plate, sb.Material(70e9, 0.33, 2700), clamped="edge1")
+        entries, unknowns = matrix_entries(model.cells), model.boundary_unknowns
+        used = model.stiffness.getInfo()["nz_used"]
+        assert used <= entries < 2 * used
+        factors.append((factor_memory(model.cells) - given * entries) / (unknowns * np.log2(unknowns + 1)))
+    assert factors[0] == pytest.approx(factors[1], rel=1e-12) and factors[0] > value
 
 
 @pytest.mark.parametrize("kind", ["run", "sweep"])

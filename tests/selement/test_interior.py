@@ -13,12 +13,12 @@ from sbfem_petsc.selement.coefficients import edge_nodes
 from sbfem_petsc.selement.congruence import placements
 from sbfem_petsc.selement.interior import (
     Located,
-    _translations,
     fields_at,
     in_own_frames,
     radial_displacement,
     static_fields,
 )
+from sbfem_petsc.selement.rigid_motions import translations
 from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.solution import solve_selement
 
@@ -229,7 +229,7 @@ def test_levels_out_of_range_and_stress_at_the_centre():
 def test_semigroup_without_a_basis_of_eigenvectors():
     """xi^A applied in one step and in many agree, and a Jordan block is handled."""
     block = np.array([[1.0, 1.0, 0.0, 0.0], [0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]])
-    _, rest = _translations(6)
+    _, rest = translations(6)
     radial = rest @ block @ rest.T
     boundary = rest @ np.array([[0.0], [0.0], [0.0], [1.0]])
     level = 0.2

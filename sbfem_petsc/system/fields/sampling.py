@@ -236,17 +236,10 @@ def normal_stress_row(material: AnyMaterial) -> np.ndarray:
     """(3,): sigma_zz as a linear form of (xx, yy, xy); zero in plane stress. (edges, 1, 3) of sectors."""
     if isinstance(material, SectorMaterials):
         return np.stack([normal_stress_row(part)[None] for part in material.parts])
-    if material.plane == "stress":
-        return np.zeros(3)
     if isinstance(material, Material):
-        return np.array([material.poisson, material.poisson, 0.0])
-    young_3 = material.young_2 if material.young_3 is None else material.young_3
-    nu_13 = material.poisson_12 if material.poisson_13 is None else material.poisson_13
-    nu_23 = material.poisson_12 if material.poisson_23 is None else material.poisson_23
-    first, second = (
-        young_3 * nu_13 / material.young_1,
-        young_3 * nu_23 / material.young_2,
-    )  # of sigma_11, sigma_22
+        return (material.plane == "strain") * np.array([material.poisson, material.poisson, 0.0])
+    compliance = material.compliance()
+    first, second = -compliance[2, :2] / compliance[2, 2]  # of sigma_11, sigma_22
     c, s = np.cos(np.radians(material.angle)), np.sin(np.radians(material.angle))
     return np.array(
         [first * c * c + second * s * s, first * s * s + second * c * c, 2.0 * c * s * (first - second)]
