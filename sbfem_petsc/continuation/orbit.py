@@ -378,7 +378,7 @@ def modal_motion(driven: DrivenPeriod, motion: PeriodMotion) -> tuple[np.ndarray
     v = p.over_time(driven.speeds * driven.amplitudes) + motion.velocities
     if p.excitation.jumps is not None or p.excitation.further is not None:
         # at jumps, where they add up, lines that hardly move the modes are 1e-2 of the velocities
-        impulses = p.excitation.scaled(driven.factor).impulses(p.steps)
+        impulses = driven.excitation.impulses(p.steps)
         v += driven.duration * impulses @ p.reduced.load_modes.T
     return q, v
 

@@ -116,7 +116,7 @@ class Period:
         self._prepared: dict[tuple[float, float], DrivenPeriod] = {}
         self._scaled: dict[tuple[float, float], Period] = {}
         self._rest: np.ndarray | None = None
-        self._loaded: dict[float, tuple[np.ndarray, np.ndarray]] = {}
+        self._loaded: dict[float, tuple[Excitation, np.ndarray, np.ndarray]] = {}
 
     def over_time(self, amplitudes: np.ndarray) -> np.ndarray:
         """(n + 1, ...) real values of complex amplitudes (k, ...)."""
@@ -124,15 +124,15 @@ class Period:
             return self.excitation.over_time(amplitudes, self.steps)
         return self._waves @ np.concatenate([amplitudes.real, amplitudes.imag])
 
-    def loaded(self, factor: float) -> tuple[np.ndarray, np.ndarray]:
-        """Load amplitudes over time, with a factor on those that oscillate, and the gaps under them of which
-        the modes know nothing.
+    def loaded(self, factor: float) -> tuple[Excitation, np.ndarray, np.ndarray]:
+        """Loads with a factor on those that oscillate, their amplitudes over time, and the gaps under them of
+        which the modes know nothing.
         """
 
-        def made() -> tuple[np.ndarray, np.ndarray]:
+        def made() -> tuple[Excitation, np.ndarray, np.ndarray]:
             r, scaled = self._acting, self.excitation.scaled(factor)
             loads = self.over_time(scaled.smooth) + scaled.further_values(self.steps)
-            return loads, loads @ r.gap.loads.T + r.initial_gap
+            return scaled, loads, loads @ r.gap.loads.T + r.initial_gap
 
         return _recent(self._loaded, factor, made)
 
@@ -220,9 +220,9 @@ class DrivenPeriod:
         self.step = self.duration / p.steps
         length = p.length(self.step)
         self.length, self.coefficients, self.constants = length, length.coefficients, length.constants
-        self.amplitudes, self._slopes = p.excitation.scaled(factor).response(r, frequency)
+        self.excitation, self.loads, static = p.loaded(factor)
+        self.amplitudes, self._slopes = self.excitation.response(r, frequency)
         self.speeds = 2j * np.pi * p.excitation.orders[:, None] / self.duration
-        self.loads, static = p.loaded(factor)
         self.free_gap = p.over_time((self.amplitudes @ p.right) @ p.left.T) + static
         self._kept: tuple | None = None
         # faces that rub are as at rest

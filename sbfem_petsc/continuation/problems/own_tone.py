@@ -163,7 +163,7 @@ class Curves(InvariantCurves):
     def linear_response(self, value: float) -> Sequence[tuple[Excitation, np.ndarray]]:
         """See `InvariantCurves`: of one tone."""
         driven = self.tone.driven(value)
-        return ((self.period.excitation.scaled(driven.factor), driven.amplitudes),)
+        return ((driven.excitation, driven.amplitudes),)
 
     def off_phase(self, u: np.ndarray) -> float:
         """See `InvariantCurves`."""
