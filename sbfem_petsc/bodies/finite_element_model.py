@@ -234,20 +234,16 @@ class FiniteElementModel:
         normal = normal_of(x, y) if normal is None else _vector("contact", "normal", normal)
         self._require_outward(one, normal)
         slip = self._slip_direction(law, np.append(one, other), normal) if law.rubs else np.zeros(3)
-        weights = share = sparse.identity(len(one), format="csr")
-        if matching and right is not None:
+        weights, share = sparse.identity(len(one), format="csr"), sparse.csr_matrix((len(one), len(other)))
+        if right is None:
+            gap = 0.0 if gap is None else gap
+        elif matching:
             share = partners(self.labels[one], x, y, normal)
-        elif right is not None:
+        else:
             own, faces = self._along(normal, weights, one), (self._faces(one), self._faces(other))
-            nodes = self.labels[one], x, y
-            weights, share = between(
-                nodes, normal, faces, lambda alone: moved(self._along(normal, alone, other) - own)
-            )
-        moves = right is not None  # which a wall does not
-        rows, slips = (
-            self._along(moves * vector, share, other) - self._along(vector, weights, one)
-            for vector in (normal, slip)
-        )
+            at = self.labels[one], x, y
+            weights, share = between(at, normal, faces, lambda s: moved(self._along(normal, s, other) - own))
+        rows, slips = (self._along(v, share, other) - self._along(v, weights, one) for v in (normal, slip))
         if gap is None:
             distance = share @ (y @ normal) - weights @ (x @ normal) - weights @ np.full(len(x), offset)
             distance[np.abs(distance) < TOGETHER * self._sides.max()] = 0.0
