@@ -1,4 +1,4 @@
-"""Loads in the plane, per unit thickness of 1 m. Each says where it acts and assembles itself."""
+"""Loads in the plane. Each says where it acts and assembles itself."""
 
 from __future__ import annotations
 

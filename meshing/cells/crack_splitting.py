@@ -18,6 +18,7 @@ from meshing.cells.splitting import split
 from meshing.cells.vertex_rings import Rings
 from meshing.input_checks import flag, integer, length, number
 from meshing.vectors import line_length, turn, unit
+from meshing.warnings import warn
 
 _DEFAULT_TIP = 0.02  # of a crack's length
 _DEFAULT_IN_STAR = 0.03  # of the cells around the tip
@@ -106,6 +107,7 @@ def add_cracks(cells: CellComplex, meshing: CrackMeshing, origin: str) -> None:
     cracks, outline = crack_lines(cells, origin)
     _refine(cells, cracks, outline, meshing)
     _divide(cells, cracks, meshing)
+    _warn_of_lost_edges(cells, origin)
     sides = split(cells, [edge for path in _paths(cracks) if path.embedded for edge in path.right])
     for crack in cracks:
         _record(cells, crack, sides)
@@ -252,6 +254,19 @@ def _divide(cells: CellComplex, cracks: list[CrackFaces], meshing: CrackMeshing)
     inserted = cells.divide(wanted)
     for path in _paths(cracks):
         path.divide(inserted)
+
+
+def _warn_of_lost_edges(cells: CellComplex, origin: str) -> None:
+    """Warn of edges of sets between cells that have been merged around tips."""
+    uses = cells.edge_uses()
+    for name, edges in cells.edge_sets.items():
+        lost = sum(cells.edge_length(*edge) for edge in edges if edge_key(edge) not in uses)
+        if lost:
+            warn(
+                origin,
+                f"{lost:.3g} m of {name!r} lie inside the elements around crack tips, which have no edges "
+                "there: what acts on it lacks them; pass a smaller tip_size, or tip_element=False.",
+            )
 
 
 def _record(cells: CellComplex, crack: CrackFaces, sides: dict[Edge, tuple[Edge, Edge]]) -> None:

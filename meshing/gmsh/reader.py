@@ -123,7 +123,8 @@ def read_gmsh(
         A model that seems to be drawn in another unit.
     GmshWarning
         What gmsh warns of; a curve inside a material that is no crack; a point on a crack, which is one of
-        its left face; outlines that lie on one another and are not joined.
+        its left face; a curve inside the element around a crack tip; outlines that lie on one another and
+        are not joined.
 
     Raises
     ------
