@@ -236,7 +236,7 @@ WRONG = [
         'kind = "static"\nload = "push"',
         'kind = "static"\nload = "push"\nstress_at = { "." = "A" }' + NEW,
         "analyses.push.stress_at",
-        "cannot be a name of a place",
+        "cannot be a name here; use letters",
     ),
     (
         'kind = "static"\nload = "push"',
@@ -494,7 +494,7 @@ count = 3
 """
     sentences = refused(text).splitlines()
     for line, item, remedy in (
-        (3, "geometry.file = 'nowhere.msh'", "name a gmsh model relative to the case file"),
+        (3, "geometry.file = 'nowhere.msh'", "name a file relative to the case file"),
         (5, "mesh.layout", "is not for geometry.kind = 'gmsh'"),
         (6, "points", "add them there"),
     ):

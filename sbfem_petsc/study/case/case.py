@@ -20,13 +20,13 @@ from .given import Given, Tables
 from .locations import parse, read_text
 from .parameters import STRUCTURE, parameter_problems, replaced_in
 from .problems import CaseError, from_validation
-from .tables import Name, Path, Problem
+from .tables import FileName, Path, Problem
 
 
 class CaseTables(Tables):
     """The tables of a case file."""
 
-    analyses: Annotated[dict[Name, Analysis], Field(min_length=1)] = item(
+    analyses: Annotated[dict[FileName, Analysis], Field(min_length=1)] = item(
         text="analyses by name, [analyses.NAME], run in this order"
     )
 
@@ -204,7 +204,12 @@ def _checked(data: dict[str, Any], file: str, folder: str, lines: Mapping[Path, 
         tables = CaseTables.model_validate(data)
     except ValidationError as error:
         raise CaseError(file, from_validation(error, data, CaseTables), lines) from None
-    problems = contradictions(tables, folder)
+    problems = contradictions(tables)
+    problems += (
+        Problem(path, f"= {name!r} does not exist in {folder!r}; name a file relative to the case file")
+        for path, name in _files(data).items()
+        if not os.path.isfile(os.path.join(folder, name))
+    )
     if tables.sweep is not None and not problems:
         problems = list(parameter_problems(data, tables.sweep, CaseTables))
     if problems:

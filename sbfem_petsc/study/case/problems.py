@@ -12,9 +12,6 @@ from ...checks import shown
 from ...options import TYPES, one_of, unit_of, wrong
 from .tables import Path, Problem, kind_names, members
 
-# Names of files, and of groups in them, and bytes of a name that leave room for endings.
-_FILED, _LONGEST = re.compile(r"[^/\\.\s][^/\\]*"), 120
-
 
 class CaseError(ValueError):
     """A case that makes no sense; its text has one line a problem.
@@ -58,11 +55,6 @@ def written(path: Path) -> str:
         key = part if re.fullmatch(r"[\w-]{1,80}", part) else f'"{shown(part)[1:-1]}"'
         text += f".{key}" if text else key
     return text
-
-
-def filed(name: str) -> bool:
-    """Whether files can bear a name."""
-    return bool(_FILED.fullmatch(name)) and name.isprintable() and len(name.encode()) <= _LONGEST
 
 
 def from_validation(error: ValidationError, data: Any, root: type[BaseModel]) -> list[Problem]:

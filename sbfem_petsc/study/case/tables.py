@@ -83,6 +83,17 @@ def _printable(name: str) -> str:
 
 
 Name = Annotated[str, Field(min_length=1), AfterValidator(_printable)]
+# Names of files, and of groups in them, and bytes of a name that leave room for endings.
+_FILED, _LONGEST = re.compile(r"[^/\\.\s][^/\\]*"), 120
+
+
+def _filed(name: str) -> str:
+    if not _FILED.fullmatch(name) or len(name.encode()) > _LONGEST:
+        raise ValueError("cannot be a name here; use letters, digits, '-' and '_', at most 100 of them")
+    return name
+
+
+FileName = Annotated[Name, AfterValidator(_filed)]
 
 
 def _listed(value: Any) -> Any:

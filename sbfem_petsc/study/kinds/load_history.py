@@ -37,10 +37,12 @@ class LoadHistory(LoadHistoryOptions, Loaded):
         }
         for point in wanted.points:
             values[f"peak/{point}"] = (float(np.abs(along(result.displacement(point))).max()), "m")
-        for name, factors, unit in _intensities(result):
-            values[f"peak_stress_intensity/{name}"] = (np.abs(factors).max(axis=0), unit)
-            if wanted.histories:
-                values[f"stress_intensity/{name}"] = (factors, unit)
+        for q in result.quantities(lambda about: about.called == "stress_intensity"):
+            for name, factors in q.by_name():
+                unit = q.units.get(name, q.unit)
+                values[f"peak_stress_intensity/{name}"] = (np.abs(factors).max(axis=0), unit)
+                if wanted.histories:
+                    values[f"stress_intensity/{name}"] = (factors, unit)
         return recorded(values, result, wanted.points) if wanted.histories else values
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
@@ -53,14 +55,3 @@ class LoadHistory(LoadHistoryOptions, Loaded):
         count = len(grid(self.times))
         disk = 8.0 * count * (2 * size.pairs + 4 * size.points)
         return Cost(0.0, count * (0.01 + 1e-5 * size.unknowns), 24.0 * size.unknowns * count, disk)
-
-
-def _intensities(result: Any) -> Iterator[tuple[str, np.ndarray, str]]:
-    """Name, factors over time and unit of each tip."""
-    if isinstance(result, sb.ReducedLoadHistory):
-        return iter(())
-    first = result.states[0]
-    return (
-        (name, result.stress_intensity(name), first.model.tips.intensities.unit(name))
-        for name in first.stress_intensity
-    )

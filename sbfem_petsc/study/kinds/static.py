@@ -13,8 +13,7 @@ from ...analysis.options import StaticOptions
 from ...options import Pair, item
 from ...record.about import Quantity
 from ...record.found import column, labelled
-from ..case.problems import filed
-from ..case.tables import Name, Path, Problem
+from ..case.tables import FileName, Name, Path, Problem
 from ..costs import Cost, Size
 from .kind import Drawn, Loaded, Run
 from .modal import estimated_error
@@ -27,7 +26,7 @@ class Static(StaticOptions, Loaded):
     """Displacement, contact forces and stress intensity under constant loads."""
 
     kind: Literal["static"] = item(text="equilibrium with contact")
-    stress_at: dict[Name, Pair | Name] = item(
+    stress_at: dict[FileName, Pair | Name] = item(
         {},
         text="places whose stress is wanted by names of your choice, name = [x, y] or the name of a point",
         unit="m",
@@ -39,13 +38,6 @@ class Static(StaticOptions, Loaded):
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Static:
         return sb.static(model, self.acting(case), **self.of(StaticOptions))
-
-    def against(self, case: Any) -> Iterator[Problem]:
-        yield from super().against(case)
-        for place in self.stress_at:
-            if not filed(place):
-                text = "cannot be a name of a place; use letters, digits, '-' and '_', at most 100 of them"
-                yield Problem(("stress_at", place), text)
 
     def places(self) -> Iterator[tuple[Path, str]]:
         return ((("stress_at", name), at) for name, at in self.stress_at.items() if isinstance(at, str))
