@@ -132,9 +132,7 @@ def plot_history(
     -------
     Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
     """
-    panels = [_displacement(motion, point, direction, window)]
-    if motion.states.contact.shape[1]:
-        panels.append(_resultant(motion, window))
+    panels = _moved(motion, point, direction, window)
     return _draw(Sheet.of(look["ax"]), panels)
 
 
@@ -166,9 +164,7 @@ def plot_load_history(
     -------
     Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
     """
-    panels = [_displacement(history, point, direction)]
-    if history.contact_force.shape[1]:
-        panels.append(_resultant(history))
+    panels = _moved(history, point, direction)
     tips = list(history.states[0].stress_intensity)
     if tips:
         factors = history.stress_intensity(crack or tips[0])
@@ -178,13 +174,13 @@ def plot_load_history(
     return _draw(Sheet.of(look["ax"]), panels)
 
 
-def _displacement(
+def _moved(
     motion: Motion | LoadHistory,
     point: Point,
     direction: str | None,
     window: tuple[float, float] | None = None,
-) -> Panel:
-    """One displacement of a point over time, or both."""
+) -> list[Panel]:
+    """One displacement of a point over time, or both, and the contact resultant where there is contact."""
     states = motion.states if isinstance(motion, Motion) else motion
     u = states.displacement(point)
     axes = direction or ("y" if motion.of_rows else "yx")
@@ -192,14 +188,12 @@ def _displacement(
     scale, unit = length_unit(max(float(np.abs(values).max()) for values in shown.values()))
     curves = {f"${symbol(motion, axis, point)}$": (motion.time, values) for axis, values in shown.items()}
     name = "displacement" if direction is None else f"${symbol(motion, direction, point)}$"
-    return Panel(f"{name} of {place_name(point)} ({unit})", curves, scale, window)
-
-
-def _resultant(motion: Motion | LoadHistory, window: tuple[float, float] | None = None) -> Panel:
-    """The contact resultant over time."""
-    scale, unit = force_unit(float(motion.contact_resultant.max(initial=0.0)))
-    curves = {"": (motion.time, motion.contact_resultant)}
-    return Panel(f"contact resultant ({unit})", curves, scale, window)
+    panels = [Panel(f"{name} of {place_name(point)} ({unit})", curves, scale, window)]
+    if (motion.states.contact if isinstance(motion, Motion) else motion.contact_force).shape[1]:
+        scale, unit = force_unit(float(motion.contact_resultant.max(initial=0.0)))
+        curves = {"": (motion.time, motion.contact_resultant)}
+        panels.append(Panel(f"contact resultant ({unit})", curves, scale, window))
+    return panels
 
 
 def _draw(sheet: Sheet, panels: Sequence[Panel]) -> list[Axes]:

@@ -128,15 +128,10 @@ def as_text(case: Case, facts: dict[str, Any]) -> str:
         *(f"  {what:14s} {words}" for what, words in listed),
         "  expected (estimates, one core):",
     ]
-    for name, entry in facts["analyses"].items():
-        lines.append(
-            f"    {name:18s} {entry['kind']:18s} {duration(entry['seconds']):>9s}   memory "
-            f"{size(entry['memory'])}, disk {size(entry['disk'])}{_taken(entry)}"
-        )
-    lines.append(
-        f"    {'all':18s} {'':18s} {duration(facts['seconds']):>9s}   memory {size(facts['memory'])}, disk "
-        f"{size(facts['disk'])}; the first run compiles for some 20 s more"
-    )
+    for name, entry in {**facts["analyses"], "all": facts}.items():
+        told = f"memory {size(entry['memory'])}, disk {size(entry['disk'])}{_taken(entry)}"
+        lines.append(f"    {name:18s} {entry.get('kind', ''):18s} {duration(entry['seconds']):>9s}   {told}")
+    lines[-1] += "; the first run compiles for some 20 s more"
     if "sweep" in facts:
         found = facts["sweep"]
         lines.append(

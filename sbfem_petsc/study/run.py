@@ -142,7 +142,8 @@ class _Run(contextlib.ExitStack):
             if self.structure is None:
                 self.watch.stage("mesh and model")
                 self.structure = self.enter_context(contextlib.closing(Structure(case, self.comm)))
-                self._write_model()
+                if self.folder is not None:  # for the results of this run and of one that is resumed
+                    self.folder.state["model"] = self.structure.facts()
             self.watch.stage(f"{title} ({kind.kind})")
             with located(case, "analyses", name):
                 self._require_disk(name)
@@ -197,12 +198,6 @@ class _Run(contextlib.ExitStack):
         place = self.comm.bcast(None if self.folder is None else self.folder.part(name, RESULT))
         if place is not None and (self.comm.rank == 0 or ranks_of(result) is not None):
             kind.save(result, place)
-
-    def _write_model(self) -> None:
-        """Facts of the model, for the results of this run and of one that is resumed."""
-        assert self.structure is not None
-        if self.folder is not None:
-            self.folder.state["model"] = self.structure.facts()
 
     def _write(self) -> dict[str, Any] | None:
         """results.h5 and summary.json of all finished analyses, each replaced as a whole."""

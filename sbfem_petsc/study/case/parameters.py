@@ -67,12 +67,10 @@ def replaced_in(data: dict[str, Any], values: Mapping[str, Any]) -> dict[str, An
     for name, value in values.items():
         path = parsed(name)
         here: Any = result
+        if path[1:]:  # tables that are left out have defaults
+            result.setdefault(str(path[0]), {})
         for k, part in enumerate(path[:-1]):
-            if isinstance(part, str) and isinstance(here, dict):
-                # tables that are left out have defaults
-                here = here.setdefault(part, {}) if k == 0 else _entry(here, part, path[: k + 1])
-            else:
-                here = _entry(here, part, path[: k + 1])
+            here = _entry(here, part, path[: k + 1])
         last = path[-1]
         if isinstance(last, int) or not isinstance(here, dict):
             _entry(here, last, path)
