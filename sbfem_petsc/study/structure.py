@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from typing import Any
 
+from ..errors import on_all_ranks
 from ..motion.preparation import expected
 from ..record.found import Found
 from .case import objects
@@ -82,7 +83,7 @@ class Structure:
             found = None, table.modes or max(min(FEWEST_MODES, len(self.body.model.unknowns) // 2), 1)
             words = "those of the reduced body; give fewer, or more as body.modes"
         for problem in case.tables.analyses[name].lacking(*found, words):
-            raise case.problem(("analyses", name, *problem.path), problem.text)
+            raise on_all_ranks(case.problem(("analyses", name, *problem.path), problem.text))
 
     def solve(self, case: Case, name: str, **run: Any) -> Any:
         """Result of an analysis of a case of this structure, with the file and progress of a `Run`.

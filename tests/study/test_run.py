@@ -304,13 +304,20 @@ def test_two_ranks(summary, tmp_path):
 
 
 @pytest.mark.long
-def test_wrong_case_on_two_ranks(tmp_path):
-    """One sentence, exit code 2."""
-    path = written(tmp_path, CASE.replace("order = 3", "ordre = 3"))
-    script = f"from sbfem_petsc.cli import main; main(['run', {str(path)!r}])"
+@pytest.mark.parametrize(
+    "command, old, new, words",
+    [
+        ("run", "order = 3", "ordre = 3", "did you mean 'order'?"),
+        ("check", "count = 5", "count = 5000", "count = 5000 asks for 5,000 modes, and there are"),
+    ],
+)
+def test_wrong_case_on_two_ranks(command, old, new, words, tmp_path):
+    """One sentence, exit code 2; also of what its model alone tells."""
+    path = written(tmp_path, CASE.replace(old, new))
+    script = f"from sbfem_petsc.cli import main; main([{command!r}, {str(path)!r}])"
     done = on_ranks(2, script, check=False)
     assert done.returncode == 2
-    assert done.stderr.count("did you mean 'order'?") == 1
+    assert done.stderr.count(words) == 1
 
 
 def test_from_python(folder):
