@@ -190,21 +190,11 @@ class Quantity:
 
     def columns(self) -> Iterator[tuple[str, Any]]:
         """Real columns over the first axis, by the entries of the others."""
-        if not self.dims:
-            parts = [(self.name, self.value)]
-        else:
-            further = [
-                self.names.get(dim) or AXES.get(dim) or range(n)
-                for dim, n in zip(self.dims[1:], self.value.shape[1:])
-            ]
-            parts = [
-                (
-                    "_".join([self.name, *(str(names[k]) for names, k in zip(further, index))]),
-                    self.value[(slice(None), *index)],
-                )
-                for index in np.ndindex(self.value.shape[1:])
-            ]
-        for name, part in parts:
+        shape = self.value.shape[1:] if self.dims else ()
+        further = [self.names.get(dim) or AXES.get(dim) or range(n) for dim, n in zip(self.dims[1:], shape)]
+        for index in np.ndindex(shape):
+            name = "_".join([self.name, *(str(names[k]) for names, k in zip(further, index))])
+            part = self.value[(slice(None), *index)] if self.dims else self.value
             if np.iscomplexobj(part):
                 yield from ((f"re_{name}", part.real), (f"im_{name}", part.imag))
             else:

@@ -143,16 +143,14 @@ class Record(Views):
             if about.part or not wanted(about):
                 continue
             value = whole.get(name) if about.distributed else getattr(self, name)
-            if value is None:
+            if value is None or (isinstance(value, Mapping) and not value):
                 continue
             dims = expanded(about.dims, given)
             names = self._names_along(dims, given)
             if isinstance(value, Mapping):
                 axis = dims.index(about.by) if about.by else 0
                 names[dims[axis]] = tuple(value)
-                value = np.stack([np.asarray(v) for v in value.values()], axis) if value else None
-                if value is None:
-                    continue
+                value = np.stack([np.asarray(v) for v in value.values()], axis)
             if isinstance(value, tuple) and not value and len(dims) > 1:
                 value = np.zeros((0,) * len(dims))
             units = about.units(self)

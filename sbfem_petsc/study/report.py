@@ -249,17 +249,13 @@ def _suited(unit: str, values: Any) -> tuple[float, str]:
 def _table(body: xml.Element, rows: Sequence[tuple[str, ...]], heading: tuple[str, ...] = ()) -> None:
     if not rows:
         return
-    if heading:
-        table = _add(_add(body, "div", class_="wide"), "table")
-        first = _add(table, "tr")
-        for cell in heading:
-            _add(first, "th", cell)
-    else:  # names and values, which may take several lines on a narrow screen
-        table = _add(_add(body, "div", class_="wide"), "table", class_="values")
-    for row in rows:
+    # names and values may take several lines on a narrow screen
+    look = {} if heading else {"class_": "values"}
+    table = _add(_add(body, "div", class_="wide"), "table", **look)
+    for tag, row in [("th", heading)] * bool(heading) + [("td", row) for row in rows]:
         line = _add(table, "tr")
         for cell in row:
-            _add(line, "td", cell)
+            _add(line, tag, cell)
 
 
 def _pictures(

@@ -91,12 +91,11 @@ def mesh(case: Given) -> BoundaryMesh:
     else:
         body = made(case, geometry, "geometry")
         points = {name: (x, y) for name, (x, y) in tables.points.items()}
-        place: Path = ("geometry",)
         for name in points:
             with located(case, "points", name):
                 if hasattr(body, "check_point"):
                     body.check_point(name, points[name])
-        with located(case, *place):
+        with located(case, "geometry"):
             found = body.mesh(**options, **({"points": points} if points else {}))
     _check_names(case, found)
     return found
