@@ -17,8 +17,8 @@ APPLIED = np.array([2e6, -5e6]) * 0.4  # N
 PROGRAM = """
 import json
 from mpi4py import MPI
-from tests.analysis.test_reactions import held_faces, moved, shared
-found = held_faces() | moved() | shared()
+from tests.analysis.test_reactions import held_faces, moved, shared, sprung
+found = held_faces() | moved() | shared() | sprung(0.02)
 if MPI.COMM_WORLD.rank == 0:
     print(json.dumps(found))
 """
@@ -111,9 +111,22 @@ def test_friction_on_a_held_face():
         assert carried == pytest.approx([2000.0, -3000.0], abs=1e-8 * 3000.0)
 
 
+def sprung(thickness):
+    """Of a body on an elastic edge and an elastic point in its middle, where two ranks meet: displacement and
+    reaction of the point, and how many ranks have it.
+    """
+    body = Beam(0.4, 0.1).mesh(order=2, size=0.1, points={"middle": (0.2, 0.0)}, corners=())
+    supports = [sb.Support("left", y=False), sb.Support("bottom", x=False, y=5e11)]
+    supports.append(sb.Support("middle", x=False, y=1e11 * thickness))
+    model = sb.Model(body, STEEL, clamped=None, supports=supports, thickness=thickness)
+    found = sb.static(model, sb.EdgeLoad("top", ty=-5e6))
+    uy, force = found.displacement("middle")[1], found.reactions["middle"][1]
+    return {"sprung": [float(uy), float(force)], "holders": len(model.layout.point_holders["middle"])}
+
+
 @pytest.fixture(scope="module")
 def on_two():
-    """What two ranks find of `held_faces`, `moved` and `shared`."""
+    """What two ranks find of `held_faces`, `moved`, `shared` and `sprung`."""
     return answer(on_ranks(2, PROGRAM))
 
 
@@ -146,3 +159,13 @@ def test_nodes_of_several_supports(on_two):
     assert np.abs(total + APPLIED).max() < 1e-10 * np.abs(APPLIED).max()
     for name, force in one.items():
         assert on_two[name] == pytest.approx(force, abs=1e-9 * np.abs(APPLIED).max())
+
+
+def test_springs_and_thickness(on_two):
+    """Stiffnesses of edges are of a unit of thickness, of a point the whole: with that in proportion to the
+    thickness displacements are the same. The point's spring is one on two ranks that have it.
+    """
+    (thin, force), (thick, _) = sprung(0.02)["sprung"], sprung(1.0)["sprung"]
+    assert thin == pytest.approx(thick, rel=1e-12) and thin < -1e-6
+    assert force == pytest.approx(-1e11 * 0.02 * thin, rel=1e-12)
+    assert on_two["sprung"] == pytest.approx([thin, force], rel=1e-9) and on_two["holders"] == 2
