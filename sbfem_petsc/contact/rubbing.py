@@ -18,11 +18,11 @@ from .pivoting import Factor, add_rows, caught, contact_forces, products
 
 # What may be left of the gaps that are kept, relative to the largest gap without forces or by a row's own
 # force, and how often it is solved for again.
-_LEFT, _REFINED = 1e-13, 2
+_LEFT, _REFINED = 1e-13, 4
 
 
 @inner_loops
-def _solve(
+def _refined(
     flexibility: np.ndarray,
     gap: tuple[np.ndarray, np.ndarray],
     held: tuple[Table, Rubbing, np.ndarray],
@@ -60,6 +60,22 @@ def _solve(
                 force[t] = pull * force[normal]
                 total += 1
         add_rows(flexibility, members, solved, total, (n, n), free)
+    return False
+
+
+@inner_loops
+def _solve(
+    flexibility: np.ndarray,
+    gap: tuple[np.ndarray, np.ndarray],
+    held: tuple[Table, Rubbing, np.ndarray],
+    sets: Sets,
+    force: np.ndarray,
+) -> bool:
+    """Forces and gaps of a set; whether it has any. Where rounding has piled up, all is done anew."""
+    for _ in range(2):
+        if follow(flexibility, held[1], held[2], sets) and _refined(flexibility, gap, held, sets, force):
+            return True
+        sets.members[sets.place.size] = -1
     return False
 
 
@@ -283,20 +299,20 @@ def _tell(
 
 @inner_loops
 def _told(gap: tuple[np.ndarray, np.ndarray], held: tuple[Table, Rubbing, np.ndarray], sets: Sets) -> bool:
-    """Whether it is told where rows land, from the set without them, or none do."""
+    """Whether it is told where each row lands that does, from the set without them, or none do."""
     (_, rubbing, state), count, lands, differ = held, held[1].beside.size, False, False
     for k in range(rubbing.rows.size):
         i, t = rubbing.rows[k], count + k
         if _lands(gap, rubbing, state, k, sets):
             lands = True
-            differ |= sets.told[i] != FREE or sets.told[t] != FREE
+            differ |= sets.told[i] != FREE or sets.told[t] != FREE or not sets.landed[t, 0] > 0.0
         else:
             differ |= sets.told[t] != state[t]
     for i in range(count):
         t = rubbing.beside[i]
         if t < 0 or not _lands(gap, rubbing, state, t - count, sets):
             differ |= sets.told[i] != state[i]
-    return not (lands and differ)
+    return not (lands and (differ or sets.told[state.size] == 0))
 
 
 @inner_loops
@@ -330,14 +346,7 @@ def _settle(
         done = 0
         while done < MAXIMUM and not _repeats(state, sets.seen, done):
             done += 1
-            for _ in range(2):  # where rounding has piled up, all is done anew
-                solved = follow(flexibility, rubbing, state, sets) and _solve(
-                    flexibility, without, held, sets, force
-                )
-                if solved:
-                    break
-                sets.members[n] = -1
-            if not solved:
+            if not _solve(flexibility, without, held, sets, force):
                 break
             if _exchange(flexibility, without, (laws, bounds, state), sets, force) == 0:
                 return exchanges
@@ -363,9 +372,7 @@ def _land(
     for k in range(rubbing.rows.size):
         if _lands(gap, rubbing, sets.following, k, sets):
             state[rubbing.rows[k]], state[count + k] = FREE, FREE
-    found = follow(flexibility, rubbing, state, sets)
-    if found:
-        _solve(flexibility, gap, held, sets, force)
+    found = _solve(flexibility, gap, held, sets, force)
     for i in range(state.size):
         state[i] = sets.following[i]
     if found:
