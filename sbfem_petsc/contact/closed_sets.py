@@ -46,6 +46,13 @@ def thin_factors(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.ascontiguousarray(left[:, :rank] * values[:rank]), np.ascontiguousarray(right[:rank].T)
 
 
+def thin_axes(right: np.ndarray, gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """S and S^-T (r, r) of V^T (r, m): S S^T = V^T diag(gain) V, what thin forces do to the thin position."""
+    values, axes = np.linalg.eigh((right * gain) @ right.T)
+    root = np.sqrt(np.maximum(values, 1e-15 * values[-1:]))
+    return axes * root, axes / root
+
+
 class ClosedSet:
     """Rows that keep their gaps, condensed.
 
@@ -284,16 +291,14 @@ class _Thin:
         *,
         least: float = LEAST,
     ):
-        values, axes = np.linalg.eigh((right.T * gain) @ right)
-        root = np.sqrt(np.maximum(values, 1e-15 * values[-1:]))
-        self.scaled = axes * root  # S
+        self.scaled, unscaled = thin_axes(right.T, gain)  # S
         scaled = _congruent(operators, self.scaled)
         self.columns, self.pivots, self.ranks = pivoted_cholesky(scaled, least)
         rank = self.columns.shape[2]
         transposed = np.swapaxes(self.columns, 1, 2)
         moved = np.where(fixed[:, None, None], 0.0, transposed @ self.columns) + np.eye(rank)
         self.held = np.linalg.cholesky(moved)  # C
-        self.factors = np.linalg.solve(self.held, transposed) @ ((axes / root).T @ right.T)
+        self.factors = np.linalg.solve(self.held, transposed) @ (unscaled.T @ right.T)
 
     def contacts(self, instants: np.ndarray, which: np.ndarray, pressed: np.ndarray) -> Contacts:
         """Of instants with these operators; `pressed` (k, r, e) are U_A^T R_AA^-1 times changes of the

@@ -20,7 +20,7 @@ force of the normal row and on the slip before. Table and `RowLaws` are those of
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -263,16 +263,9 @@ class RowLaws(Record):
     def __len__(self) -> int:
         return self.table.place.shape[1]
 
-    def _of_table(self, chosen: Callable[[np.ndarray], np.ndarray]) -> RowLaws:
-        return RowLaws(Table(*(np.ascontiguousarray(chosen(values)) for values in self.table)))
-
-    def first(self, count: int) -> RowLaws:
-        """Those of the first rows."""
-        return self._of_table(lambda values: values[:, :count])
-
-    def only(self, rows: np.ndarray) -> RowLaws:
+    def only(self, rows: np.ndarray | slice) -> RowLaws:
         """Those of some rows."""
-        return self._of_table(lambda values: values[:, rows])
+        return RowLaws(Table(*(np.ascontiguousarray(values[:, rows]) for values in self.table)))
 
     def same(self, other: RowLaws) -> bool:
         """Whether these are the same laws."""
@@ -303,16 +296,15 @@ class RowLaws(Record):
         overlap: np.ndarray | float = 0.0,
     ) -> np.ndarray:
         """States that rows go on to, whose forces and gaps may miss their bounds by so much rounding."""
-        held, rows = state != FREE, np.arange(len(state))
-        value, rounding = np.where(held, force, gap), np.where(held, pull, overlap)
-        low = value < self.table.least[state, rows] - rounding
-        high = value > self.table.most[state, rows] + rounding
-        caught = np.where(low, PRESSED, np.where(high, PULLED, FREE))
-        return np.where(held, np.where(low | high, FREE, state), caught).astype(np.int8)
+        rows = np.arange(len(state))
+        let = force < self.table.least[state, rows] - pull
+        let |= force > self.table.most[state, rows] + pull
+        following = np.where(let, FREE, state)
+        return np.where(state != FREE, following, self.touched(gap, overlap)).astype(np.int8)
 
-    def touched(self, free_gap: np.ndarray) -> np.ndarray:
+    def touched(self, free_gap: np.ndarray, overlap: np.ndarray | float = 0.0) -> np.ndarray:
         """States of rows without forces; where none is held, no force acts at all."""
-        low, high = free_gap < self.table.least[FREE], free_gap > self.table.most[FREE]
+        low, high = free_gap < self.table.least[FREE] - overlap, free_gap > self.table.most[FREE] + overlap
         return np.where(low, PRESSED, np.where(high, PULLED, FREE)).astype(np.int8)
 
     def placed(self, state: np.ndarray, gap: np.ndarray) -> np.ndarray:

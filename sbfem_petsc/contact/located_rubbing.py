@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg
 
-from .closed_sets import Contacts
+from .closed_sets import Contacts, thin_axes
 from .friction import ALONG, STICKS
 from .held_rows import extent_of
 from .law import FREE
@@ -104,9 +104,8 @@ class _Located:
         (self.states, self.forces, self._landings), self.step, self.units = history, step, units
         self.count, self.steps = step.rubbing.beside.size, len(self.states) - 1
         self._gaps = gaps
-        values, axes = np.linalg.eigh((step.right * step.coefficients[0, 4]) @ step.right.T)
-        root = np.sqrt(np.maximum(values, 1e-15 * values[-1:]))
-        self.scaled, self.thin = (axes * root).T @ step.left, (axes / root).T @ step.right
+        scaled, unscaled = thin_axes(step.right, step.coefficients[0, 4])
+        self.scaled, self.thin = scaled.T @ step.left, unscaled.T @ step.right
         self._known: dict[bytes, _Operators] = {}
 
     def gap(self, n: int, row: int) -> float:

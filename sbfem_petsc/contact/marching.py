@@ -21,7 +21,7 @@ from .friction import STICKS
 from .held_rows import NO_ROOM, NOTHING, Sets, rubbing_room
 from .law import FREE, RowLaws
 from .pivoted_step import pivoted_step
-from .pivoting import Factor, add_rows, empty_factor, products
+from .pivoting import Factor, add_rows, caught, empty_factor, products
 from .rubbing import rubbing_forces, smooth_forces
 from .step_data import NEVER, Halving, Marched, StepConstants, StepHistory, StepLoads, StepState
 from .step_work import End, energy_of_modes, lost_to_friction, work_of_contact
@@ -241,15 +241,11 @@ def _take(
     for i in range(pairs):
         after.gap[i] = (1.0 - end) * free_gap[done, i] + end * free_gap[done + 1, i]
     add_rows(left, every, room.thin, rank, (pairs, pairs), after.gap)
-    laws, pulled = step.laws, False
+    pulled = False
     for i in range(pairs):
         after.rows[i] = before.rows[i]
     for i in range(count):
-        pulled |= (
-            (before.rows[i] != FREE)
-            | (after.gap[i] < laws.least[FREE, i])
-            | (after.gap[i] > laws.most[FREE, i])
-        )
+        pulled |= (before.rows[i] != FREE) | (caught(step.laws, i, after.gap[i]) != FREE)
     for j in range(m):
         pull[j] = 0.0
     if not pulled:

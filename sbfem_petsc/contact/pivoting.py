@@ -212,13 +212,14 @@ def _exchange(
     (laws, state), members, free = held, factor.members, factor.free
     infeasible, last = 0, -1
     for i in range(gap.size):
-        if state[i] != FREE or not (free[i] < laws.least[FREE, i] or free[i] > laws.most[FREE, i]):
+        now = caught(laws, i, free[i])
+        if state[i] != FREE or now == FREE:
             continue
         if single and _by_rounding(flexibility, gap, laws, factor, i):
             continue
         infeasible, last = infeasible + 1, i
         if not single:
-            state[i] = PRESSED if free[i] < laws.least[FREE, i] else PULLED
+            state[i] = now
     for k in range(members[gap.size]):
         row, now = members[k], state[members[k]]
         if force[row] < laws.least[now, row] or force[row] > laws.most[now, row]:
@@ -226,9 +227,7 @@ def _exchange(
             if not single:
                 state[row] = FREE
     if single and last >= 0:
-        state[last] = (
-            FREE if state[last] != FREE else PRESSED if free[last] < laws.least[FREE, last] else PULLED
-        )
+        state[last] = FREE if state[last] != FREE else caught(laws, last, free[last])
     return infeasible
 
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .closed_sets import Contacts
+from .closed_sets import Contacts, thin_axes
 from .compiled import compiled_loops, inner_loops, inner_sums
 from .friction import STICKS
 from .held_rows import Rubbing, Sets, empty_sets, follow, pull_of, pulled
@@ -154,8 +154,7 @@ def _condensed(
     """
     (rank, rows), (states, writes, shares, alone, units) = step.left.shape, sets
     memory = len(units)
-    values, axes = np.linalg.eigh((step.right * step.coefficients[0, 4]) @ step.right.T)
-    root = np.sqrt(np.maximum(values, 1e-15 * values[-1:]))
+    thin, unscaled = thin_axes(step.right, step.coefficients[0, 4])
     most = rank * len(states) + int(writes.sum())
     result = np.zeros((most, rank)), np.zeros((most, rows)), np.zeros((most, memory))
     sizes = np.zeros(len(states), dtype=np.int64)
@@ -163,14 +162,14 @@ def _condensed(
     columns, base = np.empty((rank + memory, rank)), np.empty((rank, rank))
     room = _Room(drawn, forces, gathered, columns, base, np.empty(rows))
     flexibility = step.flexibility[0], step.residual if early else step.flexibility[0]
-    scaled = np.ascontiguousarray((axes * root).T @ step.left)
+    scaled = np.ascontiguousarray(thin.T @ step.left)
     states, writes, shares, alone = map(np.ascontiguousarray, (states, writes, shares, alone))
     held = step.rubbing, states, writes, shares, alone, units, least
     total = _condense(flexibility, scaled, held, empty_sets(rows), room, (*result, sizes))
     if total < 0:
         raise np.linalg.LinAlgError("the flexibility of the rows in contact is singular")
     push, spread, changes = (part[:total] for part in result)
-    return push @ (axes / root).T, spread, changes, sizes
+    return push @ unscaled.T, spread, changes, sizes
 
 
 @inner_loops

@@ -133,7 +133,7 @@ class UnreducedSteps:
         gap = self.model.contact
         count = len(gap) if contact else 0
         self.gap0, self.own_flexibility = gap.initial[:count], gap.flexibility[:count, :count]
-        self.laws = gap.laws.first(count)
+        self.laws = gap.laws.only(np.s_[:count])
         self.pairs, self.loads = count, len(units)
         columns = self.model.load_columns(units)
         ground = self.ground = Ground(self.model, self.pencil, units, columns)
