@@ -5,6 +5,7 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, Hole, VNotch
+from sbfem_petsc.system.model import count_below
 from tests.reference import frequencies, paper_beam
 
 ALUMINIUM = sb.Material(70e9, 0.33, 2700)
@@ -228,6 +229,16 @@ def test_inertia_counts():
     found = sb.modal(model, 12, auxiliary_tolerance=0).frequencies
     middles = 0.5 * (found[1:] + found[:-1])
     assert [pencil.eigenvalues_below((2 * np.pi * f) ** 2) for f in middles] == list(range(1, 12))
+
+
+@pytest.mark.parametrize("clamped, below", [("left", 0), (None, 3)])
+def test_inertia_counts_next_to_no_frequency(clamped, below):
+    """Where S-elements would have no mass but rounding: rigid motions alone are below .1 Hz, of a beam whose
+    modes begin at 400 Hz, and nothing of a clamped one, at whatever frequency.
+    """
+    with sb.Model(Beam(0.1, 0.005).mesh(order=3), ALUMINIUM, clamped=clamped) as model:
+        for frequency in (1e-1, *([1e-4, 1e-7] if clamped else [])):
+            assert count_below(model, frequency) in (below, None)
 
 
 @pytest.mark.parametrize("clamped", ["left", None])

@@ -99,7 +99,9 @@ def lowest_modes(
 def modes_below(stiffness: Stiffness, frequency: float) -> int | None:
     """Number of modes below a frequency, Hz; None where the direct solver does not tell it. Collective."""
     omega = 2.0 * math.pi * frequency
-    with Pencil(stiffness, omega, TOLERANCE) as pencil:
+    # below it S-elements have no mass but rounding
+    highest = max(omega, math.sqrt(lowest_scale(stiffness.elements)))
+    with Pencil(stiffness, highest, TOLERANCE) as pencil:
         return pencil.eigenvalues_below(omega**2)
 
 
