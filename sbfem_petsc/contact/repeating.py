@@ -113,6 +113,8 @@ def settle(
         if outcome > UNSOLVED:
             return outcome, done, repeats
         gap = free_gap[0] + (step.right @ moving.q) @ step.left
+        if outcome == UNSOLVED:  # what kernels have come to in vain is no state before
+            moving.rows[:] = FREE
         touches = slips and (outcome == _STOPPED or pivoted_touch(step, gap, moving))
         if not touches or march(step, loads, moving, room.history, (stepping, forces_of)).steps < steps:
             return UNSOLVED, done, 0
