@@ -18,8 +18,8 @@ from .plausibility import tree_of
 from .rows import Contact
 
 # Distance of partners in spacings of nodes; a row that is none, for a force of any size would press on it;
-# weights that are none.
-APART, ROUNDING, LITTLE = 1e-3, 1e-9, 1e-13
+# weights that are none; what places are told apart by where faces are cut, of the largest coordinate.
+APART, ROUNDING, LITTLE, GRID = 1e-3, 1e-9, 1e-13, 1e-12
 # How far beside a face, in sides of its elements, a node is still before it: straight sides miss .07 of their
 # length of a circle of twelve.
 BESIDE = 0.1
@@ -132,7 +132,8 @@ def _common(x: np.ndarray, own: Faces, other: Faces, tree: Any) -> Iterator[Comm
     hats = [([face[k] for k in hat], face) for face in own for hat in HATS[len(face)]]
     left = np.array([shapely.Polygon(x[nodes]) for nodes, _ in hats], dtype=object)
     one, two = tree.query(left, predicate="intersects")
-    parts = shapely.intersection(left[one], tree.geometries[two])
+    # on a grid, for sides that lie on each other but for rounding give whole faces, or none, without one
+    parts = shapely.intersection(left[one], tree.geometries[two], grid_size=GRID * np.abs(x).max())
     area, whole = shapely.area(parts), shapely.area(left)
     if (np.bincount(one, area, len(left)) > (1.0 + APART) * whole).any():
         raise ValueError("contact: right nodes lie behind each other; give those of one face")
