@@ -11,12 +11,15 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from sbfem_petsc.petsc import MPI
 from sbfem_petsc.study.case import body as tables
 from sbfem_petsc.study.case import objects
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.problems import CaseError
+from sbfem_petsc.study.estimates import estimate
 from sbfem_petsc.study.revive import read_any
 from sbfem_petsc.study.run import run_case
+from sbfem_petsc.study.structure import Structure
 from tests.study.small_case import sbfem
 
 FILES = Path(__file__).parents[1] / "bodies/calculix"
@@ -120,6 +123,25 @@ def test_the_numbers_of_python(file):
     assert (file.parent / "out/pictures/push.vtu").is_file()
     assert sbfem("report", file.parent / "out").code == 0
     assert "|u_z(tip)|" in (file.parent / "out/report.html").read_text()
+
+
+def test_backbones_take_the_modes_that_a_body_has(file):
+    """A model keeps 20 and three for each up to the followed one, and a body what it was reduced to: ten, of
+    which the eleventh is told before anything is solved. Unpressed blocks keep the frequency of their mode.
+    """
+    table = '[analyses.free]\nkind = "backbone"\nmode = 1\nstart = 1e-9\nstop = 2e-9\npoints = 5\n\n[output]'
+    text = CASE[: CASE.index("[analyses.frequencies]")] + table + "\npictures = false\n"
+    file.write_text(text)
+    outcome = run_case(file, file.parent / "out")
+    assert not outcome.failed
+    found = read_any(file.parent / "out")
+    rom = Structure(read_case(file), MPI.COMM_WORLD).model
+    assert found.value("free", "frequency")[0] == pytest.approx(rom.frequencies[0], rel=1e-3)
+    file.write_text(text.replace("mode = 1\n", "mode = 11\n"))
+    with pytest.raises(
+        CaseError, match=r"mode = 11 asks for 11 modes, and there are 10, those of the reduced"
+    ):
+        estimate(read_case(file), MPI.COMM_WORLD)
 
 
 def test_other_commands(file):

@@ -28,10 +28,10 @@ class Backbone(BackboneOptions, Kind):
     def solve(self, case: Any, model: Any, run: Run) -> sb.Backbone:
         return sb.backbone(model, **self.of(BackboneOptions), **run.kept)
 
-    def asked(self) -> Iterator[tuple[str, int]]:
-        yield from super().asked()
+    def asked(self, kept: bool) -> Iterator[tuple[str, int]]:
+        yield from super().asked(kept)
         if self.modes is None:
-            yield "mode", 3 * self.mode + MODES
+            yield "mode", self.mode if kept else 3 * self.mode + MODES
 
     def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
         first, last = map(float, result.frequency[[0, -1]])

@@ -244,8 +244,8 @@ class Kind(Table):
         """Points that must exist, by their paths within the table."""
         return iter(())
 
-    def asked(self) -> Iterator[tuple[str, int]]:
-        """Keys that ask for modes of the structure, and for how many."""
+    def asked(self, kept: bool) -> Iterator[tuple[str, int]]:
+        """Keys that ask for modes of the structure, and for how many; those of a body are kept already."""
         yield "modes", getattr(self, "modes", None) or 0
 
     def lacking(self, model: Any, most: int, words: str) -> Iterator[Problem]:
@@ -260,7 +260,7 @@ class Kind(Table):
         words : str
             What these are, and what to do for more.
         """
-        for key, count in self.asked():
+        for key, count in self.asked(model is None):
             if count > most:
                 text = f"= {getattr(self, key)} asks for {count:,d} modes, and there are {most:,d}, {words}"
                 yield Problem((key,), text)

@@ -32,7 +32,7 @@ class Modal(ModalOptions, Kind):
     def solve(self, case: Any, model: Any, run: Run) -> sb.Modal:
         return sb.modal(model, **self.of(ModalOptions))
 
-    def asked(self) -> Iterator[tuple[str, int]]:
+    def asked(self, kept: bool) -> Iterator[tuple[str, int]]:
         yield "count", self.count or 0
 
     def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
