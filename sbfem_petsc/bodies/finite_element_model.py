@@ -80,8 +80,10 @@ class FiniteElementModel:
         if self.mass.shape != self.stiffness.shape:
             raise ValueError(f"{OWNER}: mass has shape {self.mass.shape}, stiffness {self.stiffness.shape}")
         instance(OWNER, "nodes", nodes, Mapping, "a dict of labels to places")
-        doubles: dict[str, Any] = {"least": -(2**53), "most": 2**53}  # which tell them apart
-        self.labels = np.array([integer(OWNER, "a label of nodes", label, **doubles) for label in nodes])
+        labels = real_array(OWNER, "labels of nodes", list(nodes), 1)
+        if (labels % 1.0).any() or (np.abs(labels) > 2.0**53).any():  # up to which doubles tell them apart
+            raise ValueError(f"{OWNER}: labels of nodes = {shown([*nodes])} must be whole numbers up to 2^53")
+        self.labels = labels.astype(int)
         self.places = length * real_array(OWNER, "nodes", list(nodes.values()), (len(nodes), 3))
         self._node = {label: k for k, label in enumerate(self.labels.tolist())}
         rows = self._pairs("unknowns", unknowns, self.mass.shape[0])

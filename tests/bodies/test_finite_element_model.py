@@ -132,6 +132,14 @@ def test_modal_is_what_is_kept(parts, cracked):
     assert within.frequencies == pytest.approx(own[1:4], rel=1e-9)
 
 
+def test_labels_out_of_a_table_of_floats(parts, body):
+    """As `numpy.loadtxt` and pandas give them, beside integers in unknowns and sets: the same body."""
+    table = {float(label): place for label, place in parts["nodes"].items()}
+    found = sb.FiniteElementModel(**{**parts, "nodes": table})
+    assert found.labels.dtype.kind == "i" and found.labels.tolist() == body.labels.tolist()
+    assert found.sets == body.sets and (found.at(5, "z").weights != body.at(5, "z").weights).nnz == 0
+
+
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
@@ -235,6 +243,9 @@ def test_summary(parts, body):
         ({"mass": np.eye(3)}, "must be a real sparse matrix"),
         ({"unknowns": [[1, 0]]}, "unknowns has shape"),
         ({"nodes": {1: (0.0, 0.0, 0.0)}}, "which the body has not; is it internal"),
+        ({"nodes": {1.5: (0.0, 0.0, 0.0)}}, r"labels of nodes = \[1.5\] must be whole numbers"),
+        ({"nodes": {2**54: (0.0, 0.0, 0.0)}}, "must be whole numbers up to 2.53"),
+        ({"nodes": {"1": (0.0, 0.0, 0.0)}}, r"labels of nodes = \['1'\] must be an array of real numbers"),
         ({"sets": {"A": [99999]}}, "set 'A' has node 99999"),
         ({"fixed": [(99999, 0)]}, "fixed has node 99999"),
     ],
