@@ -17,6 +17,8 @@ from .singular_modes import TipMode, TipSectors
 # Exponents closer than this are those of a crack, where each mode opens and slides. Modes that do one of the
 # two by less than this share of the other are told apart: of materials that are symmetric about the axis.
 _ALIKE, _PURE = 1e-2, 1e-8
+# Exponents from here on are those of bounded stresses, but for rounding.
+_REGULAR = 1.0 - 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +227,8 @@ def _mode_strength(
         ratio = sizes[0] - sizes[1]
         only = np.zeros_like(strength)
         for i, k in enumerate((int(np.argmax(ratio)), int(np.argmin(ratio)))):
-            if len(real) > 1 or (ratio[k] > 0.0) == (i == 0):
+            # a rotation, which coarse elements may count among singular fields, is none
+            if real[k] < _REGULAR and (len(real) > 1 or (ratio[k] > 0.0) == (i == 0)):
                 only[i, k], result[i] = strength[i, k], real[k]
         strength = only
     fit = linalg.lstsq(np.array(columns).T, space.fields)[0]

@@ -262,6 +262,25 @@ def test_wide_orthotropic_notch():
     assert np.isnan(form.exponents[1]) and not form.rows[1].any() and form.rows[0].any()
 
 
+@pytest.mark.parametrize("order, corners", [(1, 4), (2, 3), (8, 7)])
+@pytest.mark.parametrize("opening", [104.0, 120.0, 150.0])
+def test_wide_isotropic_notch(opening, order, corners):
+    """Beyond 102.6 degrees faces that slide have no singular mode (Williams): K_I alone, also of a tip
+    element so coarse that its rotation counts among singular fields.
+    """
+    half = np.pi - 0.5 * np.radians(opening)
+    angles = np.linspace(-half, half, corners)
+    sectors = Sectors(
+        polygon(np.stack([np.cos(angles), np.sin(angles)], axis=1), order, closed=False),
+        order,
+        ISOTROPIC.elasticity,
+    )
+    form = intensity_rows(solve_selement(sectors, False).radial, sectors, AXIS)
+    exact = optimize.brentq(lambda x: np.sin(2.0 * x * half) + x * np.sin(2.0 * half), 0.4, 0.9, xtol=1e-15)
+    assert form.exponents[0] == pytest.approx(exact, abs=1e-10)
+    assert np.isnan(form.exponents[1]) and not form.rows[1].any() and form.rows[0].any()
+
+
 STIFF, SOFT = (
     Material(1.0, 0.25, 1.0, "strain").elasticity,
     0.1 * Material(1.0, 0.35, 1.0, "strain").elasticity,
