@@ -81,7 +81,10 @@ def picture(
 
         @functools.wraps(function)
         def draw(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
-            bound = signature.bind(*args, **kwargs)
+            try:
+                bound = signature.bind(*args, **kwargs)
+            except TypeError as error:
+                raise TypeError(f"{owner}: {error}") from None
             bound.apply_defaults()
             given = bound.arguments
             if gathers:

@@ -66,6 +66,11 @@ def test_what_nothing_can_be_drawn_in(wrong):
         plot.plot_orbit(examples.orbit(), ax=wrong)
 
 
+def test_a_keyword_that_there_is_not():
+    with pytest.raises(TypeError, match="plot_orbit: got an unexpected keyword argument 'titel'"):
+        plot.plot_orbit(examples.orbit(), titel="mine")
+
+
 def test_more_axes_than_panels():
     with pytest.raises(ValueError, match="plot_branches: ax has 2 axes, and the picture 1; give 1"):
         plot.plot_branches(examples.branch(), ax=Figure().subplots(1, 2))
