@@ -243,11 +243,13 @@ def modes_beyond(model: Model, frequency: float, least: int) -> int:
 def _below(model: Model, frequency: float, count: int) -> int:
     """Number of modes below a frequency (Hz), of those that the mesh is good for: counted by inertia where
     those that are known, or so many, do not pass it, and computed otherwise, or in growing numbers where the
-    direct solver counts none.
+    direct solver counts none; all where they end below it.
     """
-    most = most_modes(model)
+    elements, omega, most = model.statics.elements, 2.0 * math.pi * frequency, most_modes(model)
+    if omega > top_of_band(elements, most):
+        return most
     count = min(count, most)
-    beyond = known_modes(model) > 0 or 2.0 * math.pi * frequency > top_of_band(model.statics.elements, count)
+    beyond = known_modes(model) > 0 or omega > top_of_band(elements, count)
     while True:
         below = count_below(model, frequency) if beyond else None
         if below is not None:

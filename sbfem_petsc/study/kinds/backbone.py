@@ -7,7 +7,6 @@ from typing import Any, Literal
 
 import sbfem_petsc as sb
 
-from ...analysis.backbone import MODES
 from ...analysis.options import BackboneOptions
 from ...options import item
 from ...record.about import Quantity
@@ -29,6 +28,8 @@ class Backbone(BackboneOptions, Kind):
         return sb.backbone(model, **self.of(BackboneOptions), **run.kept)
 
     def asked(self, kept: bool) -> Iterator[tuple[str, int]]:
+        from ...analysis.backbone import MODES  # on PETSc, which `sbfem doctor` may find missing
+
         yield from super().asked(kept)
         if self.modes is None:
             yield "mode", self.mode if kept else 3 * self.mode + MODES
