@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_rgb
 
 from ..continuation.basins import Basins, StartAxis
+from ..petsc import MPI
 from ..record.units import suited
 from .drawing import BLACK, CYCLE, Sheet, dots
-from .picture import Look, Unpack, picture
+from .picture import picture
 
 UNSETTLED = "#BBBBBB"
 # Share of white in the colour of a basin, in which the orbits' marks are to be seen.
@@ -19,7 +21,9 @@ LIGHT = 0.55
 
 
 @picture(Basins)
-def plot_basins(basins: Basins, **look: Unpack[Look]) -> Axes | None:
+def plot_basins(
+    basins: Basins, *, title: str = "", ax: Any = None, comm: MPI.Comm | None = None
+) -> Axes | None:
     """Draw which orbit each initial state of a grid of two axes leads to. Collective.
 
     The orbits' own states at t = 0 are marked where they fall in the plane, unstable ones by a cross; of a
@@ -51,7 +55,7 @@ def plot_basins(basins: Basins, **look: Unpack[Look]) -> Axes | None:
     count = len(basins.orbits)
     colours = [CYCLE[k % len(CYCLE)] for k in range(count)]
     pale = [(1.0 - LIGHT) * np.array(to_rgb(colour)) + LIGHT for colour in colours]
-    (axes,) = Sheet.of(look["ax"]).panels((1, 1), 3.6, 5.2)
+    (axes,) = Sheet.of(ax).panels((1, 1), 3.6, 5.2)
     axes.pcolormesh(
         first,
         second,

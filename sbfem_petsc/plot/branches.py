@@ -17,9 +17,10 @@ from ..continuation.bifurcations import Bifurcation
 from ..continuation.branch import Branch
 from ..continuation.problems.free_branch import Backbone
 from ..motion.states import Point
+from ..petsc import MPI
 from ..record.units import frequency_unit, length_unit
 from .drawing import BLACK, BLUE, CYCLE, DASHED, GREEN, GREY, VERMILION, Sheet, above, dots
-from .picture import Look, Unpack, divisors, named, picture, place_name, symbol
+from .picture import divisors, named, picture, place_name, symbol
 
 KINDS = {"fold": "o", "period doubling": "s", "Neimark-Sacker": "^", "branch point": "D", "grazing": "v"}
 # Lines between two points of a branch.
@@ -78,9 +79,11 @@ def plot_branches(
     harmonic: int | None = None,
     forces: Mapping[str, float] | None = None,
     window: tuple[float, float] | None = None,
+    title: str = "",
     every: bool = False,
     backbone: Backbone | None = None,
-    **look: Unpack[Look],
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
 ) -> Axes | None:
     """Draw branches in one picture: stable parts solid, unstable parts dashed, bifurcations marked by
     their kind. Collective.
@@ -125,7 +128,7 @@ def plot_branches(
     heights = {name: shown.along(curve) / divisor[name] for name, curve in curves.items()}
     factor, unit = length_unit(max(float(h.max()) for h in heights.values()))
     along, label = abscissa(curves)
-    (axes,) = Sheet.of(look["ax"]).panels((1, 1), 3.6)
+    (axes,) = Sheet.of(ax).panels((1, 1), 3.6)
     shades = iter(CYCLE * len(curves))
     broken, kinds = False, set[str]()
     for name, curve in curves.items():

@@ -9,8 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..checks import real_array
+from ..petsc import MPI
 from .drawing import CYCLE, MARKERS, Sheet, bar
-from .picture import Look, Unpack, picture
+from .picture import picture
 
 
 @picture()
@@ -18,7 +19,10 @@ def plot_detection(
     depth: Any,
     place: Any,
     probability: Mapping[str, Any],
-    **look: Unpack[Look],
+    *,
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
 ) -> list[Axes] | None:
     """Draw the probability of detection of cracks of several depths at several places. Collective.
 
@@ -63,9 +67,7 @@ def plot_detection(
     order = np.lexsort((places, depths))
     maps = {name: values[order].reshape(len(steps), len(along)) for name, values in chances.items()}
     shape = (1, 1 + len(maps))
-    panels = Sheet.of(look["ax"]).panels(
-        shape, 2.6, 3.0 + 1.6 * len(maps), width_ratios=[2.0] + [1.0] * len(maps)
-    )
+    panels = Sheet.of(ax).panels(shape, 2.6, 3.0 + 1.6 * len(maps), width_ratios=[2.0] + [1.0] * len(maps))
     for k, (name, table) in enumerate(maps.items()):
         panels[0].plot(
             steps,

@@ -18,19 +18,7 @@ from ..motion.states import Point
 from ..petsc import MPI
 from ..record.units import force_unit, frequency_unit, length_unit, stress_unit, time_unit
 from .drawing import BLACK, CYCLE, Sheet, above, dots, note
-from .picture import (
-    CHECKS,
-    Look,
-    Unpack,
-    a_text,
-    curve,
-    optional,
-    picture,
-    place_name,
-    symbol,
-    table_of,
-    two_numbers,
-)
+from .picture import CHECKS, a_text, curve, optional, picture, place_name, symbol, table_of, two_numbers
 
 # Above this many samples in a panel, the least and the greatest of each column of pixels are drawn.
 COLUMNS = 2000
@@ -109,7 +97,9 @@ def plot_history(
     direction: str | None = None,
     *,
     window: tuple[float, float] | None = None,
-    **look: Unpack[Look],
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
 ) -> list[Axes] | None:
     """Draw what a motion does over time: displacement of a point, and the contact resultant where there is
     contact. Collective.
@@ -133,7 +123,7 @@ def plot_history(
     Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
     """
     panels = _moved(motion, point, direction, window)
-    return _draw(Sheet.of(look["ax"]), panels)
+    return _draw(Sheet.of(ax), panels)
 
 
 @picture(LoadHistory, crack=optional(a_text), direction=optional(CHECKS["direction"]))
@@ -143,7 +133,9 @@ def plot_load_history(
     direction: str | None = None,
     *,
     crack: str | None = None,
-    **look: Unpack[Look],
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
 ) -> list[Axes] | None:
     """Draw static states under slowly changing loads: displacement of a point, contact resultant, and the
     stress intensity factors of a crack. Collective.
@@ -171,7 +163,7 @@ def plot_load_history(
         curves = {name: (history.time, factors[:, k]) for k, name in enumerate(("$K_I$", "$K_{II}$"))}
         scale, unit = stress_unit(float(np.nan_to_num(np.abs(factors)).max()))
         panels.append(Panel(f"K of {crack or tips[0]} ({unit} m$^{{1/2}}$)", curves, scale))
-    return _draw(Sheet.of(look["ax"]), panels)
+    return _draw(Sheet.of(ax), panels)
 
 
 def _moved(

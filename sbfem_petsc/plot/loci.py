@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from matplotlib.axes import Axes
 
 from ..checks import instances
 from ..continuation.problems.locus import KINDS, Locus
+from ..petsc import MPI
 from .branches import smooth
 from .drawing import BLUE, GREEN, PURPLE, VERMILION, Sheet
-from .picture import Look, Unpack, picture
+from .picture import picture
 
 STYLES = {
     "fold": (BLUE, "-"),
@@ -26,7 +28,9 @@ def plot_loci(
     *,
     unit: float | None = None,
     label: str | None = None,
-    **look: Unpack[Look],
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
 ) -> Axes | None:
     """Draw loci of one second parameter over the forcing frequency; monotone cubics between their points.
     Collective.
@@ -59,7 +63,7 @@ def plot_loci(
             "parameter are expected"
         )
     factor = 1.0 if unit is None else unit
-    (axes,) = Sheet.of(look["ax"]).panels((1, 1), 3.2, 5.0)
+    (axes,) = Sheet.of(ax).panels((1, 1), 3.2, 5.0)
     for kind in KINDS:
         colour, dashes = STYLES[kind]
         for number, line in enumerate(item for item in lines if item.kind == kind):

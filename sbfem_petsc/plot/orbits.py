@@ -12,10 +12,11 @@ from matplotlib.ticker import MaxNLocator
 from ..continuation.branch import Branch
 from ..continuation.orbit import Orbit, component
 from ..motion.states import Point
+from ..petsc import MPI
 from ..record.units import force_unit, length_unit
 from .branches import draw_growth
 from .drawing import BLACK, BLUE, CYCLE, DASHED, GREY, VERMILION, Sheet, above, dots, stems
-from .picture import Look, Unpack, divisors, named, picture, place_name, symbol
+from .picture import divisors, named, picture, place_name, symbol
 
 LIGHT = "#BBBBBB"
 # Growth a period below which the scale of multipliers is linear, else logarithmic.
@@ -40,7 +41,9 @@ def plot_harmonics(
     count: int = 10,
     decades: float = 5.0,
     forces: Mapping[str, float] | None = None,
-    **look: Unpack[Look],
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
 ) -> Axes | None:
     """Draw the moduli of the harmonics of several periodic motions as stems on a logarithmic scale.
     Collective.
@@ -80,7 +83,7 @@ def plot_harmonics(
     for k, (name, levels) in enumerate(found.items()):
         seen = (levels > least) & (levels > ROUND_OFF * levels.max())
         curves[name] = np.flatnonzero(seen) + apart * (k - 0.5 * (len(found) - 1)), levels[seen]
-    axes = stems(Sheet.of(look["ax"]), curves, 2.9, 4.0)
+    axes = stems(Sheet.of(ax), curves, 2.9, 4.0)
     label = f"$|{symbol(orbits, direction, point)}|$({place_name(point)})"
     axes.set_ylabel(label + (" (m)" if forces is None else " / force (m/N)"))
     axes.set(xlim=(-0.6, count + 0.6), xticks=range(count + 1), xlabel="harmonic number")
@@ -95,7 +98,9 @@ def plot_orbit(
     direction: str = "y",
     *,
     pairs: Mapping[str, int] | None = None,
-    **look: Unpack[Look],
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
 ) -> list[Axes] | None:
     """Draw a periodic motion: a point's displacement and velocity against each other; gaps and contact
     resultant over one period. Collective.
@@ -134,7 +139,7 @@ def plot_orbit(
         f"velocity ({speed_unit}/s)",
     )
     layout = [["phase", "upper"], ["phase", "lower"]]
-    panels = phase, upper, lower = Sheet.of(look["ax"]).panels(layout, 3.0, width_ratios=(1.0, 1.25))
+    panels = phase, upper, lower = Sheet.of(ax).panels(layout, 3.0, width_ratios=(1.0, 1.25))
     phase.plot(u * factor, v * speed, color=BLUE, linewidth=1.1)
     # one mark a forcing period, at the zero of its phase
     each = (len(u) - 1) // orbit.periods
@@ -185,7 +190,9 @@ def _draw_contact(
 
 # ---------------------------------------------------------------------- multipliers
 @picture(Orbit, Branch)
-def plot_multipliers(subject: Orbit | Branch, **look: Unpack[Look]) -> list[Axes] | None:
+def plot_multipliers(
+    subject: Orbit | Branch, *, title: str = "", ax: Any = None, comm: MPI.Comm | None = None
+) -> list[Axes] | None:
     """Draw Floquet multipliers with the unit circle; beside it the growth |mu| - 1 a period. Collective.
 
     The growth is drawn over the argument for an orbit: the angle of a multiplier in turns is the frequency at
@@ -208,7 +215,7 @@ def plot_multipliers(subject: Orbit | Branch, **look: Unpack[Look]) -> list[Axes
             "plot_multipliers: there are no multipliers; ask for them with stability=True, or draw a motion "
             "with contact"
         )
-    panels = plane, growth = Sheet.of(look["ax"]).panels((1, 2), 3.2, width_ratios=(1.0, 1.25))
+    panels = plane, growth = Sheet.of(ax).panels((1, 2), 3.2, width_ratios=(1.0, 1.25))
     values = np.ravel(subject.multipliers)
     outside = np.abs(values) > 1.0 + np.repeat(
         np.nan_to_num(np.atleast_1d(subject.multiplier_error), nan=1e-9), np.shape(subject.multipliers)[-1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ParamSpec, TypedDict, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from matplotlib import rc_context
@@ -17,40 +17,10 @@ from ..record.record import Record
 from ..system.fields.places import checked_place
 from .drawing import STYLE, Sheet
 
-if TYPE_CHECKING:
-    from typing_extensions import Unpack as Unpack
-else:  # of Python 3.11, for type checkers alone
-
-    class Unpack:
-        __class_getitem__ = classmethod(lambda cls, item: item)
-
-
 Subject = TypeVar("Subject")
 Result = TypeVar("Result")
 Parameters = ParamSpec("Parameters")
 Check = Callable[[str, str, Any], Any]
-
-
-class Look(TypedDict, total=False):
-    """Arguments that most pictures take by keyword: see `plot_branches`."""
-
-    title: str
-    ax: Any
-    comm: MPI.Comm | None
-
-
-# What they are where they are left out.
-_LOOK: dict[str, Any] = {"title": "", "ax": None, "comm": None}
-
-
-def _signature(function: Callable[..., Any]) -> inspect.Signature:
-    """Of a picture, with those of `Look` written out."""
-    found, keyword = inspect.signature(function), inspect.Parameter.KEYWORD_ONLY
-    own = [p for p in found.parameters.values() if p.kind is not inspect.Parameter.VAR_KEYWORD]
-    if len(own) == len(found.parameters):
-        return found
-    look = (inspect.Parameter(name, keyword, default=value) for name, value in _LOOK.items())
-    return found.replace(parameters=[*own, *look])
 
 
 def picture(
@@ -74,7 +44,7 @@ def picture(
     """
 
     def decorated(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-        signature, owner = _signature(function), function.__name__
+        signature, owner = inspect.signature(function), function.__name__
         names = list(signature.parameters)
         subject, table = names[0], {name: check for name, check in (CHECKS | checks).items() if name in names}
         gathers = "comm" not in names
@@ -107,7 +77,6 @@ def picture(
             found = work() if together else on_root(comm, work)
             return found if comm.rank == 0 else None  # type: ignore[return-value]
 
-        draw.__signature__ = signature  # type: ignore[attr-defined]
         own = ("ax",) if gathers else tuple(name for name in names if name not in (*table, "comm"))
         return agreed(*own)(draw)
 

@@ -18,9 +18,10 @@ from ..continuation.orbit import Orbit
 from ..indicators.detection import friction_power
 from ..motion.history import Motion
 from ..motion.states import Point
+from ..petsc import MPI
 from ..record.units import force_unit, length_unit, place_unit, time_unit
 from .drawing import BLUE, CYCLE, DASHED, ORANGE, VERMILION, Sheet, above
-from .picture import Look, Unpack, a_text, named, optional, picture, place_name, symbol, whole
+from .picture import a_text, named, optional, picture, place_name, symbol, whole
 
 Rubbing = LoadHistory | Motion
 _KINDS = (Motion, LoadHistory)
@@ -36,7 +37,9 @@ def plot_slips(
     *,
     crack: str | None = None,
     window: tuple[float, float] | None = None,
-    **look: Unpack[Look],
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
 ) -> Axes | None:
     """Draw where faces are apart, stick and slip, over time and along a crack. Collective.
 
@@ -65,7 +68,7 @@ def plot_slips(
     least = _ROUNDING * np.abs(slip).max(initial=0.0)
     state = np.where(moved > least, 3, np.where(moved < -least, 2, 1))
     state = np.where(motion.contact_force[chosen[1:]] > 0.0, state, 0)[:, pairs]
-    (axes,) = Sheet.of(look["ax"]).panels((1, 1), 2.6)
+    (axes,) = Sheet.of(ax).panels((1, 1), 2.6)
     clock, unit = time_unit(float(np.abs(motion.time[chosen]).max()))
     edges = np.concatenate([place[:1], 0.5 * (place[1:] + place[:-1]), place[-1:]])
     axes.pcolormesh(
@@ -89,7 +92,9 @@ def plot_hysteresis(
     *,
     pair: int | None = None,
     window: tuple[float, float] | None = None,
-    **look: Unpack[Look],
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
 ) -> Axes | None:
     """Draw the friction of a pair over its slip: the area within a loop is what the pair loses. Collective.
 
@@ -113,7 +118,7 @@ def plot_hysteresis(
         pair = int(np.argmax(friction_power(*first)))
     if pair >= (least := min(slip.shape[1] for _, slip, _ in found.values())):
         raise ValueError(f"plot_hysteresis: pair = {pair} does not exist; there are {least}")
-    (axes,) = Sheet.of(look["ax"]).panels((1, 1), 2.9, width=3.6)
+    (axes,) = Sheet.of(ax).panels((1, 1), 2.9, width=3.6)
     scale, unit = length_unit(max(np.ptp(slip[:, pair]) for _, slip, _ in found.values()))
     force, newton = force_unit(max(np.abs(along[:, pair]).max() for _, _, along in found.values()))
     for k, (name, (_, slip, along)) in enumerate(found.items()):
@@ -134,7 +139,9 @@ def plot_friction_power(
     *,
     crack: str | None = None,
     window: tuple[float, float] | None = None,
-    **look: Unpack[Look],
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
 ) -> Axes | None:
     """Draw the mean power that faces lose to friction along a crack, W/m of its length: what warms it in
     vibrothermography. The faces inside tip elements are not among the pairs. Collective.
@@ -152,7 +159,7 @@ def plot_friction_power(
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    (axes,) = Sheet.of(look["ax"]).panels((1, 1), 2.6)
+    (axes,) = Sheet.of(ax).panels((1, 1), 2.6)
     each: Mapping[str, Rubbing] = named(motions)
     for k, (name, motion) in enumerate(each.items()):
         place, pairs, label, length = _along("plot_friction_power", motion, crack)
@@ -176,7 +183,9 @@ def plot_losses(
     direction: str = "y",
     *,
     count: int = 3,
-    **look: Unpack[Look],
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
 ) -> list[Axes] | None:
     """Draw what periodic motions lose to friction, and their harmonics beside the first, over its amplitude.
     Collective.
@@ -211,7 +220,7 @@ def plot_losses(
     if not levels[0, 1] > 0.0:
         raise ValueError(f"plot_losses: point {point!r} does not move in {direction} in one of the motions")
     scale, unit = length_unit(float(levels[-1, 1]))
-    panels = Sheet.of(look["ax"]).panels((2, 1), 4.2, sharex=True)
+    panels = Sheet.of(ax).panels((2, 1), 4.2, sharex=True)
     panels[0].plot(levels[:, 1] * scale, np.array(losses)[order], color=BLUE, marker=".")
     for k in range(2, levels.shape[1]):
         style: Any = {"color": CYCLE[(k - 1) % len(CYCLE)], "marker": ".", "label": f"harmonic {k}"}

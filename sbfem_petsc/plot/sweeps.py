@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from matplotlib.axes import Axes
 
 from ..checks import instance, instances
 from ..continuation.branch import Branch
 from ..motion.swept import SweptResponse
+from ..petsc import MPI
 from ..record.units import frequency_unit, length_unit
 from .branches import Height, draw_parts, marks_of, name_verdicts, smooth, split
 from .drawing import BLACK, BLUE, GREEN, VERMILION, Sheet
-from .picture import Look, Unpack, named_point, picture, symbol
+from .picture import named_point, picture, symbol
 
 
 @picture(point=named_point)
@@ -23,7 +25,9 @@ def plot_swept(
     direction: str = "y",
     *,
     least: float = 0.2,
-    **look: Unpack[Look],
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
 ) -> Axes | None:
     """Draw amplitudes under swept frequencies, over the response curve; arrows mark the jumps. Collective.
 
@@ -60,7 +64,7 @@ def plot_swept(
         raise ValueError("plot_swept: swept is empty and there is no branch; give one SweptResponse at least")
     factor, unit = length_unit(max(float(item.amplitude(point, direction).max()) for item in shown))
     along, name = frequency_unit(max(float(item.frequency.max()) for item in shown))
-    (axes,) = Sheet.of(look["ax"]).panels((1, 1), 3.6)
+    (axes,) = Sheet.of(ax).panels((1, 1), 3.6)
     if branch is not None:
         height = Height(point, direction)
         marks = marks_of(branch, height, along, factor)

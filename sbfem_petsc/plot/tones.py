@@ -13,10 +13,11 @@ from ..continuation.problems.free_branch import Backbone
 from ..continuation.problems.tones import QuasiPeriodic
 from ..indicators.lines import Sidebands
 from ..motion.states import Point
+from ..petsc import MPI
 from ..record.units import frequency_unit, length_unit
 from .branches import draw_parts, name_verdicts, smooth, split
 from .drawing import CYCLE, Sheet, dots, note, stems
-from .picture import Look, Unpack, named, picture, place_name, symbol, whole
+from .picture import named, picture, place_name, symbol, whole
 
 # Orders up to which a line is named in the picture.
 NAMED = 2
@@ -34,7 +35,9 @@ def plot_lines(
     *,
     order: int = 3,
     decades: float = 6.0,
-    **look: Unpack[Look],
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
 ) -> Axes | None:
     """Draw the lines m f1 + n f2 of motions under two tones as stems over their frequencies. Collective.
 
@@ -67,7 +70,7 @@ def plot_lines(
     along, name_of_unit = frequency_unit(max(f for lines in found.values() for f, _ in lines.values()))
     scale = np.array([[along], [factor]])
     curves: Any = {name: scale * np.reshape([*lines.values()], (-1, 2)).T for name, lines in seen.items()}
-    axes = stems(Sheet.of(look["ax"]), curves, 3.2, 40.0, 3.5)
+    axes = stems(Sheet.of(ax), curves, 3.2, 40.0, 3.5)
     for line, (f, height) in _highest(seen).items():
         note(axes, _line_name(*line), (f * along, height * factor), 4, rotation=90, fontsize=6)
     axes.set_xlim(left=0.0)
@@ -108,7 +111,13 @@ def _line_name(m: int, n: int) -> str:
 
 
 @picture(Sidebands, several=True)
-def plot_sidebands(sidebands: Sidebands | Mapping[str, Sidebands], **look: Unpack[Look]) -> Axes | None:
+def plot_sidebands(
+    sidebands: Sidebands | Mapping[str, Sidebands],
+    *,
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
+) -> Axes | None:
     """Draw a carrier and its sidebands as stems over their frequencies. Collective.
 
     Parameters
@@ -135,7 +144,7 @@ def plot_sidebands(sidebands: Sidebands | Mapping[str, Sidebands], **look: Unpac
         orders.append(seen - len(h) // 2)
         places = found[name].carrier + orders[-1] * found[name].modulation
         curves[name] = places * along, h[seen] * factor
-    axes = stems(Sheet.of(look["ax"]), curves, 2.9, 8.0)
+    axes = stems(Sheet.of(ax), curves, 2.9, 8.0)
     for at, level, n in zip(*next(iter(curves.values())), orders[0]):
         words = f"{'+' if n > 0 else '−'}{abs(n)}" if n else "carrier"
         note(axes, words, (at, level), 5, va="baseline")
@@ -146,7 +155,13 @@ def plot_sidebands(sidebands: Sidebands | Mapping[str, Sidebands], **look: Unpac
 
 
 @picture(Backbone, several=True)
-def plot_backbone(backbones: Backbone | Mapping[str, Backbone], **look: Unpack[Look]) -> Axes | None:
+def plot_backbone(
+    backbones: Backbone | Mapping[str, Backbone],
+    *,
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
+) -> Axes | None:
     """Draw frequencies of free motions over their energy, broken where they are unstable, and below them the
     damping ratios where there are damped motions; monotone cubics between their points. Collective.
 
@@ -164,7 +179,7 @@ def plot_backbone(backbones: Backbone | Mapping[str, Backbone], **look: Unpack[L
     curves = named(backbones)
     factor, unit = frequency_unit(max(float(b.frequency.max()) for b in curves.values()))
     damped, broken = any(backbone.damped for backbone in curves.values()), False
-    panels = Sheet.of(look["ax"]).panels((1 + damped, 1), 4.6 if damped else 3.0, sharex=True)
+    panels = Sheet.of(ax).panels((1 + damped, 1), 4.6 if damped else 3.0, sharex=True)
     axes = panels[0]
     for k, (name, backbone) in enumerate(curves.items()):
         colour = CYCLE[k % len(CYCLE)]
@@ -194,7 +209,9 @@ def plot_quasi_periodic(
     direction: str = "y",
     *,
     harmonic: int = 1,
-    **look: Unpack[Look],
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
 ) -> list[Axes] | None:
     """Draw branches of motions with a tone of their own: the tone's amplitude and, below it, its frequency
     over the branch's parameter; unstable parts dashed. Collective.
@@ -228,7 +245,7 @@ def plot_quasi_periodic(
     if next(iter(curves.values())).parameter == "frequency":
         along, name = frequency_unit(max(float(b.value.max()) for b in curves.values()))
         label = f"forcing frequency ({name})"
-    panels = Sheet.of(look["ax"]).panels((2, 1), 4.6, sharex=True)
+    panels = Sheet.of(ax).panels((2, 1), 4.6, sharex=True)
     broken = False
     for k, (name, branch) in enumerate(curves.items()):
         colour, x = CYCLE[k % len(CYCLE)], branch.value * along
