@@ -63,7 +63,9 @@ def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
     unknowns = _unknowns(f"{stem}.dof", deck.nodes)
     stiffness, mass = (_matrix(f"{stem}.{ending}", len(unknowns)) for ending in ("sti", "mas"))
     if stiffness.nnz != mass.nnz:
-        raise ValueError(f"{OWNER}: {stem}.sti and .mas differ in entries; one is cut or of another run")
+        raise ValueError(
+            f"{OWNER}: {stem}.sti has {stiffness.nnz} entries, .mas {mass.nnz}; one is cut or of another run"
+        )
     given: dict[str, Any] = {"sets": deck.node_sets, "elements": deck.cells, "units": units}
     given["fixed"] = deck.held - set(map(tuple, unknowns.tolist()))
     body = FiniteElementModel(mass, stiffness, unknowns, deck.nodes, **given)
@@ -176,15 +178,16 @@ def _matrix(file: str, count: int) -> sparse.coo_matrix:
     """The triangle that is stored, row, column and value a line, rows from 1."""
     lines = _read(file).splitlines()
     try:
-        *place, value = np.loadtxt(lines or ["0 0 0"], unpack=True, ndmin=2)
-        if np.min(place) < 1 or np.max(place) != count or np.mod(place, 1.0).any():
-            raise ValueError
+        row, column, value = np.loadtxt(lines or ["0 0 0"], unpack=True, ndmin=2)
     except ValueError:
+        raise ValueError(f"{OWNER}: {file} is cut, or no matrix of CalculiX, three numbers a line") from None
+    place = np.array([row, column])
+    if place.min() < 1 or place.max() != count or (place % 1.0).any():
         raise ValueError(
-            f"{OWNER}: {file} is no matrix, row, column and value a line, with the {count} rows of .dof; is "
-            "it cut, or of another run?"
-        ) from None
-    return sparse.coo_matrix((value, np.array(place, dtype=np.int64) - 1), (count, count))
+            f"{OWNER}: {file} has rows {place.min():g} to {place.max():g}, whole numbers from 1 to {count} "
+            "were expected, the unknowns of .dof; it is cut, or of another run"
+        )
+    return sparse.coo_matrix((value, place.astype(np.int64) - 1), (count, count))
 
 
 def _require_one_run(stem: str, body: FiniteElementModel) -> None:

@@ -98,7 +98,8 @@ class FiniteElementModel:
         if own.min() <= 0.0:
             node, d = self.unknowns[own.argmin()]
             raise ValueError(
-                f"{OWNER}: stiffness of node {node}, direction {d} is {own.min():g}; is it held?"
+                f"{OWNER}: stiffness of node {node}, direction {d} is {own.min():g}; leave unknowns out that "
+                "nothing holds"
             )
         if heavy.min() < 0.0:
             raise ValueError(f"{OWNER}: mass is negative, {heavy.min():g} kg on its diagonal")
@@ -110,7 +111,8 @@ class FiniteElementModel:
         """(count, 2): rows of nodes, by their labels, and directions."""
         pairs = real_array(OWNER, name, given, (count, 2))
         if not np.isin(pairs[:, 1], np.arange(6)).all():
-            raise ValueError(f"{OWNER}: {name} must be pairs of a node's label and a direction, 0 to 5")
+            wrong = pairs[~np.isin(pairs[:, 1], np.arange(6))][0].tolist()
+            raise ValueError(f"{OWNER}: {name} has {wrong}, not a node's label and a direction, 0 to 5")
         return np.column_stack([rows_of(OWNER, name, pairs[:, 0], self._node), pairs[:, 1].astype(int)])
 
     def _sets(self, given: Any) -> dict[str, tuple[int, ...]]:
@@ -269,7 +271,8 @@ class FiniteElementModel:
             ahead = np.append(ahead, height.mean(axis=1) - np.average(height, axis=1, weights=own))
         if len(ahead) and ahead.min() > TOGETHER * self._sides.max():
             raise ValueError(
-                "contact: the normal looks into the elements of the left face, out of which it is to look"
+                "contact: the normal looks into the elements of the left face; is it from left to right, or "
+                "from the body to the wall?"
             )
 
     def _faces(self, nodes: np.ndarray) -> list[list[int]]:
@@ -333,8 +336,10 @@ class FiniteElementModel:
             )
         far = np.linalg.norm(self.places - numbers_of("at", "place", place, 3, "x, y and z in m"), axis=1)
         if far.min() > APART * self._sides.max():
+            nearest = self.labels[far.argmin()]
             raise ValueError(
-                f"at: the nearest node of {shown(place)} is {far.min():g} m off; coordinates are in m"
+                f"at: the nearest node of {shown(place)} is {nearest}, {far.min():g} m off; "
+                "coordinates are in m"
             )
         near = np.flatnonzero(far <= far.min() + TOGETHER * self._sides.max())
         if len(near) > 1:
@@ -357,7 +362,10 @@ class FiniteElementModel:
         if (lost := columns[met] == NONE).any():
             k, d = np.argwhere(lost)[0]
             label, axis = self.labels[nodes[met[k]]], AXES[along[d]]
-            raise ValueError(f"{OWNER}: node {label} has no unknown along {axis}, nor does fixed hold it")
+            raise ValueError(
+                f"{OWNER}: node {label} has no unknown along {axis} and is not fixed; give it in fixed, or "
+                "free it of its constraint"
+            )
         rows, d = np.nonzero(columns >= 0)
         entries = vector[along[d]], (rows, columns[rows, d])
         return shares @ sparse.csr_matrix(entries, (len(nodes), len(self.unknowns)))

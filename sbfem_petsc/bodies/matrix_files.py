@@ -143,7 +143,8 @@ def _numbered(tables: list[np.ndarray]) -> tuple[list[sparse.coo_matrix], np.nda
     unknowns, place = np.unique(pairs, axis=0, return_inverse=True)
     if unknowns[0, 0] < 0:
         raise ValueError(
-            f"{OWNER}: node {unknowns[0, 0]} is an internal one, as of ties or contact; write none of them"
+            f"{OWNER}: node {unknowns[0, 0]} is an internal one (Lagrange multiplier); leave contact, ties "
+            "and connectors out of the step that writes the matrices"
         )
     matrices, held = [], np.zeros(len(unknowns), dtype=bool)
     for table, ends in zip(tables, np.split(place.reshape(-1, 2), [len(tables[0])])):

@@ -68,7 +68,9 @@ def test_built_without_a_warning(tmp_path):
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr
     assert (tmp_path / "site" / "tutorial.html").stat().st_size > 10_000
-    assert "detection_probability" in (tmp_path / "site" / "reference" / "indicators.html").read_text()
+    reference = tmp_path / "site" / "reference"
+    assert "detection_probability" in (reference / "indicators.html").read_text()
+    assert ">look<" not in (reference / "plot.html").read_text()  # pictures' keywords are written out
 
 
 @pytest.mark.long

@@ -232,7 +232,7 @@ LATER = [
     ('file = "blocks.inp"', 'file = "block.inp"', "body.*block.inp: there is no such file"),
     ('left = "LEFT"', 'left = "LEF"', r"body.contacts\[0\] is refused: .*set 'LEF' does not exist"),
     ("gap = 5e-6", "gap = -5e-6", r"body.contacts\[0\].*overlap"),
-    ('normal = "x"', "normal = [-1, 0, 0]", r"contacts\[0\].* out of which it is to look.\Z"),
+    ('normal = "x"', "normal = [-1, 0, 0]", r"contacts\[0\].* or from the body to the wall\?\Z"),
     (
         "gap = 5e-6",
         "gap = [1.0]",

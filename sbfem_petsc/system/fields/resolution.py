@@ -12,13 +12,13 @@ from meshing.warnings import MeshWarning
 
 from ...errors import listed, warn
 from ...selement.coefficients import edge_nodes
+from ...selement.leading_unknowns import reduced_fraction
 from ...selement.sectors import Sectors
 from ...selement.solution import STACK, SElement, solve_selements
 from ..elements.elements import Elements
 from ..elements.shapes import Group
 from ..solve.modal_result import Modal
 from ..solve.modes import lowest_scale
-from ..solve.pencil import reduced_fraction
 from ..solve.stiffness import Stiffness
 from .tips import Tips
 
