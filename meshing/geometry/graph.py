@@ -195,12 +195,12 @@ class _Body:
                 self.area.covers(place) and all(math.dist((x, y), c) >= r for c, r in self.holes)
             ):
                 raise ValueError(f"point {name!r} at ({x:g}, {y:g}) m is outside the body; move it inside.")
-            for number, path in enumerate(graph.cracks.values(), 1):
+            for crack, path in graph.cracks.items():
                 beside = shapely.LineString(graph.vertices[path]).distance(place)
                 if vertex in path or (inside and beside < self.least):
                     raise ValueError(
-                        f"point {name!r} at ({x:g}, {y:g}) m is on or next to crack {number}; move it into "
-                        "the material."
+                        f"point {name!r} at ({x:g}, {y:g}) m is on or next to crack {crack!r} (a mouth's "
+                        f"corners are {crack}_right and {crack}_left); move it into the material."
                     )
 
 

@@ -129,7 +129,8 @@ class BeamShape:
             area = _notch_polygon(self.triangle(notch))
             gaps[f"notch {i} (B and C are its mouth corners)"] = area.distance(shapely.Point(x, y))
         for crack, line in zip(self.crack_names()[len(self.notches) :], self.cracks):
-            gaps[f"crack {crack!r}"] = shapely.LineString(line.points).distance(shapely.Point(x, y))
+            words = f"crack {crack!r} (a mouth's corners are {crack}_right and {crack}_left)"
+            gaps[words] = shapely.LineString(line.points).distance(shapely.Point(x, y))
         for item, gap in gaps.items():
             if gap < _CLEARANCE * self.height:
                 raise ValueError(f"{where} in or on {item}; move it into the material.")

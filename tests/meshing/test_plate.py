@@ -327,7 +327,7 @@ def test_refused_cracks(cracks, says):
         ({"face_edges": 2.5}, "face_edges = 2.5 must be an integer"),
         ({"face_size": -1}, "face_size = -1 must"),
         ({"points": {"P": (0.2, 0.2)}}, "outside the body"),
-        ({"points": {"P": (0.05, 0.08)}}, "on or next to crack 1"),
+        ({"points": {"P": (0.05, 0.08)}}, "on or next to crack 'crack1'"),
         ({"points": {"P": 3}}, "a pair (x, y) was expected"),
         ({"order": 0}, "order = 0 must"),
     ],
