@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import field as attribute
 from typing import Any, ClassVar
 
@@ -17,7 +17,7 @@ from ..ranks.parallel import agreed
 from ..record.gather import whole
 from ..record.record import Record, derived, described, quantity
 from ..system.fields.fracture import contact_pressure, unresolved_contact
-from ..system.fields.places import PlaceRows, Places, checked_line, checked_place
+from ..system.fields.places import PlaceRows, Places, Point, checked_line, checked_place
 from ..system.fields.sampling import Field
 from ..system.fields.tip_facts import TipFacts
 from ..system.loads import LoadColumns
@@ -167,14 +167,17 @@ class Static(Record):
     def stress(self, place: str | tuple[float, float]) -> np.ndarray:
         """(3,): stress xx, yy, xy at a point, Pa; nan at a crack tip. Collective.
 
-        On an edge between S-elements, and where two closed faces of a crack coincide, it is that of one side,
-        of the S-element with the lower number: ask beside a face, 1e-6 of its length away, for the other's. A
-        `PlaceWarning` tells of faces.
+        On an edge between S-elements, and at coordinates where two closed faces of a crack coincide, it is
+        that of one side, of the S-element with the lower number: ask beside a face, 1e-6 of its length away,
+        for the other's. A `PlaceWarning` tells of faces. The corners of a mouth, "crack1_left" and
+        "crack1_right", have each the stress of their own face.
         Under a point force it has no limit.
         """
         if isinstance(place, str):
-            place = at_point({name: at for name, (at, _, _) in self._solved.points.items()}, place)
-        return self._at(self._places([checked_place("stress", place)]).stress, 3)[0]
+            at_point(self._solved.points, place)
+        else:
+            place = checked_place("stress", place)
+        return self._at(self._places([place]).stress, 3)[0]
 
     @agreed()
     def along(
@@ -194,8 +197,8 @@ class Static(Record):
         """Displacement (places, 2), m, and stress (places, 3), Pa. Collective."""
         return self._at(places.displacement, 2), self._at(places.stress, 3)
 
-    def _places(self, points: list[tuple[float, float]]) -> Places:
-        """Forms at points (m), for `at_places`: with what the inertia of moving supports does inside, and
+    def _places(self, points: Sequence[Point]) -> Places:
+        """Forms at points, for `at_places`: with what the inertia of moving supports does inside, and
         edges that are moved. Collective.
         """
         model, columns = self._solved, self.columns

@@ -12,13 +12,12 @@ from ..errors import UnknownName, failed_solve, listed
 from ..record.record import Record, described, quantity
 from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
+from ..system.fields.places import Point as Point
 from ..system.fields.places import checked_place
 from ..system.fields.sampling import Field
 from ..system.fields.tip_facts import TipFacts
 from .unreduced.kept_fields import KeptFields
 
-# The name of a point, or coordinates in m.
-Point = str | tuple[float, float]
 # Values at instants by the names of columns, as they are while a motion is integrated.
 Rows = dict[str, np.ndarray]
 Kind = TypeVar("Kind", bound="States")
@@ -199,10 +198,9 @@ class ModalStates(States):
         """(n, 3): xx, yy, xy, Pa. Collective."""
         if isinstance(place, str):
             self.reduced.points.of(place, "point")
-            model = self.reduced.model
-            # without a model any place gets the sentence that says so
-            place = (0.0, 0.0) if model is None else model.points[place][0]
-        output = self.reduced.output_at("stress", checked_place("stress", place))
+        else:
+            place = checked_place("stress", place)
+        output = self.reduced.output_at("stress", place)
         return output(self.q, self.amplitudes, self.contact)
 
     def along(self, points: list[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
@@ -333,8 +331,9 @@ class SampledStates(States):
         fields = self._kept("stress")
         if isinstance(place, str):
             self._at(self.displacements, place)
-            place = fields.model.points[place][0]
-        return fields.along("stress", [checked_place("stress", place)], self.contact)[:, 0]
+        else:
+            place = checked_place("stress", place)
+        return fields.along("stress", [place], self.contact)[:, 0]
 
     def along(self, points: list[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
         """Displacement (n, points, 2), m, and stress (n, points, 3), Pa. Collective.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 from typing import Any, NamedTuple
 
@@ -19,6 +19,7 @@ from ..errors import failed_solve
 from ..loads import Load
 from ..petsc import MPI
 from ..record.record import Record, derived, described, quantity
+from ..system.fields.places import Point
 from ..system.fields.sampling import Field
 from ..system.fields.tip_facts import TipFacts
 from ..system.model import Model
@@ -256,15 +257,15 @@ class ReducedModel(Record):
         """Ranks that work on it together; one without a model is each rank's own, but of a body."""
         return (self.ranks or MPI.COMM_SELF) if self.model is None else self.model.comm
 
-    def output_at(self, kind: str, place: tuple[float, float]) -> LinearOutput:
+    def output_at(self, kind: str, place: Point) -> LinearOutput:
         """Displacement (2 components, m) or stress (xx, yy, xy, Pa) at any point, kept for the next time.
         Collective.
 
         Parameters
         ----------
         kind : {"displacement", "stress"}
-        place : (x, y)
-            m.
+        place : str or (x, y)
+            Name of a point of the model, or coordinates, m.
 
         Raises
         ------
@@ -278,7 +279,7 @@ class ReducedModel(Record):
             ("output", kind, place, self.loads, modes), lambda: self.output_along(kind, [place])
         )
 
-    def output_along(self, kind: str, places: list[tuple[float, float]]) -> LinearOutput:
+    def output_along(self, kind: str, places: Sequence[Point]) -> LinearOutput:
         """The components of several places one after the other, see `output_at`; not kept. Collective."""
         model, found = self._model(kind), self.modal
         assert found is not None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar
 
@@ -22,7 +22,7 @@ from ..ranks.parallel import alone, collective
 from ..supports import Support
 from .contact.rows import Compliance, Contact, contact_of
 from .elements.elements import Elements
-from .fields.places import Places, places
+from .fields.places import Places, Point, places
 from .fields.reactions import SupportForces
 from .fields.tips import Tips
 from .layout.distribution import distribute
@@ -271,8 +271,8 @@ class Structure:
         if rubbing:
             refuse_friction(owner, f"{listed(rubbing)} has the law {self.contact_laws[rubbing[0]]!r}", why)
 
-    def places(self, points: list[tuple[float, float]], inertia: bool = False, moved: bool = False) -> Places:
-        """Forms of displacement and stress at points (m), with what inertia adds inside S-elements, and what
+    def places(self, points: Sequence[Point], inertia: bool = False, moved: bool = False) -> Places:
+        """Forms of displacement and stress at points, with what inertia adds inside S-elements, and what
         supports that move do, if it is asked for. Collective.
         """
         return places(self.tips, points, inertia, moved)

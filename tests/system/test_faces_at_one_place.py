@@ -7,6 +7,7 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate, VNotch
+from tests.validation.selement_cases import two_node_mesh
 
 ALUMINIUM = sb.Material(70e9, 0.33, 2700)
 SHEAR = [sb.EdgeLoad("edge3", tx=1e3, ty=1e3)]
@@ -65,3 +66,44 @@ def test_faces_apart():
     mesh = Beam(0.2, 0.02, [VNotch(0.08, 0.01, opening=1.0)]).mesh(order=3)
     found = sb.static(sb.Model(mesh, ALUMINIUM), sb.PointForce("A", fy=-1.0))
     assert told(found, [tuple(at) for at in found.model.layout.part.coordinates]) == 0
+
+
+PRESSED = [
+    sb.EdgeLoad("c_left", pressure=sb.Constant(1e3)),
+    sb.EdgeLoad("c_right", pressure=sb.Constant(3e3)),
+]
+
+
+@pytest.mark.parametrize("reduction", ["modes", None])
+def test_corners_of_a_mouth_by_name(reduction):
+    """Each has the stress of its own face, at a free edge -p across it and no other."""
+    crack = CrackLine([(0.1, 1.0), (0.1, 0.5)], opening=0.0, name="c")
+    mesh = Plate([(-1, -1), (1, -1), (1, 1), (-1, 1)], cracks=[crack]).mesh(order=6, size=0.4)
+    model = sb.Model(mesh, ALUMINIUM, clamped="edge1", rayleigh=(0.0, 1e-5))
+    options = {"contact": False, "initial": "equilibrium", "reduction": reduction}
+    modes = 20 if reduction else None
+    rest = [sb.EdgeLoad(part.edge_set, pressure=part.pressure.value) for part in PRESSED]
+    found = [
+        sb.static(model, rest, contact=False),
+        sb.transient(model, PRESSED, 1e-4, 1e-5, modes=modes, **options),
+    ]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", sb.PlaceWarning)
+        for name, pressure in (("c_left", 1e3), ("c_right", 3e3)):
+            for result in found:
+                stress = np.atleast_2d(result.stress(name))[-1]
+                np.testing.assert_allclose(stress, [-pressure, 0.0, 0.0], atol=30.0)
+
+
+def test_corners_of_a_mouth_in_the_element_of_a_tip():
+    """One S-element has both faces: what is beside them, by coordinates."""
+    nodes = [(0, 0), (0, -1), (2, -1), (2, 1), (0, 1), (0, 0)]
+    mesh = two_node_mesh(
+        nodes, [list(range(6))], [(1, 0)], [False], {"end": [(2, 3)], "top": [(3, 4)]}, {"low": 0, "high": 5}
+    )
+    found = sb.static(sb.Model(mesh, ALUMINIUM, clamped="end"), sb.EdgeLoad("top", tx=1e3, ty=2e3))
+    sides = np.array([found.stress((1e-7, y)) for y in (-1e-7, 1e-7)])
+    np.testing.assert_allclose(
+        [found.stress("low"), found.stress("high")], sides, atol=1e-4 * abs(sides).max()
+    )
+    assert np.abs(sides[0] - sides[1]).max() > 0.1 * np.abs(sides).max()

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...loads import Load
+from ...system.fields.places import Point
 from ...system.fields.sampling import Field
 from ...system.model import Model
 from ...system.solve.pencil import Pencil
@@ -63,7 +64,7 @@ class KeptFields:
             part[:] = part[-places:] + part[:-places]
         return self
 
-    def along(self, kind: str, points: list[tuple[float, float]], contact: np.ndarray) -> np.ndarray:
+    def along(self, kind: str, points: Sequence[Point], contact: np.ndarray) -> np.ndarray:
         """(n, points, components): "displacement", m, or "stress" (xx, yy, xy), Pa. Collective.
 
         Parameters

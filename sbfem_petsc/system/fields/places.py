@@ -4,7 +4,7 @@ forces.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,6 +28,8 @@ from ..layout.rows import Rows, flat_entries
 from ..loads import LoadColumns
 from .tips import Tips
 
+# The name of a point, or coordinates in m.
+Point = str | tuple[float, float]
 # How near to a frequency of an S-element whose boundary is held, relatively, a mode counts as its own.
 _ALONE = 1e-9
 # Components of a place: two of displacement, three of stress.
@@ -160,13 +162,12 @@ def checked_line(start: Any, end: Any, count: int) -> tuple[np.ndarray, list[tup
     return line, [(float(x), float(y)) for x, y in line]
 
 
-def places(
-    tips: Tips, points: list[tuple[float, float]], inertia: bool = False, moved: bool = False
-) -> Places:
-    """Forms at points (m), with what inertia adds inside S-elements, and what supports that move do, if it is
+def places(tips: Tips, points: Sequence[Point], inertia: bool = False, moved: bool = False) -> Places:
+    """Forms at points, with what inertia adds inside S-elements, and what supports that move do, if it is
     asked for. Collective.
 
-    On an edge between S-elements the stress is that of the one with the lower number.
+    On an edge between S-elements the stress is that of the one with the lower number; of a named point, of
+    one that has its node, so that the corners of a crack's mouth are told apart where they coincide.
 
     Raises
     ------
@@ -216,7 +217,7 @@ def places(
     return Places(found.some(every[:, :2].ravel()), found.some(every[:, 2:].ravel()))
 
 
-def _held(elements: Elements, points: list[tuple[float, float]]) -> list[tuple[int, tuple]]:
+def _held(elements: Elements, points: Sequence[Point]) -> list[tuple[int, tuple]]:
     """Numbers of the points that this rank evaluates, with what `_home` tells of them. Collective.
 
     Raises
@@ -225,7 +226,7 @@ def _held(elements: Elements, points: list[tuple[float, float]]) -> list[tuple[i
         If a point lies outside the structure; on all ranks.
     """
     comm = elements.layout.comm
-    homes = [_home(elements, np.array(point)) for point in points]
+    homes = [_home(elements, point) for point in points]
     mine = np.array([-1 if home is None else home[0] for home in homes], dtype=np.int64)
     owner = np.where(mine < 0, np.iinfo(np.int64).max, mine)
     comm.Allreduce(MPI.IN_PLACE, owner, MPI.MIN)
@@ -241,9 +242,10 @@ def _held(elements: Elements, points: list[tuple[float, float]]) -> list[tuple[i
     return [(k, home) for k, home in enumerate(homes) if home is not None and home[0] == owner[k]]
 
 
-def _warn_of_faces(tips: Tips, points: list[tuple[float, float]], held: list) -> None:
-    """Warn of points where faces of a crack coincide, of which this rank holds some. Collective."""
-    mine = {k: crack for k, home in held if (crack := _coinciding_faces(tips, *home)) is not None}
+def _warn_of_faces(tips: Tips, points: Sequence[Any], held: list) -> None:
+    """Warn of coordinates where faces of a crack coincide, of which this rank holds some. Collective."""
+    unnamed = (entry for entry in held if not isinstance(points[entry[0]], str))
+    mine = {k: crack for k, home in unnamed if (crack := _coinciding_faces(tips, *home)) is not None}
     found = {k: crack for part in tips.layout.comm.allgather(mine) for k, crack in part.items()}
     if not found or tips.layout.comm.rank > 0:
         return
@@ -315,18 +317,25 @@ def _inertial(elements: Elements, held: list, every: np.ndarray) -> Inertial:
     return Inertial(rows, stretch, squared, fields, body, slices)
 
 
-def _home(elements: Elements, point: np.ndarray) -> tuple[int, Any, int, Located] | None:
-    """The S-element of this rank with the lowest number that holds a point: its number, group, member,
-    place.
+def _home(elements: Elements, point: Point) -> tuple[int, Any, int, Located] | None:
+    """The S-element of this rank with the lowest number that holds a point, the node of a named one: its
+    number, group, member, place.
     """
     boxes, part = elements.layout.element_boxes, elements.layout.part
+    at, _, node = elements.layout.points[point] if isinstance(point, str) else (point, None, None)
     slack = TOLERANCE * (boxes[:, 2:] - boxes[:, :2]).max(axis=1, initial=0.0)[:, None]
-    inside = ((point >= boxes[:, :2] - slack) & (point <= boxes[:, 2:] + slack)).all(axis=1)
+    inside = ((at >= boxes[:, :2] - slack) & (at <= boxes[:, 2:] + slack)).all(axis=1)
     for row in sorted(np.flatnonzero(inside), key=lambda r: int(part.elements[r])):
         group = next(g for g in elements.groups if (g.elements == row).any())
         member = int(np.flatnonzero(group.elements == row)[0])
-        relative = group.rotations[member] @ (point - part.centres[row]) / group.sizes[member]
+        nodes = part.nodes[group.nodes[member]]
+        if node is not None and node not in nodes:
+            continue
+        relative = group.rotations[member] @ (at - part.centres[row]) / group.sizes[member]
         located = locate(group.shape, group.order, group.closed, relative[None])
+        if node == nodes[-1] and not group.closed:  # the face of a tip's S-element that `locate` finds last
+            last = len(edge_nodes(len(nodes), group.order, group.closed)) - 1
+            located = Located(np.array([last]), np.ones(1), np.ones(1))
         if located.edge[0] >= 0:
             return int(part.elements[row]), group, member, located
     return None
