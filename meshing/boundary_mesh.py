@@ -112,7 +112,8 @@ class BoundaryMesh(MeshArrays):
 
         The faces stay where they are drawn, the contact sees the gap, as in the theory of small
         displacements: a cylinder on a plane is a line between two bodies with the gap ``x**2 / (2 * R)``.
-        Inside a tip's S-element the gap runs straight on to the tip.
+        Inside a tip's S-element the gap runs straight on to the tip, or falls with the root of the distance
+        where it does so beside the element, as that of an ellipse.
 
         Parameters
         ----------

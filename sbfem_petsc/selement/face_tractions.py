@@ -40,6 +40,8 @@ from .sectors import Sectors
 # Reciprocity is met to about 1e-12 up to 200 unknowns; a wrong sign, length or coefficient matrix breaks it
 # entirely.
 TOLERANCE = 1e-8
+# Of xi, in initial gaps: of straight faces, and of round ends as those of an open crack are.
+GAP_POWERS = np.array([0.0, 0.5, 1.0, 1.5])
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,15 +96,12 @@ class FaceTractions:
     monomials: np.ndarray
     reciprocity: float
 
-    def initial_mean(self, at_tip: float, at_boundary: float) -> np.ndarray:
-        """(modes,): means of a quantity that varies linearly from the tip to the boundary, as an initial gap
-        does; in the unit of the two values.
+    def initial_mean(self, factors: np.ndarray) -> np.ndarray:
+        """(modes,): means of a quantity with such factors (4,) on xi^0, xi^(1/2), xi and xi^(3/2), as an
+        initial gap has; in their unit.
         """
-        polynomials = self.modes - self.logarithm
-        fraction = np.arange(1, polynomials + 1) / (polynomials + 1.0)
-        if self.logarithm:
-            fraction = np.append(fraction, 0.25 if polynomials == 1 else 1.0 / 6.0)
-        return at_tip + (at_boundary - at_tip) * fraction
+        levels, weights = _along_the_face(self.modes)
+        return (weights[:, None] * self.shapes(levels)).T @ levels[:, None] ** GAP_POWERS @ factors
 
     def shapes(self, levels: np.ndarray) -> np.ndarray:
         """(l, modes): the modes, each of the mean 1, at levels in [0, 1]; a logarithm is infinite at 0."""

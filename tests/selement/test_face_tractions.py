@@ -79,7 +79,7 @@ def test_uniform_stress(corners, material, stress):
     assert np.abs(field - LEVELS[:, None] * u).max() < 1e-11 * scale
     # u varies linearly along the faces: its weighted means are those of its ends
     ends = u[[0, 1, -2, -1]]
-    expected = np.concatenate([tractions.initial_mean(0.0, end) for end in ends])
+    expected = np.concatenate([tractions.initial_mean([0.0, 0.0, end, 0.0]) for end in ends])
     assert np.abs(tractions.rows @ u + tractions.flexibility @ force - expected).max() < 1e-12 * scale
     k = form.rows @ u + form.of_tractions(tractions) @ force
     assert np.abs(k).max() < 1e-11 * np.abs(form.rows).max() * scale
@@ -224,17 +224,19 @@ def test_flexibility_and_rows(order, material):
     rotation = tractions.rows @ np.stack([-shape[:, 1], shape[:, 0]], axis=1).ravel()
     ends = [-shape[0, 1], shape[0, 0], -shape[-1, 1], shape[-1, 0]]
     np.testing.assert_allclose(
-        rotation, np.concatenate([tractions.initial_mean(0.0, e) for e in ends]), atol=1e-12
+        rotation, np.concatenate([tractions.initial_mean([0.0, 0.0, e, 0.0]) for e in ends]), atol=1e-12
     )
 
 
 def test_initial_gap():
-    """Means of a linear gap by quadrature with the polynomials."""
+    """Means of linear and round gaps by quadrature with the polynomials, over the root of the distance."""
     tractions = element(NOTCH, 2, ISOTROPIC, 4)[2]
-    at, weights = np.polynomial.legendre.leggauss(8)
-    at, weights = 0.5 * (at + 1.0), 0.5 * weights
-    means = 4.0 * bernstein(4, at).T @ (weights * (0.3 + 0.9 * at))
-    np.testing.assert_allclose(tractions.initial_mean(0.3, 1.2), means, rtol=1e-13)
+    root, weights = np.polynomial.legendre.leggauss(12)
+    root, weights = 0.5 * (root + 1.0), 0.5 * weights
+    for factors in ([0.3, 0.0, 0.9, 0.0], [0.0, 0.7, 0.0, -0.2]):
+        gap = root[:, None] ** [0.0, 1.0, 2.0, 3.0] @ factors
+        means = 4.0 * bernstein(4, root**2).T @ (weights * 2.0 * root * gap)
+        np.testing.assert_allclose(tractions.initial_mean(factors), means, rtol=1e-13)
 
 
 def test_violated_reciprocity_is_an_error():

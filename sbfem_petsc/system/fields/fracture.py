@@ -63,16 +63,14 @@ def unresolved_contact(
         crack = abs(tips.intensities.exponents[number][0] - 0.5) < NEARLY_A_CRACK
         law = tips.law_of(tip)
         rigid = law.parts and not law.compliance
-        at_tip, at_boundary = tips.gaps[number]
-        wedge = at_tip == 0.0 and at_boundary > 0.0
         rows = force[tips.first_rows[number] : tips.first_rows[number + 1]]
         left = first < 0.0 or 0 < np.count_nonzero(rows) < len(rows)
-        if not (rigid and wedge and left and crack and material.isotropic):
+        if not (rigid and tips.wedges[number] and left and crack and material.isotropic):
             continue
         shear = material.elasticity[2, 2]
         kappa = 1.0 + 2.0 * shear / (material.elasticity[0, 1] + shear)
         stiffness = 8.0 * shear / (kappa + 1.0) * material.modulus  # E'
-        opening = at_boundary / abs(tip.arc[1] - tip.arc[0])
+        opening = tips.gaps[number, 2] / abs(tip.arc[1] - tip.arc[0])
         values[number] = -first * abs(first) / (stiffness * opening) * tips.elements.thickness
     tips.layout.comm.Allreduce(MPI.IN_PLACE, values)
     return dict(zip(intensities, values.tolist()))

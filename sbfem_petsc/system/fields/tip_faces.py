@@ -13,6 +13,7 @@ from meshing.mesh_arrays import ContactPairs, Tip
 from ...material import AnyMaterial
 from ...selement.coefficients import SElementError
 from ...selement.face_tractions import (
+    GAP_POWERS,
     FaceTractions,
     face_axis,
     face_tractions,
@@ -119,8 +120,8 @@ class TipFaces(TipElement):
         E times the thickness, N/m.
     sets : (str, str)
         Edge sets to which the first and the last face of the reference shape belong.
-    gaps : (2,) array
-        Initial gaps at the tip and on the element's boundary, m.
+    gap : (4,) array
+        Factors of the powers `GAP_POWERS` in the initial gap, m.
     """
 
     first: int
@@ -129,7 +130,7 @@ class TipFaces(TipElement):
     tractions: FaceTractions
     stiffness: float
     sets: tuple[str, str]
-    gaps: np.ndarray
+    gap: np.ndarray
 
     @property
     def contact(self) -> slice:
@@ -187,7 +188,7 @@ class TipFaces(TipElement):
 
     def initial_gap(self) -> np.ndarray:
         """(modes,): mean gaps of the undeformed faces, m."""
-        return self.tractions.initial_mean(*self.gaps)[: self.modes]
+        return self.tractions.initial_mean(self.gap)[: self.modes]
 
     def uniform(
         self, edge_set: str, traction: Callable[[np.ndarray], np.ndarray], thickness: float
@@ -218,24 +219,29 @@ def drawn_gap(place: TipElement) -> float:
     return place.size * opening if opening > 1e-12 else 0.0  # faces of a closed crack coincide to round-off
 
 
-def given_gaps(pairs: ContactPairs, tip: Tip) -> tuple[float, float] | None:
-    """Gaps at a tip and on the boundary of its element, m, on the straight line through those of the pair
-    there and of the next one.
+def given_gap(pairs: ContactPairs, tip: Tip) -> np.ndarray | None:
+    """(4,): factors of the powers in the gap inside a tip's element, m, through that of the pair on its
+    boundary and that of the next one.
+
+    Gaps run on straight, or as b r^(1/2) + c r^(3/2) where that meets the third pair better, as where the
+    ends are round: straight ones would leave a wrong K_I there, however small the element.
     """
     start, stop = tip.arc
     line = np.flatnonzero(pairs.crack == tip.crack)
-    outwards = np.sign(stop - start) * (pairs.arc[line] - start)
-    line = line[np.argsort(outwards, kind="stable")]
-    outwards = np.sort(outwards, kind="stable")
-    reach = abs(stop - start)
-    here = np.searchsorted(outwards, reach * (1.0 - 1e-6))
-    beyond = np.searchsorted(outwards, reach * (1.0 + 1e-6))
-    if here == beyond or beyond == len(line):
+    outwards = (pairs.arc[line] - start) / (stop - start)
+    _, rows = np.unique(np.round(outwards, 6), return_index=True)  # two pairs may stand at one place
+    rows = rows[outwards[rows] > 1.0 - 1e-6][:3]
+    r, gap = outwards[rows], pairs.gap[line[rows]]
+    if len(r) < 2 or r[0] > 1.0 + 1e-6:
         return None  # its pair has been made one with another crack's, or is the only one
-    first, second = pairs.gap[line[[here, beyond]]]
-    slope = (second - first) / (outwards[beyond] - outwards[here])
-    at_tip = first - reach * slope
-    return (at_tip if at_tip > _AT_THE_TIP * first else 0.0), first
+    straight, rounded = np.zeros((2, len(GAP_POWERS)))
+    powers = r[:, None] ** GAP_POWERS
+    straight[::2] = np.linalg.solve(powers[:2, ::2], gap[:2])
+    rounded[1::2] = np.linalg.solve(powers[:2, 1::2], gap[:2])
+    if straight[0] <= _AT_THE_TIP * gap[0]:
+        return np.array([0.0, 0.0, gap[0], 0.0])
+    line_misses, round_misses = np.abs(powers[-1] @ np.stack([straight, rounded], axis=1) - gap[-1])
+    return rounded if len(r) > 2 and round_misses < line_misses else straight
 
 
 def tractions_of(place: TipElement, modes: int) -> FaceTractions:

@@ -13,11 +13,11 @@ from meshing.mesh_arrays import Tip
 from ...contact.law import ContactLaw
 from ...petsc import MPI
 from ...ranks.parallel import collective
-from ...selement.face_tractions import FaceTractions
+from ...selement.face_tractions import GAP_POWERS, FaceTractions
 from ..elements.elements import Elements
 from .intensities import TipIntensities, tip_intensities
 from .t_stress import TStressForm, t_stress_forms
-from .tip_faces import TipElement, TipFaces, drawn_gap, given_gaps, tip_elements, tractions_of
+from .tip_faces import TipElement, TipFaces, drawn_gap, given_gap, tip_elements, tractions_of
 
 
 class Tips:
@@ -51,15 +51,22 @@ class Tips:
 
     @functools.cached_property
     def gaps(self) -> np.ndarray:
-        """(tips, 2): initial gaps at each tip and on the boundary of its S-element, m. Collective."""
-        gaps = np.zeros((len(self.layout.tip_elements), 2))
+        """(tips, 4): factors of the powers `GAP_POWERS` in the initial gap inside each tip's S-element, m.
+        Collective.
+        """
+        gaps = np.zeros((len(self.layout.tip_elements), len(GAP_POWERS)))
         for place in self.places:
-            drawn, given = drawn_gap(place), given_gaps(self.layout.pairs, place.tip)
-            gaps[place.number] = (0.0, drawn)
-            if given is not None and abs(given[1] - drawn) > 1e-6 * max(given[1], drawn):
+            drawn, given = drawn_gap(place), given_gap(self.layout.pairs, place.tip)
+            gaps[place.number, 2] = drawn
+            if given is not None and abs(given.sum() - drawn) > 1e-6 * max(given.sum(), drawn):
                 gaps[place.number] = given
         self.layout.comm.Allreduce(MPI.IN_PLACE, gaps)
         return gaps
+
+    @property
+    def wedges(self) -> np.ndarray:
+        """(tips,): whether the undeformed faces close a wedge at each. Collective."""
+        return ~self.gaps[:, :2].any(axis=1) & (self.gaps[:, 2] > 0.0)
 
     # ------------------------------------------------------------------ contact rows
     @functools.cached_property
@@ -69,9 +76,7 @@ class Tips:
         a wedge. Collective.
         """
         parts = [self.law_of(tip).parts for tip in self.layout.tip_elements]
-        at_tip, at_boundary = self.gaps.T
-        wedges = (at_tip == 0.0) & (at_boundary > 0.0) & np.array(parts, dtype=bool)
-        counts = (self.modes + wedges) * (self.modes > 0)
+        counts = (self.modes + self.wedges * np.array(parts, dtype=bool)) * (self.modes > 0)
         return len(self.layout.pairs) + np.concatenate([[0], np.cumsum(counts)])
 
     @functools.cached_property
@@ -114,7 +119,7 @@ class Tips:
                     stiffness=place.material.modulus * self.elements.thickness,
                     # a reflected shape runs through the element's chain backwards
                     sets=place.tip.faces[::-1] if reflected else place.tip.faces,
-                    gaps=gaps[number],
+                    gap=gaps[number],
                 )
         return found
 
