@@ -10,7 +10,7 @@ from ..record.record import Record, described, quantity
 from . import extrapolation
 from .events import find_zero, fold_between, folds, furthest
 from .follow import Line
-from .multipliers import Multipliers, multipliers_of, outside
+from .multipliers import outside
 from .problem import Point
 
 # A located multiplier this near the unit circle has passed it there.
@@ -56,23 +56,14 @@ class Bifurcation(Record):
         return f"Bifurcation({self.kind} at {self.value:.7g}{error}, multiplier {self.multiplier:.6g})"
 
 
-def locate(line: Line, found: list[Multipliers]) -> list[Bifurcation]:
-    """All bifurcations of a branch in the order of its points.
-
-    Parameters
-    ----------
-    line : Line
-        Gone through.
-    found : list of Multipliers
-        Of all its points.
-    """
-    result, turns = [], dict(folds(line))
+def locate(line: Line) -> list[Bifurcation]:
+    """All bifurcations of a branch that has been gone through, in the order of its points."""
+    result, turns, counts = [], dict(folds(line)), _outside(line)
     for k in range(1, len(line.points)):
         if k - 1 in turns:
             result.append(_fold(line, k - 1, turns[k - 1]))
-        one, other = (int(outside(item).sum()) for item in found[k - 1 : k + 1])
-        if one != other:
-            crossing = _crossing(line, k, max(one, other) - 1, found)
+        if counts[k - 1] != counts[k]:
+            crossing = _crossing(line, k, max(counts[k - 1 : k + 1]) - 1)
             # a real multiplier through +1 at a turning point is the fold itself
             turned = bool(turns.keys() & {k - 2, k - 1, k}) or _turns(line.points, k)
             if crossing is not None and crossing.kind == "branch point":
@@ -82,9 +73,14 @@ def locate(line: Line, found: list[Multipliers]) -> list[Bifurcation]:
     return result
 
 
-def unlocated(line: Line, found: list[Multipliers], why: str) -> str:
+def _outside(line: Line) -> list[int]:
+    """How many multipliers of each point are outside the unit circle."""
+    return [int(outside(point.state.multipliers).sum()) for point in line.points]
+
+
+def unlocated(line: Line, why: str) -> str:
     """Where a branch has bifurcations, and why they are not located; "" where it has none."""
-    counts, values = [int(outside(item).sum()) for item in found], line.values
+    counts, values = _outside(line), line.values
     passed = [k for k in range(1, len(counts)) if counts[k - 1] != counts[k]]
     turned = [
         k for k in range(1, len(values) - 1) if _turns(line.points, k + 1) and not {k, k + 1} & {*passed}
@@ -142,38 +138,32 @@ def _fold_or(crossing: Bifurcation, line: Line, k: int) -> Bifurcation:
 
 def _fold(line: Line, k: int, point: Point) -> Bifurcation:
     """A point between point k and the next one as a fold."""
-    values = multipliers_of(point.state)
+    values = point.state.multipliers
     nearest = int(np.argmin(np.abs(values.values - 1.0)))
     multiplier, (value, error) = complex(values.values[nearest]), extrapolation.fold(line, k, point)
     state, direction = point.state.state, values.direction(nearest)
     return Bifurcation("fold", value, multiplier, state, direction, k + 1, point.value, error)
 
 
-def _crossing(line: Line, k: int, rank: int, found: list[Multipliers]) -> Bifurcation | None:
-    """Where the multiplier of the given rank by modulus passes the unit circle between points k - 1 and k,
-    from the multipliers of all points.
-    """
-    points = line.points
-    known = {points[n]: found[n] for n in range(max(0, k - 2), min(len(points), k + 2))}
+def _crossing(line: Line, k: int, rank: int) -> Bifurcation | None:
+    """Where the multiplier of the given rank by modulus passes the unit circle between points k - 1 and k."""
 
     def excess(point: Point) -> float:
-        if point not in known:
-            known[point] = multipliers_of(point.state)
-        return float(np.abs(known[point].values[rank]) - 1.0)
+        return float(np.abs(point.state.multipliers.values[rank]) - 1.0)
 
     def smooth(places: dict[float, Point]) -> dict[float, float]:
         """The same of one multiplier, whatever its rank at other points."""
-        spectra = {place: known[point].values for place, point in places.items()}
+        spectra = {place: point.state.multipliers.values for place, point in places.items()}
         unstable_end = 0.0 if ends[0] > 0.0 else 1.0
         followed = follow_multiplier(spectra, unstable_end, rank)
         return {place: abs(value) - 1.0 for place, value in followed.items()}
 
-    first, second = points[k - 1], points[k]
+    first, second = line.points[k - 1 : k + 1]
     ends = excess(first), excess(second)
     if ends[0] * ends[1] > 0.0:
         return None
     point, one, other = find_zero(line, k - 1, excess, ends, smooth, RESOLVED)
-    at = known[point]
+    at = point.state.multipliers
     value = complex(at.values[rank])
     # a jump over the circle between two points that touch differently, finer than bifurcations are located
     unresolved = abs(abs(value) - 1.0) > RESOLVED and (first.state.touching != second.state.touching).any()
@@ -193,7 +183,6 @@ def _crossing(line: Line, k: int, rank: int, found: list[Multipliers]) -> Bifurc
     if kind == "grazing":
         place, error = extrapolation.jump(line, k - 1, (point, one, other))
     else:
-        around = [known[end].values for end in (point, one, other)]
-        place, error = extrapolation.passage(line, k - 1, (point, one, other), around, value)
+        place, error = extrapolation.passage(line, k - 1, (point, one, other), value)
     state, direction = point.state.state, at.direction(rank)
     return Bifurcation(kind, place, value, state, direction, k, point.value, error, row)

@@ -15,16 +15,15 @@ from ..errors import SolveError, on_all_ranks, warn, wrong_input
 from ..motion.contact_work import StepsTooLong, times_more, warn_of_contact_work
 from ..motion.excitation import one_sided
 from ..motion.period_map import Period
-from ..motion.unreduced.period import UnreducedPeriod
 from .accuracy import Accuracy
 from .bifurcations import Bifurcation, by_steps, locate, unlocated
 from .branch import Branch
 from .events import insert, neighbours, refine, turns_twice
 from .extrapolation import uncertainty_at
-from .follow import CLOSED, Follower, Line, Settings, follow, points_of
+from .follow import CLOSED, Follower, Line, Settings, points_of
 from .harmonic_errors import harmonic_error_estimates
 from .line_file import LineFile
-from .multipliers import FLOOR, Multipliers, ambiguous, excursion, hurried, multipliers_of, passages
+from .multipliers import FLOOR, ambiguous, excursion, hurried, passages
 from .orbit import LOWEST, NEAR, largest_error
 from .problem import Point, Range
 from .problems.driven_orbits import Orbits, ParameterRange, distances, minimal_periods
@@ -41,11 +40,13 @@ DIFFERENCE = 1e-4
 # The multipliers' uncertainty is measured at every so many points, and where the largest modulus is off 1 by
 # no more than so many times that of its neighbours.
 SPARSE, FAR = 32, 5.0
-# Of few pairs, each meeting that is gained or lost between two points may make multipliers jump, and is
+# Each meeting of few pairs that is gained or lost between two points may make multipliers jump, and is
 # enclosed up to this share of the value.
-FEW, ENCLOSED = 8, 1e-3
+ENCLOSED = 1e-3
 # A branch that first leads away from its range may do so by this share of the parameter or of the range.
 EXCURSION = 0.02
+# Errors of harmonics that nobody has asked for.
+NOT_TOLD = np.full(LOWEST, np.nan)
 
 
 @dataclass(frozen=True)
@@ -119,37 +120,35 @@ def follow_response(
     if not period.excitation.orders.any():
         raise wrong_input(f"{what}: no load oscillates; give a number, the amplitude of sin(2 pi f t)")
     line = run.line(problem) or Line([Point.known(problem, np.append(first(), parameter.start))])
-    rows, within = PointRows(period, settings.stability, settings.most_steps), parameter.range
+    within, new = parameter.range, not line.complete
     if settings.leave:
         within = led_away(line, within)
-    for point in line.points:
-        rows.add(point)
-        if point not in line.points[-2:]:
-            point.state.forget()
-    made = functools.partial(_branch, line, rows, problem)
-
-    def step(_: Line) -> None:
-        rows.add(line.points[-1])
-        run.update(lambda: made(False), [line])
-        run.report(min(1.0, abs(line.points[-1].value - parameter.start) / within.extent))
-
-    new = not line.complete
     if new:
-        follow(line, within, Settings(settings.points, settings.largest_step), step)
-        new = line.complete or not within.holds(line.points[-1].value)
+        line.reason = ""  # what has stopped a former run is met again
+    tell = functools.partial(_tell, settings)
+    run.follow(
+        [line],
+        within,
+        Settings(settings.points, settings.largest_step),
+        lambda: _branch(line, problem),
+        lambda value: abs(value - parameter.start) / within.extent,
+        tell,
+    )
+    new &= line.complete or not within.holds(line.points[-1].value)
     if new:
-        refine(line, lambda: line.values / within.extent, lambda: rows.arrays()[1].T, rows.add)
-    rows.judge(line, settings.accuracy)
-    if new and settings.stability and not rows.missing:
-        _separate(line, rows)
-    result = made(True)
-    warn_of_contact_work(what, rows.work, period.steps // period.excitation.periods)
+        refine(line, lambda: line.values / within.extent, lambda: line.told["point_amplitudes"].T, tell)
+    errors, missing = _judged(line, settings.accuracy)
+    if new and settings.stability and not missing:
+        _separate(line, tell)
+    result = _branch(line, problem, errors, missing, settings.stability)
+    work = max(point.state.contact_work for point in line.points)
+    warn_of_contact_work(what, work, period.steps // period.excitation.periods)
     run.update(lambda: result, [line], last=True)
-    _tell(line, parameter, settings, result)
+    _warn(line, parameter, settings, result)
     return result
 
 
-def _tell(line: Line, parameter: ParameterRange, settings: BranchSettings, result: Branch) -> None:
+def _warn(line: Line, parameter: ParameterRange, settings: BranchSettings, result: Branch) -> None:
     """Warn of, or raise, why a branch has not come to the end of its range."""
     what, last = parameter.owner, float(result.value[-1])
     if line.full and result.complete:
@@ -198,156 +197,114 @@ def led_away(line: Line, within: Range) -> Range:
     return Range(within.lower, first.value + reach, 1)
 
 
-def _branch(line: Line, rows: PointRows, problem: Orbits | UnreducedOrbits, finished: bool) -> Branch:
-    """The branch as it is; bifurcations and uncertainties are looked for when it is finished."""
-    points, parameter = line.points, problem.parameter
-    asked = finished and rows.stability
-    located = asked and not rows.missing
-    found = [item for item in rows.found if item is not None]  # all of them where stability is asked for
-    bifurcations = tuple(locate(line, found)) if located else ()
+def _tell(settings: BranchSettings, point: Point) -> None:
+    """Note what is kept of a point.
+
+    Raises
+    ------
+    StepsTooLong
+        If contact does too much work in its steps, and there may be more of them.
+    """
+    state, problem = point.state, point.problem
+    periods = problem.period.excitation.periods
+    if (times := times_more(state.contact_work, problem.period.steps, settings.most_steps)) > 1:
+        raise StepsTooLong(times)
+    u, resultant = state.seen()
+    spectrum = np.moveaxis(one_sided(u), 0, -1)
+    point.told = {
+        "states": np.zeros(0) if problem.map is None else state.state,
+        "point_harmonics": spectrum[..., ::periods][..., : HARMONICS + 1],
+        "point_amplitudes": 0.5 * np.ptp(u[..., -1], axis=0),
+        "multipliers": state.multipliers.values if settings.stability else np.zeros(0, dtype=complex),
+        "point_subharmonics": spectrum[..., :periods],
+        "contact_peak": resultant.max(initial=0.0),
+        "iterations": point.iterations,
+    }
+
+
+def _judged(line: Line, accuracy: Accuracy | None) -> tuple[np.ndarray, str]:
+    """(5,): the largest errors of harmonics, at the ends and where the amplitude and harmonics 2 to 4 are
+    largest, see `harmonic_error_estimates`; what they mean where they are above the accuracy, or "".
+
+    Raises
+    ------
+    TooInaccurate
+        If they are above the accuracy, and there may be more modes or steps.
+
+    Warns
+    -----
+    AccuracyWarning
+        If they are, and there may not.
+    """
+    period, told, missing = line.points[0].problem.period, line.told, ""
+    if not isinstance(period, Period):
+        return NOT_TOLD, ""
+    spectra = np.abs(told["point_harmonics"])
+    sizes = np.linalg.norm(spectra.reshape(len(spectra), -1, spectra.shape[-1]), axis=1)
+    peaks = {int(np.linalg.norm(told["point_amplitudes"], axis=1).argmax())}
+    peaks |= {int(np.argmax(size)) for size in sizes[:, 2:LOWEST].T}
+    points = [line.points[k] for k in sorted({0, *peaks, len(line.points) - 1})]
+    found = [harmonic_error_estimates(point.state) for point in points]
+    if accuracy is not None:
+        worst = int(np.argmax([largest_error(errors.sum(axis=0)) for errors in found]))
+        accuracy.require(points[worst].state, found[worst], points[worst].value)
+        steps = period.steps // period.excitation.periods
+        missing = accuracy.tell(period.reduced, steps, found[worst])
+    return np.max([errors.sum(axis=0) for errors in found], axis=0), missing
+
+
+def _branch(
+    line: Line,
+    problem: Orbits | UnreducedOrbits,
+    errors: np.ndarray = NOT_TOLD,
+    missing: str = "",
+    stability: bool = False,
+) -> Branch:
+    """The branch as it is, with bifurcations and uncertainties where its stability is asked for."""
+    parameter = problem.parameter
+    bifurcations = tuple(locate(line)) if stability and not missing else ()
     return Branch(
-        parameter.name,
-        line.values,
-        problem.states(points),
-        *rows.arrays(),
-        _uncertainty(line, found, bifurcations) if asked else np.full(len(points), np.nan),
-        np.array([point.iterations for point in points]),
-        bifurcations,
-        line.reason or "unfinished",
-        len(points) > 1 and (parameter.reached(points[-1].value) or line.reason == CLOSED),
-        problem.period.excitation.periods,
-        problem.period.points,
-        problem.map,
-        parameter.frequency,
-        rows.errors_found,
-        "" if located or not asked else unlocated(line, found, rows.missing),
+        **line.told,
+        parameter=parameter.name,
+        value=line.values,
+        multiplier_error=_uncertainty(line, bifurcations) if stability else np.full(len(line.points), np.nan),
+        bifurcations=bifurcations,
+        reason=line.reason or "unfinished",
+        complete=len(line.points) > 1 and (parameter.reached(line.points[-1].value) or line.reason == CLOSED),
+        periods=problem.period.excitation.periods,
+        names=problem.period.points,
+        map=problem.map,
+        fixed_frequency=parameter.frequency,
+        mode_error=errors,
+        unlocated=unlocated(line, missing) if stability and missing else "",
     )
 
 
-class PointRows:
-    """What is kept of each point.
-
-    Parameters
-    ----------
-    period : Period or UnreducedPeriod
-    stability : bool
-    most : int
-        Steps that there may be where contact does too much work in those of the period.
-
-    Attributes
-    ----------
-    work : float
-        The most that contact does at any point, see `contact_work`.
-    errors_found : (5,) array
-        The largest errors of harmonics, nan before they are known, see `harmonic_error_estimates`.
-    missing : str
-        What they mean where they are above the accuracy that was asked for.
-    """
-
-    def __init__(self, period: Period | UnreducedPeriod, stability: bool, most: int = 0):
-        self.period, self.stability, self.most, self.work = period, stability, most, 0.0
-        self.rows: list[tuple] = []
-        self.found: list[Multipliers | None] = []
-        self.meetings: list[np.ndarray] = []
-        self.errors_found, self.missing = np.full(LOWEST, np.nan), ""
-
-    def judge(self, line: Line, accuracy: Accuracy | None) -> None:
-        """Errors of the harmonics at the ends and where the amplitude and harmonics 2 to 4 are largest.
-
-        Raises
-        ------
-        TooInaccurate
-            If they are above the accuracy, and there may be more modes or steps.
-
-        Warns
-        -----
-        AccuracyWarning
-            If they are, and there may not.
-        """
-        if not isinstance(self.period, Period):
-            return
-        spectra = np.abs([row[0] for row in self.rows])
-        sizes = np.linalg.norm(spectra.reshape(len(spectra), -1, spectra.shape[-1]), axis=1)
-        peaks = {int(np.argmax([np.linalg.norm(row[1]) for row in self.rows]))}
-        peaks |= {int(np.argmax(size)) for size in sizes[:, 2:LOWEST].T}
-        points = [line.points[k] for k in sorted({0, *peaks, len(line.points) - 1})]
-        found = [harmonic_error_estimates(point.state) for point in points]
-        self.errors_found = np.max([errors.sum(axis=0) for errors in found], axis=0)
-        if accuracy is not None:
-            worst = int(np.argmax([largest_error(errors.sum(axis=0)) for errors in found]))
-            accuracy.require(points[worst].state, found[worst], points[worst].value)
-            steps = self.period.steps // self.period.excitation.periods
-            self.missing = accuracy.tell(self.period.reduced, steps, found[worst])
-
-    def add(self, point: Point, place: int | None = None) -> None:
-        """Note a point, at the end or before another one.
-
-        Raises
-        ------
-        StepsTooLong
-            If contact does too much work in its steps, and there may be more of them.
-        """
-        work = point.state.contact_work
-        if (times := times_more(work, self.period.steps, self.most)) > 1:
-            raise StepsTooLong(times)
-        self.work = max(self.work, work)
-        u, resultant = point.state.seen()
-        spectrum, periods = one_sided(u), self.period.excitation.periods
-        found = multipliers_of(point.state) if self.stability else None
-        row = (
-            np.moveaxis(spectrum[::periods][: HARMONICS + 1], 0, -1),
-            0.5 * np.ptp(u[..., -1], axis=0),
-            found.values if found is not None else np.zeros(0, dtype=complex),
-            np.moveaxis(spectrum[:periods], 0, -1),
-            resultant.max(initial=0.0),
-        )
-        place = len(self.rows) if place is None else place
-        self.rows.insert(place, row)
-        self.found.insert(place, found)
-        self.meetings.insert(place, self._meetings(point))
-
-    def _meetings(self, point: Point) -> np.ndarray:
-        """(pairs,): how often each of few pairs begins to touch in a period; (0,) where there are many."""
-        if not isinstance(self.period, Period) or self.period.pairs > FEW:
-            return np.zeros(0, dtype=int)
-        touching = point.state.motion.forces != 0.0
-        return np.asarray((touching[1:] & ~touching[:-1]).sum(axis=0))
-
-    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Harmonics, amplitudes, multipliers, subharmonics and contact peaks of all points."""
-        harmonics, amplitudes, values, subharmonics, peaks = (np.array(column) for column in zip(*self.rows))
-        return harmonics, amplitudes, values, subharmonics, peaks
-
-
-def _separate(line: Line, rows: PointRows) -> None:
+def _separate(line: Line, tell: Callable[[Point], object]) -> None:
     """Points between those with several passages of the unit circle between them, until each has its own
     place.
     """
-    found, points = rows.found, line.points
     for _ in range(HALVINGS):
         places = {
-            k: 0.5 if _gained(line, k, rows.meetings) else _unseen(line, k, found)
-            for k in range(len(points) - 1)
+            k: 0.5 if _gained(*line.points[k : k + 2]) else _unseen(line, k)
+            for k in range(len(line.points) - 1)
         }
         for k, place in reversed(places.items()):
-            if place is None:
-                continue
-            insert(line, k, place, rows.add)
+            if place is not None:
+                insert(line, k, place, tell)
         if line.full or not any(places.values()):
             break
 
 
-def _gained(line: Line, k: int, meetings: list[np.ndarray]) -> bool:
-    """Whether few pairs meet more often, or less, at point k + 1 than at point k, which is far from it."""
-    one, other = line.points[k : k + 2]
+def _gained(one: Point, other: Point) -> bool:
+    """Whether few pairs meet more often, or less, at a point than at the one before, which is far from it."""
     far = abs(other.value - one.value) > ENCLOSED * abs(one.value)
-    return far and bool((meetings[k] != meetings[k + 1]).any())
+    return far and bool((one.state.meetings != other.state.meetings).any())
 
 
-def _unseen(line: Line, k: int, found: list[Multipliers | None]) -> float | None:
+def _unseen(line: Line, k: int) -> float | None:
     """Where between points k and k + 1 a further one tells passages of the unit circle apart."""
-    one, other = found[k : k + 2]
-    assert one is not None and other is not None  # stability is asked for
+    one, other = (point.state.multipliers for point in line.points[k : k + 2])
     passing = passages(one, other)
     if passing > 1 or ambiguous(one, other) or (not passing and hurried(one, other)):
         return 0.5
@@ -356,26 +313,24 @@ def _unseen(line: Line, k: int, found: list[Multipliers | None]) -> float | None
     outer = neighbours(line, k)
     if passing or len(outer) < 2:
         return None
-    before, behind = found[k - 1], found[k + 2]
-    assert before is not None and behind is not None
-    low, high = sorted(outer)
-    return excursion([(low, before), (0.0, one), (1.0, other), (high, behind)])
+    around = {**outer, 0.0: line.points[k], 1.0: line.points[k + 1]}
+    return excursion([(place, around[place].state.multipliers) for place in sorted(around)])
 
 
-def _uncertainty(line: Line, found: list[Multipliers], bifurcations: tuple[Bifurcation, ...]) -> np.ndarray:
+def _uncertainty(line: Line, bifurcations: tuple[Bifurcation, ...]) -> np.ndarray:
     """(n,): uncertainty of the largest modulus where the verdict may depend on it, nan elsewhere.
 
     Beside bifurcations it is expected to be as much as the modulus changes over what the steps move these.
     Where the modulus is near 1 it is measured here and there, at the nearest point of each stretch of one
     verdict, and wherever it is not far from 1 beside what is expected there or known next to it.
     """
-    largest = np.array([abs(item.values[0]) for item in found])
-    result, off = np.full(len(found), np.nan), np.abs(largest - 1.0)
-    if len(found) < 2:
+    largest = np.array([abs(point.told["multipliers"][0]) for point in line.points])
+    result, off = np.full(len(largest), np.nan), np.abs(largest - 1.0)
+    if len(largest) < 2:
         return result
     changes = np.flatnonzero(np.diff(largest > 1.0 + FLOOR)) + 1
     nearest = {begin + int(part.argmin()) for begin, part in zip([0, *changes], np.split(off, changes))}
-    asked = {*range(0, len(found), SPARSE), *(nearest - {*changes, *(changes - 1)})}
+    asked = {*range(0, len(largest), SPARSE), *(nearest - {*changes, *(changes - 1)})}
     for item in bifurcations:
         pair = np.array([item.after - 1, item.after])
         one, other = (line.points[k] for k in pair)
@@ -387,7 +342,7 @@ def _uncertainty(line: Line, found: list[Multipliers], bifurcations: tuple[Bifur
         if not np.isnan(result[k]) or off[k] > NEAR:
             continue
         result[k] = uncertainty_at(line, k, largest)
-        neighbours = {max(k - 1, 0), min(k + 1, len(found) - 1)}
+        neighbours = {max(k - 1, 0), min(k + 1, len(largest) - 1)}
         asked |= {n for n in neighbours if result[k] > FLOOR and off[n] < FAR * result[k]}
     return result
 
@@ -411,11 +366,9 @@ def linear_branch(period: Period, start: float, stop: float, accuracy: Accuracy 
     values = np.unique(np.concatenate([np.linspace(lower, upper, EVEN), *near]))
     values = values[(values >= lower) & (values <= upper)]
     values = values if stop > start else values[::-1]
-    rows = PointRows(period, stability=False)
     orbits = Orbits(period, ParameterRange("frequency", start, stop))
     line = Line([], reason=f"end of the range at {values[-1]:g}", complete=True)
     for value in values.tolist():
         line.points.append(Point.known(orbits, np.append(period.at(value).linear_state, value)))
-        rows.add(line.points[-1])
-    rows.judge(line, accuracy)
-    return _branch(line, rows, orbits, True)
+        _tell(BranchSettings(stability=False), line.points[-1])
+    return _branch(line, orbits, *_judged(line, accuracy))

@@ -393,7 +393,7 @@ def refine(
     line: Line,
     places: Callable[[], np.ndarray],
     heights: Callable[[], np.ndarray],
-    add: Callable[[Point, int], None],
+    tell: Callable[[Point], object],
     shortest: float = 0.0,
 ) -> None:
     """Points between those where heights bend over the value, so that chords show the curve and peaks stand
@@ -406,8 +406,8 @@ def refine(
         (n,) of all points: where they are along the range, as shares of it.
     heights : callable
         (curves, n) of all points, such as amplitudes.
-    add : callable
-        Is told each new point and its place.
+    tell : callable
+        Notes what is kept of each new point.
     shortest : float
         Arc length of ways that are not divided.
     """
@@ -419,12 +419,12 @@ def refine(
             if len(one.u) == len(other.u):  # of one discretisation
                 metric = Metric(other.problem, one.u)
                 if metric.length(metric.way(one, other)) > shortest:
-                    insert(line, k, 0.5, add)
+                    insert(line, k, 0.5, tell)
         if not bent or line.full:
             break
 
 
-def insert(line: Line, k: int, fraction: float, add: Callable[[Point, int], None]) -> None:
+def insert(line: Line, k: int, fraction: float, tell: Callable[[Point], object]) -> None:
     """A further point of a line, if it may have more, between point k and the next one, unless a corner is
     there.
     """
@@ -438,7 +438,7 @@ def insert(line: Line, k: int, fraction: float, add: Callable[[Point, int], None
     ends = line.points[k : k + 2]
     if any(metric.length(metric.way(end, point)) > metric.length(metric.way(*ends)) for end in ends):
         return  # it is on another part
-    add(point, k + 1)
+    tell(point)
     line.points.insert(k + 1, point)
     point.state.forget()
 

@@ -18,7 +18,7 @@ import numpy as np
 from ..errors import SolveError
 from .events import Way, in_finer_steps, place_of
 from .follow import Line
-from .multipliers import multipliers_of, outside
+from .multipliers import outside
 from .newton import attempt
 from .orbit import uncertainty_of
 from .problem import Point, Wider
@@ -55,7 +55,7 @@ def uncertainty_at(line: Line, k: int, largest: np.ndarray) -> float:
     except SolveError:
         return math.inf
     change, moved = (
-        abs(largest[k] - abs(multipliers_of(finer.state).values[0])),
+        abs(largest[k] - abs(finer.state.multipliers.values[0])),
         abs(finer.value - point.value),
     )
     if moved:
@@ -70,15 +70,12 @@ def fold(line: Line, k: int, point: Point) -> tuple[float, float]:
     return _told(line, k, _Fold(line, k, point))
 
 
-def passage(
-    line: Line, k: int, found: Found, spectra: list[np.ndarray], value: complex
-) -> tuple[float, float]:
+def passage(line: Line, k: int, found: Found, value: complex) -> tuple[float, float]:
     """Value and uncertainty of the point between point k and the next one at which a multiplier, `value`,
-    passes the unit circle; `found` are that point and its neighbours of either sign, `spectra` all their
-    multipliers.
+    passes the unit circle; `found` are that point and its neighbours of either sign.
     """
     try:
-        sought = _Passage(line, k, found, spectra, value)
+        sought = _Passage(line, k, found, value)
     except SolveError:
         return found[0].value, math.nan
     return _told(line, k, sought)
@@ -189,7 +186,7 @@ class _Passage:
     which stays smooth where it meets another one; of a complex pair how far outside the circle it is.
     """
 
-    def __init__(self, line: Line, k: int, found: Found, spectra: list[np.ndarray], value: complex):
+    def __init__(self, line: Line, k: int, found: Found, value: complex):
         point, one, other = found
         places = [place_of(line, k, item) for item in found]
         width = places[2] - places[1]
@@ -198,7 +195,7 @@ class _Passage:
         self.rate = (other.u - one.u) / width
         self.value = (other.value - one.value) / width
         self.multiplier = complex(value.real, abs(value.imag))
-        excess, before, after = (self._excess(item) for item in spectra)
+        excess, before, after = (self._excess(item.state.multipliers.values) for item in found)
         self.slope = (after - before) / width
         # the last point, its place, how far from it the multiplier passes; how far more steps have moved that
         self.near, self.place, self.shift = point, places[0], self._to_zero(excess)
@@ -236,7 +233,7 @@ class _Passage:
                 break
             start = self.near.u + self.shift * self.rate
             point = solve(place, start, self.near)
-            excess = self._excess(multipliers_of(point.state).values)
+            excess = self._excess(point.state.multipliers.values)
             if last is not None and place != last[0]:
                 self.slope = (excess - last[1]) / (place - last[0])
             self.near, self.place, self.shift, last = point, place, self._to_zero(excess), (place, excess)
@@ -269,7 +266,7 @@ class _Jump:
         self.furthest = FURTHEST[0]
 
     def _count(self, point: Point) -> int:
-        return int(outside(multipliers_of(point.state)).sum())
+        return int(outside(point.state.multipliers).sum())
 
     def in_modes(self, more: _MoreModes) -> float:
         """Value of the parameter in the middle of a bracket in more modes."""

@@ -133,6 +133,11 @@ class Line:
         """(n,) of all points."""
         return np.array([point.value for point in self.points])
 
+    @property
+    def told(self) -> dict[str, np.ndarray]:
+        """(n, ...) arrays of what is told of all points."""
+        return {name: np.array([point.told[name] for point in self.points]) for name in self.points[0].told}
+
 
 def follow(
     line: Line,

@@ -26,8 +26,8 @@ from ..record.record import Record
 from ..reduction.comparison import in_rows
 from ..reduction.reduced_model import ReducedModel
 from ..system.solve.pencil import Pencil
-from .follow import Line
-from .problem import Point, Problem
+from .follow import Follower, Line, Settings, ran_out
+from .problem import Point, Problem, Range
 
 System = TypeVar("System", ReducedModel, None)
 # What is kept of each point, in one array behind the other.
@@ -221,6 +221,45 @@ class LineFile(RunFile):
     def line(self, problem: Problem) -> Line | None:
         """The first of them; None of a new run."""
         return next(iter(self.lines(problem)), None)
+
+    def follow(
+        self,
+        lines: Sequence[Line],
+        within: Range,
+        settings: Settings,
+        result: Callable[[], Record],
+        share: Callable[[float], float],
+        tell: Callable[[Point], str | None] = lambda point: None,
+    ) -> bool:
+        """Follow the last of some lines, unless a former run has come to its end; whether it was. Collective.
+
+        Parameters
+        ----------
+        lines : sequence of Line
+        within : Range
+        settings : Settings
+        result : callable
+            Makes the result of the lines as they are.
+        share : callable
+            How much of the run is behind at a value.
+        tell : callable, optional
+            Notes what is kept of a point, and says why the line ends before it, if it does.
+        """
+        line = lines[-1]
+        for point in line.points:
+            tell(point)
+            if point not in line.points[-2:]:
+                point.state.forget()
+        if line.reason and not ran_out(line.reason):
+            return False
+        for point in Follower(line, within, settings):
+            if why := tell(line.points[-1]):
+                line.points.pop()
+                line.reason = why
+                break
+            self.update(result, lines)
+            self.report(min(1.0, share(point.value)))
+        return True
 
     def update(self, result: Callable[[], Record], lines: Sequence[Line], last: bool = False) -> None:
         """Keep what is new of the lines, and at most every two seconds but for the last time the result made

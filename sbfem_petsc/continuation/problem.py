@@ -5,7 +5,7 @@ and the range of a value along them.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -243,6 +243,8 @@ class Point:
         What was missed at each Newton iterate, relative.
     leapt : bool
         Whether the branch has not been followed to it, but leapt over something (`Problem.leap`).
+    told : dict
+        What a result keeps of it, by the names of the result's fields; empty before it is asked for.
     """
 
     problem: Any
@@ -252,6 +254,7 @@ class Point:
     effort: float = 0.0
     residuals: tuple[float, ...] = (0.0,)
     leapt: bool = False
+    told: dict[str, Any] = field(default_factory=dict)
 
     @property
     def iterations(self) -> int:

@@ -708,7 +708,6 @@ class _Spectrum(Problem):
         self.values, self.calls = values, 0
         self.points = [self.point(float(place)) for place in (-1, 0, 1, 2)]
         monkeypatch.setattr(events, "between", self.between)
-        monkeypatch.setattr(bifurcations, "multipliers_of", lambda fixed: self.at(fixed.state[1]))
         monkeypatch.setattr(bifurcations, "fold_between", lambda line, k: None)  # a straight branch
         self.period = SimpleNamespace(steps=1024, excitation=SimpleNamespace(periods=1))
 
@@ -720,6 +719,7 @@ class _Spectrum(Problem):
 
     def point(self, place):
         state = SimpleNamespace(state=np.array([1.0, place]), touching=np.zeros(1, dtype=bool))
+        state.multipliers = self.at(place)
         return Point(self, np.array([1.0, place, place]), state, place)
 
     def between(self, line, k, share, known=None):
@@ -732,7 +732,7 @@ class _Spectrum(Problem):
         return Multipliers(values, lambda k: np.eye(len(values))[k])
 
     def crossings(self):
-        return bifurcations.locate(self, [self.at(point.value) for point in self.points])
+        return bifurcations.locate(self)
 
 
 def _pair(size, angle):

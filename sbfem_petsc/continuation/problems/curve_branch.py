@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import replace
 from typing import ClassVar
@@ -12,7 +13,7 @@ from ...errors import SolveError, on_all_ranks
 from ...motion.states import Point as Place
 from ...record.record import derived, described, quantity
 from ..events import refine
-from ..follow import CLOSED, Follower, Line, Settings, points_of, ran_out
+from ..follow import CLOSED, Line, Settings, points_of, ran_out
 from ..line_file import LineFile
 from ..problem import Point, Range
 from .driven_orbits import OverParameter
@@ -144,15 +145,21 @@ def follow_curves(
         leaves.
     run : LineFile
     """
-    branch = _Branch(line, stop, stability)
-    if not line.reason or ran_out(line.reason):  # otherwise a former run has come to its end
-        for point in Follower(line, branch.within, branch.settings(pace)):
-            if not branch.add(line.points[-1], len(line.points) - 1):
-                break
-            run.update(branch.result, [line])
-            run.report(min(1.0, abs(point.value - line.points[0].value) / abs(stop - line.points[0].value)))
-        branch.finish()
-    result = branch.result()
+    first = line.points[0]
+    reach = max(EXCURSION * first.value, abs(stop - first.value))
+    # a subcritical branch first leads away, and comes back through a fold
+    ends = (first.value - reach, stop) if stop > first.value else (stop, first.value + reach)
+    within = Range(*ends, 1 if stop > first.value else -1)
+    swing = first.state.swing * math.sqrt(len(first.state.states))
+    pace = replace(pace, first=FIRST * swing / first.state.scale)
+    tell = functools.partial(_tell, line, stability)
+
+    def share(value: float) -> float:
+        return abs(value - first.value) / abs(stop - first.value)
+
+    if run.follow([line], within, pace, lambda: _branch(line, stop), share, tell):
+        _finish(line, stability)
+    result = _branch(line, stop)
     run.update(lambda: result, [line], last=True)
     run.report(1.0)
     return result
@@ -175,66 +182,53 @@ def line_from(point: Point, growing: bool) -> Line:
     return Line([beginning(point, point.problem.growing(point.u) if growing else None)])
 
 
-class _Branch:
-    """What is told of a line while it is followed."""
+def _tell(line: Line, stability: bool, point: Point) -> str | None:
+    """Note the motion of a point; why the line ends before it where a history leaves it behind motions that
+    histories have stayed with.
+    """
+    if point.state.recorded is not None:
+        point.told = {"motions": recorded_motion(point)}
+        return None
+    _tell_motion(stability, point)
+    *former, last = _motions(line)
+    if last.resolved or not any(attracts(motion) and motion.resolved for motion in former):
+        return None
+    return (
+        f"no further curve at {line.points[-2].value:.8g}: histories from the next one leave "
+        "it, though its exponents are negative: the tone locks, or more samples or steps are needed"
+    )
 
-    def __init__(self, line: Line, stop: float, stability: bool):
-        self.line, self.stop, self.stability = line, stop, stability
-        self.motions = [
-            own_motion(point, stability) if point.state.recorded is None else recorded_motion(point)
-            for point in line.points
-        ]
-        first = line.points[0].value
-        reach = max(EXCURSION * first, abs(stop - first))
-        # a subcritical branch first leads away, and comes back through a fold
-        lower, upper = (first - reach, stop) if stop > first else (stop, first + reach)
-        self.within = Range(lower, upper, 1 if stop > first else -1)
 
-    def settings(self, pace: Settings) -> Settings:
-        """With the length of the first step."""
-        state = self.line.points[0].state
-        return replace(pace, first=FIRST * state.swing * math.sqrt(len(state.states)) / state.scale)
+def _tell_motion(stability: bool, point: Point) -> None:
+    """Note the motion of a point."""
+    point.told = {"motions": own_motion(point, stability)}
 
-    def add(self, point: Point, place: int) -> bool:
-        """Tell of a point; False, and the line ends before it, where a history leaves it behind motions that
-        histories have stayed with.
-        """
-        motion = own_motion(point, self.stability)
-        if not motion.resolved and any(attracts(item) and item.resolved for item in self.motions[:place]):
-            self.line.points.pop(place)
-            self.line.reason = (
-                f"no further curve at {self.line.points[-1].value:.8g}: histories from the next one leave "
-                "it, though its exponents are negative: the tone locks, or more samples or steps are needed"
-            )
-            return False
-        self.motions.insert(place, motion)
-        return True
 
-    def finish(self) -> None:
-        """Finer points where the tone's amplitude bends, but for those that a history leaves."""
-        line = self.line
-        if ran_out(line.reason):
-            return
-        if not line.complete and line.advice not in line.reason:
-            line.reason += f"; {line.advice}"
-        names, followed = line.points[0].problem.period.reduced.points.names, list(self.motions)
+def _motions(line: Line) -> list[QuasiPeriodic]:
+    """Those of all points."""
+    return [point.told["motions"] for point in line.points]
 
-        def amplitudes() -> np.ndarray:
-            lines = [[abs(motion.line(0, 1, name)) for name in names] for motion in self.motions]
-            return np.array(lines).T
 
-        def add(point: Point, place: int) -> None:
-            self.motions.insert(place, own_motion(point, self.stability))
+def _finish(line: Line, stability: bool) -> None:
+    """Finer points where the tone's amplitude bends, but for those that a history leaves."""
+    if ran_out(line.reason):
+        return
+    if not line.complete and line.advice not in line.reason:
+        line.reason += f"; {line.advice}"
+    names, followed = line.points[0].problem.period.reduced.points.names, list(line.points)
 
-        extent = float(np.ptp(line.values)) or 1.0
-        refine(line, lambda: line.values / extent, amplitudes, add, NOISE)
-        kept = [motion.resolved or motion in followed for motion in self.motions]
-        line.points[:] = [point for point, keep in zip(line.points, kept) if keep]
-        self.motions = [motion for motion, keep in zip(self.motions, kept) if keep]
+    def amplitudes() -> np.ndarray:
+        lines = [[abs(motion.line(0, 1, name)) for name in names] for motion in _motions(line)]
+        return np.array(lines).T
 
-    def result(self) -> QuasiPeriodicBranch:
-        """The branch as it is."""
-        line, values = self.line, self.line.values
-        complete = bool(values[-1] == self.stop) or line.reason == CLOSED
-        own, reason = line.points[0].problem.tone, line.reason or "unfinished"
-        return QuasiPeriodicBranch(own.parameter, values, tuple(self.motions), reason, complete)
+    extent = float(np.ptp(line.values)) or 1.0
+    refine(line, lambda: line.values / extent, amplitudes, functools.partial(_tell_motion, stability), NOISE)
+    line.points[:] = [point for point in line.points if point.told["motions"].resolved or point in followed]
+
+
+def _branch(line: Line, stop: float) -> QuasiPeriodicBranch:
+    """The branch as it is."""
+    values, motions = line.values, tuple(_motions(line))
+    complete = bool(values[-1] == stop) or line.reason == CLOSED
+    parameter = line.points[0].problem.tone.parameter
+    return QuasiPeriodicBranch(parameter, values, motions, line.reason or "unfinished", complete)

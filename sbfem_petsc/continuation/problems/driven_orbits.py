@@ -5,7 +5,6 @@ damping or on the gaps.
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +19,7 @@ from ...reduction.build import in_further_modes
 from ...reduction.reduced_model import ReducedModel, held_in
 from ..harmonic_errors import beyond, carried_derivative, if_room, in_modes, in_more_modes
 from ..linear import Dense
+from ..multipliers import Multipliers, multipliers_of
 from ..orbit import modal_motion
 from ..problem import FINER_GAIN, Lost, Point, Problem, Range
 
@@ -32,6 +32,8 @@ DIFFERENCE, LEAST = 1e-7, 1e-3
 # Of the linear motion at the ends of the range: where a branch starts from rest its state has no size of its
 # own.
 REST = 1e-3
+# Pairs of which it is known how often each meets.
+FEW = 8
 # Change of the state over fewer periods, relative to its size, below which a motion is one of fewer periods.
 SAME = 1e-7
 # Parameters along which the derivative of x(T) is exact.
@@ -230,10 +232,6 @@ class Orbits(Problem):
         """Whose fixed points the motions are."""
         return self.period
 
-    def states(self, points: Sequence[Point]) -> np.ndarray:
-        """(n, 2 m): those of points, as results keep them."""
-        return np.array([point.state.state for point in points])
-
     def finer(self, times: int) -> Orbits:
         """See `Problem`."""
         if times not in self._finer:
@@ -308,12 +306,25 @@ class OrbitState(FixedPoint):
         """One period from the state."""
         return self.driven.run(self.state)
 
+    @functools.cached_property
+    def multipliers(self) -> Multipliers:
+        """Of the monodromy."""
+        return multipliers_of(self)
+
+    @functools.cached_property
+    def meetings(self) -> np.ndarray:
+        """(pairs,): how often each of few pairs begins to touch in a period; (0,) where there are many."""
+        if self.driven.period.pairs > FEW:
+            return np.zeros(0, dtype=int)
+        touching = self.motion.forces != 0.0
+        return np.asarray((touching[1:] & ~touching[:-1]).sum(axis=0))
+
     def forget(self) -> None:
         """See `problem.State`."""
         for name in ("driven", "motion", "_smooth"):
             self.__dict__.pop(name, None)
 
-    @property
+    @functools.cached_property
     def contact_work(self) -> float:
         """That of contact in the steps, see `motion.contact_work`."""
         return contact_work(self.driven, self.motion)

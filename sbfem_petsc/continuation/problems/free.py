@@ -34,6 +34,8 @@ DIFFERENCE = 1e-5
 SPAN = 10.0
 # Logarithm of the frequency beyond which it has no meaning.
 FURTHEST = 50.0
+# Multipliers this far from the unit circle are not on it.
+OFF = 1e-2
 # Velocity relative to the state that is none.
 AT_REST = 1e-7
 # Times that added damping is halved before it is left out.
@@ -96,6 +98,11 @@ class FreeSystem:
         decay = np.where(r.omega > 0.0, 2.0 * r.damping * r.omega - excitation, 0.0)
         contact = self.weights * (displacement - self.energy(state)[1][:m])
         return np.concatenate([self.weights * velocity, contact - r.omega * displacement - decay * velocity])
+
+    def turned(self, vectors: np.ndarray) -> np.ndarray:
+        """The symplectic form's matrix times vectors (2 m, k), in the coordinates of the state."""
+        weights = self.weights[:, None]
+        return np.concatenate([vectors[self.modes :] / weights, -vectors[: self.modes] / weights])
 
     def linear(self, energy: float, sign: float = 1.0) -> np.ndarray:
         """(2 m,): the followed mode at its largest displacement."""
@@ -347,6 +354,16 @@ class FreeState(OrbitState):
         rest = np.ones(len(values), dtype=bool)
         rest[[along, other]] = False
         return values[rest], vectors[:, rest], float((values[along] * values[other]).real)
+
+    @functools.cached_property
+    def turning(self) -> tuple[np.ndarray, np.ndarray]:
+        """Turns of the multipliers on the unit circle, one of each pair, by the sense of their motion, and
+        their vectors, of product 1 with themselves.
+        """
+        values, vectors, _ = self.spectrum
+        sense = np.einsum("ij,ij->j", vectors.conj(), self.system.turned(vectors)).imag
+        kept = (np.abs(np.abs(values) - 1.0) < OFF) & (values.imag != 0.0) & (sense > 0.0)
+        return np.angle(values[kept]) / (2.0 * math.pi), vectors[:, kept] / np.sqrt(sense[kept])
 
     def linear(self, smooth: bool = False) -> Dense:
         """See `problem.State`; with the frequency x(T) changes as it does with time."""

@@ -15,14 +15,13 @@ from ...motion.excitation import one_sided
 from ...motion.of_period import require_waves
 from ...record.record import derived, described, quantity
 from ...reduction.reduced_model import ReducedModel
-from ..events import folds
-from ..events import refine as refine_points
-from ..follow import Line, Settings, follow, points_of, ran_out
+from ..events import folds, refine
+from ..follow import Line, Settings, follow, points_of
 from ..line_file import LineFile
 from ..orbit import OfOrbits, Orbit, make_orbit, run_again
 from ..problem import Lost, Point, Range
 from .free import ADDED, FreeMotions, FreeState, FreeSystem
-from .free_stability import FreeEvent, Interactions, free_events, free_multipliers
+from .free_stability import FreeEvent, divide_interactions, free_events, free_multipliers, interactions_of
 
 # Points a decade where the motions of all energies are alike.
 DECADE = 8
@@ -176,7 +175,7 @@ def follow_backbone(
     Parameters
     ----------
     rows : Rows
-        Of the system, without points as yet.
+        Of the system.
     start, stop : float
     pace : Settings
     run : LineFile
@@ -187,29 +186,22 @@ def follow_backbone(
         If no motion is found at the first energy.
     """
     limits = min(start, stop), max(start, stop)
-    line = _begun(FreeMotions(rows.system, limits, rows.interactions), run, rows, start, stop)
+    problem = FreeMotions(rows.system, limits, rows.interactions)
+    within = Range(*limits, 1 if stop > start else -1)
+    line = run.line(problem) or _begun(problem, start, stop)
 
-    def keep(line: Line) -> None:
-        rows.add(line.points[-1])
-        run.update(lambda: rows.backbone(line), [line])
-        run.report(min(1.0, abs(math.log(line.points[-1].value / start) / math.log(stop / start))))
+    def share(energy: float) -> float:
+        return abs(math.log(energy / start) / math.log(stop / start))
 
-    if not line.reason or ran_out(line.reason):  # otherwise it has come to its end
-        follow(line, Range(*limits, 1 if stop > start else -1), pace, keep)
-        if line.complete:
-            rows.refine_line(line, math.log(limits[1] / limits[0]))
+    if run.follow([line], within, pace, lambda: rows.backbone(line), share, rows.tell) and line.complete:
+        rows.refine_line(line, abs(math.log(stop / start)))
     result = rows.finished(line)
     run.update(lambda: result, [line], last=True)
     return result
 
 
-def _begun(problem: FreeMotions, run: LineFile, rows: Rows, start: float, stop: float) -> Line:
-    """The branch of a former run, or its first motion; all of it where motions of all energies are alike."""
-    for line in run.lines(problem):
-        for point in line.points:
-            rows.add(point)
-            point.state.forget()
-        return line
+def _begun(problem: FreeMotions, start: float, stop: float) -> Line:
+    """The first motion of a branch; all of it where motions of all energies are alike."""
     try:
         first = first_motion(problem.system, start)
     except SolveError as error:
@@ -219,7 +211,6 @@ def _begun(problem: FreeMotions, run: LineFile, rows: Rows, start: float, stop: 
         text = f"backbone: no free motion of mode {mode} was found at {start:.6g} J: {error}"
         raise failed_solve(text) from None
     first = problem.recalled(first.u, start, np.zeros(2))
-    rows.add(first)
     if not problem.system.reduced.homogeneous:
         return Line([first])
     line = Line([first], reason=f"end of the range at {stop:.8g}", complete=True)
@@ -228,12 +219,11 @@ def _begun(problem: FreeMotions, run: LineFile, rows: Rows, start: float, stop: 
         u = first.u.copy()
         u[:-2] *= math.sqrt(energy / start)
         line.points.append(problem.recalled(u, energy, np.zeros(2)))
-        rows.add(line.points[-1])
     return line
 
 
 class Rows:
-    """What is kept of each point.
+    """What is kept of points, and the result that is made of it.
 
     Parameters
     ----------
@@ -247,21 +237,19 @@ class Rows:
     def __init__(self, system: FreeSystem, refine: bool, stability: bool, damped: bool, interactions: bool):
         self.system, self.refine, self.stability = system, refine, stability
         self.damped, self.interactions = damped, interactions
-        self.rows: list[tuple[np.ndarray, ...]] = []
-        self.first = np.zeros(0)
+        self.first: Point | None = None
 
-    def add(self, point: Point, place: int | None = None) -> None:
-        """Note a point, at the end or before another one."""
-        state, alike = point.state, self.system.reduced.homogeneous
-        if self.rows and alike:  # one motion times a factor
-            harmonics, amplitudes, *others = self.rows[0]
-            factor = float(np.linalg.norm(state.state) / np.linalg.norm(self.first))
-            self.rows.append((harmonics * factor, amplitudes * factor, *others))
+    def tell(self, point: Point) -> None:
+        """Note what is kept of a point."""
+        state, first = point.state, self.first or point
+        if first is not point and self.system.reduced.homogeneous:  # one motion times a factor
+            factor = float(np.linalg.norm(state.state) / np.linalg.norm(first.state.state))
+            scaled = ("point_harmonics", "point_amplitudes")
+            point.told = first.told | {name: factor * first.told[name] for name in scaled}
+            point.told["states"] = state.state
             return
-        if not self.rows:
-            self.first = state.state
         values = free_multipliers(state, damped=self.damped) if self.stability else np.zeros(0, complex)
-        own, changed = _numbers(state), np.full(3, np.nan)
+        self.first, own, changed = first, _numbers(state), np.full(3, np.nan)
         found = own.copy()
         # where half the step leads elsewhere the point stays as it is, with an error that is not known
         with contextlib.suppress(SolveError):
@@ -269,15 +257,23 @@ class Rows:
                 difference = _numbers(self._finer(point)) - own
                 found, changed = own + 4.0 / 3.0 * difference, np.abs(difference)
         u = state.seen()[0]
-        harmonics = np.moveaxis(one_sided(u)[: HARMONICS + 1], 0, -1)
-        row = (harmonics, 0.5 * np.ptp(u[..., -1], axis=0), values, own, found, changed)
-        self.rows.insert(len(self.rows) if place is None else place, row)
+        point.told = {
+            "states": state.state,
+            "point_harmonics": np.moveaxis(one_sided(u)[: HARMONICS + 1], 0, -1),
+            "point_amplitudes": 0.5 * np.ptp(u[..., -1], axis=0),
+            "multipliers": values,
+            **dict(zip(("frequency", "damping_ratio", "energy_damping_ratio"), found)),
+            **dict(zip(("frequency_error", "damping_error", "energy_damping_error"), changed)),
+            "excitation": state.excitation,
+            "own_frequency": state.frequency,
+        }
 
-    def _bend(self) -> np.ndarray:
+    @staticmethod
+    def _bend(line: Line) -> np.ndarray:
         """(1, n): how far frequencies are from the lowest one, and the range of them: what a curve over the
         energy shows.
         """
-        frequency = np.array([row[3][0] for row in self.rows])
+        frequency = np.array([point.told["own_frequency"] for point in line.points])
         return (frequency - frequency.min() + np.ptp(frequency))[None]
 
     def _finer(self, point: Point) -> FreeState:
@@ -292,13 +288,13 @@ class Rows:
 
     def refine_line(self, line: Line, decades: float) -> None:
         """Further points where the branch bends, passes interactions or turns in energy."""
-        refine_points(line, lambda: np.log(line.values) / decades, self._bend, self.add)
+        refine(line, lambda: np.log(line.values) / decades, lambda: self._bend(line), self.tell)
         if self._passes:
-            Interactions(line).divide(self.add)
+            divide_interactions(line, self.tell)
         for before, point in reversed(folds(line)):
             nearest = min(abs(line.points[k].value - point.value) for k in (before, before + 1))
             if nearest > NEXT * point.value:
-                self.add(point, before + 1)
+                self.tell(point)
                 line.points.insert(before + 1, point)
 
     @property
@@ -313,37 +309,23 @@ class Rows:
             return result
         return replace(
             result,
-            passed=Interactions(line).energies() if self._passes else result.passed,
+            passed=interactions_of(line) if self._passes else result.passed,
             events=free_events(line, damped=self.damped, stability=self.stability),
         )
 
     def backbone(self, line: Line) -> Backbone:
         """The result as it is."""
-        points = line.points
-        harmonics, amplitudes, multipliers, own, found, changed = (
-            np.array(column) for column in zip(*self.rows)
-        )
+        steps = zip(line.points, line.points[1:])
         return Backbone(
-            np.array([point.state.state for point in points]),
-            harmonics,
-            amplitudes,
-            multipliers,
-            self.system.mode + 1,
-            line.values,
-            found[:, 0].copy(),
-            changed[:, 0].copy(),
-            found[:, 1].copy(),
-            changed[:, 1].copy(),
-            found[:, 2].copy(),
-            changed[:, 2].copy(),
-            tuple((one.value, other.value) for one, other in zip(points, points[1:]) if other.leapt),
-            (),
-            self.damped,
-            line.reason or "unfinished",
-            line.complete,
-            self.system,
-            np.array([point.state.excitation for point in points]),
-            own[:, 0].copy(),
+            **line.told,
+            mode=self.system.mode + 1,
+            energy=line.values,
+            passed=tuple((one.value, other.value) for one, other in steps if other.leapt),
+            events=(),
+            damped=self.damped,
+            reason=line.reason or "unfinished",
+            complete=line.complete,
+            _system=self.system,
         )
 
 

@@ -20,9 +20,9 @@ KINDS = ("fold", "period doubling", "Neimark-Sacker", "branch point")
 # far off the circle one is that has left it for certain. Angle from 1 or -1, radian, that is none, and
 # distance from 1 within which it belongs to a turn beside.
 UNCERTAIN, CERTAIN, REAL, OF_TURN = 1e-5, 1e-3, 0.1, 0.5
-# Multipliers this far from the unit circle, or turning by so many turns from a point to the next, are not
-# followed; vectors of one pair at two points have this product at least.
-OFF, TURN, ALIKE = 1e-2, 0.25, 0.5
+# Multipliers that turn by so many turns from a point to the next are not followed; vectors of one pair at two
+# points have this product at least.
+TURN, ALIKE = 0.25, 0.5
 # Extent of an interaction, as a change of the state, from which on it is one; energies on either side of it
 # are to be as near to each other as this.
 EXTENT, NEAR = 1e-3, 1.2
@@ -93,101 +93,73 @@ def _kind(value: complex) -> str:
 
 
 # ---------------------------------------------------------------------- interactions
-class Interactions:
-    """Where a branch without damping passes interactions with higher modes.
-
-    A multiplier on the unit circle comes round to 1 where a multiple of the frequency meets that of its mode.
-    Coupled motions leave the branch there along a tongue. At a distance d along the branch the tangent has a
-    part a in the vector of that multiplier which grows as 1 / d^2, so that the tongue is as long as the way
-    on which it is all of the tangent, d sqrt(a).
-
-    Parameters
-    ----------
-    line : Line
+# A multiplier on the unit circle comes round to 1 where a multiple of the frequency meets that of its mode.
+# Coupled motions leave the branch there along a tongue. At a distance d along the branch the tangent has a
+# part a in the vector of that multiplier which grows as 1 / d^2, so that the tongue is as long as the way on
+# which it is all of the tangent, d sqrt(a).
+def interactions_of(line: Line) -> tuple[tuple[float, float], ...]:
+    """Energies, J, of the points on either side of each interaction with a higher mode that a branch without
+    damping passes.
     """
+    values = line.values.tolist()
+    return tuple((values[k], values[k + 1]) for k in _found(line))
 
-    def __init__(self, line: Line):
-        self.line = line
-        self._known: dict[Point, tuple[np.ndarray, np.ndarray]] = {}
 
-    def energies(self) -> tuple[tuple[float, float], ...]:
-        """Those of the points on either side of each, J."""
-        values = self.line.values.tolist()
-        return tuple((values[k], values[k + 1]) for k in self._found())
+def divide_interactions(line: Line, tell: Callable[[Point], object]) -> None:
+    """Add points where those on either side are far apart."""
+    for _ in range(HALVINGS):
+        values, count = line.values, len(line.points)
+        for k in reversed(_found(line)):
+            if 1.0 / NEAR < values[k + 1] / values[k] < NEAR:
+                continue
+            for fraction in FRACTIONS:  # where one is on the tongue itself another one is not
+                known = len(line.points)
+                insert(line, k, fraction, tell)
+                if len(line.points) > known:
+                    break
+        if len(line.points) == count:
+            break
 
-    def divide(self, add: Callable[[Point, int], None]) -> None:
-        """Add points where those on either side are far apart."""
-        for _ in range(HALVINGS):
-            values, count = self.line.values, len(self.line.points)
-            for k in reversed(self._found()):
-                if 1.0 / NEAR < values[k + 1] / values[k] < NEAR:
-                    continue
-                for fraction in FRACTIONS:  # where one is on the tongue itself another one is not
-                    known = len(self.line.points)
-                    insert(self.line, k, fraction, add)
-                    if len(self.line.points) > known:
-                        break
-            if len(self.line.points) == count:
-                break
 
-    def _found(self) -> list[int]:
-        """Numbers of the points before them, as far as the branch leads beyond all energies before."""
-        values = self.line.values
-        ahead = values if values[-1] > values[0] else -values
-        furthest = np.maximum.accumulate(ahead)
-        return [
-            k
-            for k in range(len(ahead) - 1)
-            if ahead[k] == furthest[k] and ahead[k + 1] > ahead[k] and self._passes(k)
-        ]
+def _found(line: Line) -> list[int]:
+    """Numbers of the points before them, as far as the branch leads beyond all energies before."""
+    values = line.values
+    ahead = values if values[-1] > values[0] else -values
+    furthest = np.maximum.accumulate(ahead)
+    return [
+        k
+        for k in range(len(ahead) - 1)
+        if ahead[k] == furthest[k] and ahead[k + 1] > ahead[k] and _passes(*line.points[k : k + 2])
+    ]
 
-    def _passes(self, k: int) -> bool:
-        one, other = self.line.points[k : k + 2]
-        if other.leapt:
-            return True
-        (turns_one, vectors_one), (turns_other, vectors_other) = self._pairs(one), self._pairs(other)
-        if not len(turns_one) or not len(turns_other):
-            return False
-        system = one.state.system
-        alike = np.abs(_form(system, vectors_one, vectors_other))
-        matched = alike.argmax(axis=1)
-        follows = turns_other[matched]
-        passed = (turns_one * follows < 0.0) & (np.abs(turns_one) < TURN) & (np.abs(follows) < TURN)
-        passed &= alike.max(axis=1) > ALIKE
-        metric = Metric(one.problem, one.u)
-        way = metric.way(one, other)
-        for n in np.flatnonzero(passed):
-            share = turns_one[n] / (turns_one[n] - follows[n])
-            ends = ((one, vectors_one[:, n], share), (other, vectors_other[:, matched[n]], 1.0 - share))
-            for point, vector, away in ends:
-                part = _part(point, vector, metric.unit(way))
-                if away * metric.length(way) * math.sqrt(part) > EXTENT:
-                    return True
+
+def _passes(one: Point, other: Point) -> bool:
+    """Whether there is one between two points."""
+    if other.leapt:
+        return True
+    (turns_one, vectors_one), (turns_other, vectors_other) = one.state.turning, other.state.turning
+    if not len(turns_one) or not len(turns_other):
         return False
-
-    def _pairs(self, point: Point) -> tuple[np.ndarray, np.ndarray]:
-        """Turns of the multipliers on the unit circle, one of each pair, by the sense of their motion, and
-        their vectors, of product 1 with themselves.
-        """
-        if point not in self._known:
-            values, vectors, _ = point.state.spectrum
-            sense = np.einsum("ij,ij->j", vectors.conj(), _turned(point.state.system, vectors)).imag
-            kept = (np.abs(np.abs(values) - 1.0) < OFF) & (values.imag != 0.0) & (sense > 0.0)
-            self._known[point] = (
-                np.angle(values[kept]) / (2.0 * math.pi),
-                vectors[:, kept] / np.sqrt(sense[kept]),
-            )
-        return self._known[point]
-
-
-def _turned(system: FreeSystem, vectors: np.ndarray) -> np.ndarray:
-    """The symplectic form's matrix times vectors, in the coordinates of the state."""
-    m, weights = system.modes, system.weights[:, None]
-    return np.concatenate([vectors[m:] / weights, -vectors[:m] / weights])
+    system = one.state.system
+    alike = np.abs(_form(system, vectors_one, vectors_other))
+    matched = alike.argmax(axis=1)
+    follows = turns_other[matched]
+    passed = (turns_one * follows < 0.0) & (np.abs(turns_one) < TURN) & (np.abs(follows) < TURN)
+    passed &= alike.max(axis=1) > ALIKE
+    metric = Metric(one.problem, one.u)
+    way = metric.way(one, other)
+    for n in np.flatnonzero(passed):
+        share = turns_one[n] / (turns_one[n] - follows[n])
+        ends = ((one, vectors_one[:, n], share), (other, vectors_other[:, matched[n]], 1.0 - share))
+        for point, vector, away in ends:
+            part = _part(point, vector, metric.unit(way))
+            if away * metric.length(way) * math.sqrt(part) > EXTENT:
+                return True
+    return False
 
 
 def _form(system: FreeSystem, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    return one.conj().T @ _turned(system, other)
+    return one.conj().T @ system.turned(other)
 
 
 def _part(point: Point, vector: np.ndarray, near: np.ndarray) -> float:

@@ -27,7 +27,7 @@ from ..bifurcations import Bifurcation
 from ..branch import Branch
 from ..events import folds
 from ..extrapolation import extrapolated
-from ..follow import CLOSED, Line, Settings, follow, points_of, ran_out
+from ..follow import CLOSED, Line, Settings, points_of, ran_out
 from ..line_file import LineFile
 from ..orbit import make_orbit, run_again
 from ..problem import Lost, Point, Range
@@ -119,12 +119,10 @@ def follow_locus(
     problem = LocusProblem(family, start, limits[1] - limits[0])
     lines = run.lines(problem)
 
-    def keep(line: Line) -> None:
-        end = limits[0] if line is lines[0] else limits[1]
-        begin, last = line.points[0].value, line.points[-1].value
-        done = min(1.0, abs(last - begin) / max(abs(end - begin), 1e-300))
-        run.report(0.5 * (len(lines) - 1 + done))
-        run.update(lambda: _joined(family, start.kind, lines), lines)
+    def share(value: float) -> float:
+        begin, end = start.value, limits[len(lines) - 1]
+        done = min(1.0, abs(value - begin) / max(abs(end - begin), 1e-300))
+        return 0.5 * (len(lines) - 1 + done)
 
     for number, direction in enumerate((-1, 1)):
         if number and lines[0].reason == CLOSED:
@@ -133,9 +131,8 @@ def follow_locus(
             first = lines[0].points[0] if lines else _first(problem)
             # as a run that is gone on with has it, whatever the other side has made of it
             lines.append(Line([problem.recalled(first.u, first.value, problem.memory(first))]))
-        line = lines[number]
-        if not line.reason or ran_out(line.reason):  # otherwise a former run has come to its end
-            follow(line, Range(*limits, direction), pace, keep)
+        within = Range(*limits, direction)
+        run.follow(lines[: number + 1], within, pace, lambda: _joined(family, start.kind, lines), share)
     result = _joined(family, start.kind, lines, located=True)
     result = replace(result, largest_displacement=_largest_displacement(family, result))
     run.update(lambda: result, lines, last=True)

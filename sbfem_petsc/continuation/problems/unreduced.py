@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from ...petsc import PETSc, finite, solving
 from ...progress import silent
 from ..linear import Krylov, Operator, operator, preconditioned
 from ..newton import attempt
-from ..problem import Point, Problem
+from ..problem import Problem
 from ..shooting import Steady
 from .driven_orbits import LEAST, REST, SPAN, ParameterRange
 
@@ -85,10 +85,6 @@ class UnreducedOrbits(Problem):
         return float(u[-1]), np.eye(1, len(u), len(u) - 1)[0] / self.comm.size
 
     map = None
-
-    def states(self, points: Sequence[Point]) -> np.ndarray:
-        """(n, 0): results keep no distributed states."""
-        return np.zeros((len(points), 0))
 
     def whole(self, u: np.ndarray) -> np.ndarray:
         """See `Problem`."""
