@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from contextlib import closing
+from functools import partial
 
 import numpy as np
 from scipy import linalg, sparse
+from scipy.sparse.csgraph import connected_components
 
 from meshing.warnings import SolverWarning
 
@@ -23,16 +26,19 @@ from ..petsc import (
     solving,
 )
 from ..ranks.parallel import collective
+from ..system.layout.rows import Rows
 from ..system.solve.linear_solver import LinearSolver
 from .chosen import by_options, lowest_by_slepc
 from .krylov import by_columns, lowest, share, whole
 
 # Relative residual of K x = b that a solve may have, and the energy of a mode, beside that of its parts, that
-# is told from their round-off.
-RESIDUAL, ZERO = 1e-6, 1e-14
+# is told from their round-off; the residual above which a second solve gives digits back.
+RESIDUAL, ZERO, DIGITS = 1e-6, 1e-14, 1e-10
 # Of the squares of the highest frequencies, about: what makes a stiffness definite where 0 is an eigenvalue;
 # and of that, what 0 is told by.
 SHIFT, SAME = 1e-9, 1e-4
+# Parts of a mass that are counted by themselves, at most.
+MANY = 6
 # Unknowns of a node, or half as many of a shell's.
 WIDTHS = (3, 2)
 # Right-hand sides at a time: more of them share a pass over the factor, fewer make a smaller space.
@@ -114,7 +120,7 @@ def _solved(
     try:
         values, vectors, inertia = _lowest(solver, mass, count, width, shift)
     except (ValueError, SolveError):
-        _require_mass(solver.negative((0.0, 1.0, heavy))[0])
+        _require_mass(solver.counted(*_negative_parts(heavy)))
         raise
     rigid = values[-1] <= shift * (1.0 + SAME)
     last = shift * (1.0 + SAME) if rigid else values[-1] * (1.0 - 1e-6)
@@ -126,24 +132,45 @@ def _solved(
     if not shift and values[0] * (first @ np.abs(inertia[:, 0])) <= ZERO * (first @ (abs(stiffness) @ first)):
         return None
     values = np.where(np.abs(values) <= SAME * shift, 0.0, values)
-    own = share(comm, columns.shape[1])
-    right = np.asfortranarray(columns[:, own].toarray())
-    right -= inertia @ (vectors.T @ right)
-    if shift:
-        answers = _pinned(comm, stiffness, vectors[:, values == 0.0], right)
-    else:
-        answers = solver.own(right)
-    mixture = np.random.default_rng(0).uniform(1.0, 2.0, right.shape[1])  # which tells of any column
-    forces = right @ mixture
-    left = np.abs(stiffness @ (answers @ mixture) - forces).max()
-    if not comm.allreduce(left, MPI.MAX) <= RESIDUAL * comm.allreduce(np.abs(forces).max(), MPI.MAX):
-        raise _not_held(count)
-    answers -= vectors @ (inertia.T @ answers)
-    below, negative = solver.negative((1.0, -last, mass), (0.0, 1.0, heavy))
+    own = columns[:, share(comm, columns.shape[1])]
+    answers = _left_out(solver, own, stiffness, (values, vectors, inertia), shift)
+    below, *negative = solver.counted(partial(solver.below, last, mass), *_negative_parts(heavy))
     _require_mass(negative)
     if rigid and below is not None and below > known:
         raise _not_held(count)
     return known, below, (values, vectors, whole(comm, answers.T, columns.shape[1]).T)
+
+
+def _left_out(
+    solver: _Columns,
+    columns: sparse.csr_matrix,
+    stiffness: sparse.csr_matrix,
+    modes: tuple[np.ndarray, np.ndarray, np.ndarray],
+    shift: float,
+) -> np.ndarray:
+    """P K^-1 P^T of this rank's columns: P K^-1 of these as they are, whose zeros a factor passes over. Where
+    low modes, which P takes out, have taken digits, a solve for what is missed gives them back. Collective.
+    """
+    (values, vectors, inertia), comm = modes, solver.comm
+
+    def beside(forces: np.ndarray) -> np.ndarray:
+        return forces - inertia @ (vectors.T @ forces)
+
+    mixture = np.random.default_rng(0).uniform(1.0, 2.0, columns.shape[1])  # which tells of any column
+    forces = beside(columns @ mixture)
+    largest = comm.allreduce(np.abs(forces).max(), MPI.MAX)
+    if shift:
+        answers = _pinned(comm, stiffness, vectors[:, values == 0.0], beside(columns.toarray()))
+    else:
+        answers = solver.of_few(columns)
+    for exact in (DIGITS, RESIDUAL):
+        answers -= vectors @ (inertia.T @ answers)
+        left = np.abs(stiffness @ (answers @ mixture) - forces).max()
+        if comm.allreduce(left, MPI.MAX) <= exact * largest:
+            return answers
+        if not shift:
+            answers += solver.own(np.asfortranarray(beside(columns.toarray()) - stiffness @ answers))
+    raise _not_held(len(values))
 
 
 def _pinned(comm: MPI.Comm, stiffness: sparse.csr_matrix, rigid: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -179,6 +206,13 @@ class _Columns:
         with collective(self.comm):
             return self.solver.columns(right, "reduction")
 
+    def of_few(self, columns: sparse.csr_matrix) -> np.ndarray:
+        """Solve for (n, k) columns of few entries of this rank's. Collective."""
+        with collective(self.comm):
+            if not columns.shape[1]:
+                return columns.toarray(order="F")
+            return self.solver.of_rows(Rows(MPI.COMM_SELF, columns.T.tocsr()), slice(None), "reduction")
+
     def shared(self, rows: np.ndarray) -> np.ndarray:
         """Solve for columns of which each rank has its rows, (own, k). Collective."""
         return by_columns(self.comm, rows, self.csr.shape[0], self.own)
@@ -196,29 +230,23 @@ class _Columns:
             wanted = min(count + width, mass.shape[0])
             return lowest_by_slepc(self.ksp, inertia, mass, count, wanted)
 
-    def negative(self, *sums: tuple[float, float, sparse.csr_matrix]) -> list[int | None]:
-        """Negative eigenvalues of sums, each so much of the matrix, all of it first if at all, and so much of
-        another one, which ranks share out; None where PETSc has nothing that counts them. The factor is lost.
-        Collective.
-        """
-        found = list[int | None]()
+    def counted(self, *counts: Callable[[], int | None]) -> list[int | None]:
+        """What counts give, which ranks share out. Collective."""
         with collective(self.comm):
-            for own, factor, other in sums[self.comm.rank :: self.comm.size]:
-                found.append(self._negative(own, factor, other))
+            found = [count() for count in counts[self.comm.rank :: self.comm.size]]
         told = self.comm.allgather(found)
-        return [told[k % self.comm.size][k // self.comm.size] for k in range(len(sums))]
+        return [told[k % self.comm.size][k // self.comm.size] for k in range(len(counts))]
 
-    def _negative(self, own: float, factor: float, other: sparse.csr_matrix) -> int | None:
+    def below(self, value: float, mass: sparse.csr_matrix) -> int | None:
+        """Eigenvalues below one; None where PETSc has nothing that counts them. The factor is lost."""
         pc = self.ksp.getPC()
-        if pc.getFactorSolverType() == "mumps" and _within(other, self.csr):  # its order stays
-            with freeing(MPI.COMM_SELF, _matrix(other)) as (added,):
-                self.matrix.scale(own)
-                self.matrix.axpy(factor, added, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        if pc.getFactorSolverType() == "mumps" and _within(mass, self.csr):  # its order stays
+            with freeing(MPI.COMM_SELF, _matrix(mass)) as (added,):
+                self.matrix.axpy(-value, added, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
             with solving("modal"):
                 factorise(pc, pc.setUp, count_pivots)
             return pivot_signs(pc, "modal")[0]
-        with freeing(MPI.COMM_SELF, _matrix(sparse.csr_matrix(own * self.csr + factor * other))) as (made,):
-            return negative_eigenvalues(made, "modal")
+        return _negative(sparse.csr_matrix(self.csr - value * mass))
 
     def close(self) -> None:
         """Destroy what PETSc has of it."""
@@ -284,7 +312,7 @@ def _heavy(mass: sparse.csr_matrix, count: int) -> sparse.csr_matrix:
             "give modes as many or fewer"
         )
     coupled = np.bincount(mass.indices[mass.data != 0.0], minlength=len(diagonal)) > 0  # it is symmetric
-    _require_mass(int(((diagonal < 0.0) | (coupled & (diagonal == 0.0))).sum()))
+    _require_mass([int(((diagonal < 0.0) | (coupled & (diagonal == 0.0))).sum())])
     if len(heavy) == len(diagonal):
         return mass
     return sparse.csr_matrix(mass + sparse.diags(np.where(diagonal == 0.0, diagonal.max(), 0.0)))
@@ -296,11 +324,36 @@ def _within(one: sparse.csr_matrix, other: sparse.csr_matrix) -> bool:
     return int((both[0] + both[1]).nnz) == other.nnz
 
 
-def _require_mass(negative: int | None) -> None:
-    """ValueError where a mass has negative eigenvalues."""
-    if negative:
+def _negative_parts(mass: sparse.csr_matrix) -> list[Callable[[], int | None]]:
+    """What counts negative eigenvalues of a mass by parts that nothing couples, those along x, y and z say,
+    alike ones once; of all of it where they are many. Single unknowns have none, see `_heavy`.
+    """
+    part = connected_components(mass, directed=False)[1]
+    several = np.flatnonzero(np.bincount(part) > 1)
+    if len(several) > MANY:
+        return [partial(_negative, mass)]
+    parts = list[list[sparse.csr_matrix]]()
+    for own in (mass[part == k][:, part == k] for k in several):
+        alike = [some for some in parts if own.shape == some[0].shape and not (own != some[0]).nnz]
+        if alike:
+            alike[0].append(own)
+        else:
+            parts.append([own])
+    return [partial(_negative, alike[0], len(alike)) for alike in parts]
+
+
+def _negative(matrix: sparse.csr_matrix, times: int = 1) -> int | None:
+    """Negative eigenvalues of so many alike; None where PETSc has nothing that counts them."""
+    with freeing(MPI.COMM_SELF, _matrix(matrix)) as (made,):
+        found = negative_eigenvalues(made, "modal")
+    return None if found is None else times * found
+
+
+def _require_mass(negative: Sequence[int | None]) -> None:
+    """ValueError where parts of a mass have negative eigenvalues."""
+    if count := sum(filter(None, negative)):
         raise wrong_input(
-            f"reduce_matrices: mass is indefinite ({negative} negative eigenvalues); a mass is at least 0"
+            f"reduce_matrices: mass is indefinite ({count} negative eigenvalues); a mass is at least 0"
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from functools import partial
 
 import numpy as np
 import pytest
@@ -206,10 +207,38 @@ def test_a_mass_that_is_indefinite_is_refused(change):
         sb.reduce_matrices(*given, loads=row.T, sensors={"u": 0}, modes=3)
 
 
+def test_parts_of_an_indefinite_mass_that_nothing_couples():
+    """Along x, y and z, with one negative eigenvalue each (by NumPy), are counted all."""
+    part = np.eye(40)
+    part[3, 4] = part[4, 3] = 1.4
+    mass = np.kron(part, np.eye(3))
+    assert (np.linalg.eigvalsh(mass) < 0.0).sum() == 3
+    stiffness = 1e6 * (2.0 * np.eye(120) - np.eye(120, k=1) - np.eye(120, k=-1))
+    row = np.eye(120)[:1]
+    given = scipy.sparse.csr_matrix(mass), scipy.sparse.csr_matrix(stiffness), row, np.ones(1)
+    with pytest.raises(ValueError, match=r"mass is indefinite \(3 negative eigenvalues\)"):
+        sb.reduce_matrices(*given, loads=row.T, sensors={"u": 0}, modes=3)
+
+
+@pytest.mark.parametrize("hold", [1e-4, 1e-10])
+def test_flexibility_beside_a_mode_that_takes_all_digits(hold):
+    """A chain on a weak spring (of 1e-10 of the others': a condition of 1e13), pressed at one end: what all
+    but five modes give is that of SciPy's modes, whose high ones know nothing of the spring.
+    """
+    diagonal = np.append(2.0 * np.ones(299), 1.0)
+    diagonal[0] = 1.0 + hold
+    stiffness = scipy.sparse.diags([-np.ones(299), diagonal, -np.ones(299)], [-1, 0, 1]).tocsr()
+    columns = scipy.sparse.csr_matrix(([1.0, 1.0, -1.0], ([100, 299, 298], [0, 1, 1])), (300, 2))
+    values, vectors = (part.T[5:].T for part in scipy.linalg.eigh(stiffness.toarray()))
+    exact = (vectors / values) @ (vectors.T @ columns.toarray())
+    found = sparse.sparse_modes(scipy.sparse.identity(300).tocsr(), stiffness, columns, 5)[2]
+    assert found == pytest.approx(exact, abs=1e-11 * np.abs(exact).max())  # without a second solve 2.7e-6
+
+
 def test_without_mumps_it_is_said_that_nothing_was_counted(monkeypatch):
     from sbfem_petsc.reduction import sparse as module
 
-    monkeypatch.setattr(module._Columns, "_negative", lambda *_: None)
+    monkeypatch.setattr(module._Columns, "below", lambda *_: None)
     mass = scipy.sparse.csr_matrix(np.eye(40))
     stiffness = 1e6 * scipy.sparse.diags([-np.ones(39), 2.0 * np.ones(40), -np.ones(39)], [-1, 0, 1])
     row = np.eye(40)[:1]
@@ -375,6 +404,9 @@ def test_eigenvalues_are_counted_in_the_place_of_a_factor(beam):
         below = int((scipy.linalg.eigvalsh(changed.toarray()) < 0.0).sum())
         solver = sparse._Columns(MPI.COMM_SELF, stiffness, "modal_st_")
         assert solver.factorised(sure=True)
-        sums = (1.0, -float(own[29:31].mean()), mass), (0.0, 1.0, scipy.sparse.csr_matrix(changed))
-        assert 0 < below < n and solver.negative(*sums) == [30, below]
+        first, *parts = solver.counted(
+            partial(solver.below, float(own[29:31].mean()), mass),
+            *sparse._negative_parts(scipy.sparse.csr_matrix(changed)),
+        )
+        assert 0 < below < n and first == 30 and sum(parts) == below
         solver.close()
