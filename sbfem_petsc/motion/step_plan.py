@@ -53,8 +53,8 @@ def plan_steps(
     """
     if former is not None:
         decimation = former.decimation if decimation is None else decimation
-        if step is None or _multiple(former.count * former.step / step, decimation) == former.count:
-            return _multiple(duration / former.step, decimation), former.step, decimation
+        if step is None or multiple(former.count * former.step / step, decimation) == former.count:
+            return multiple(duration / former.step, decimation), former.step, decimation
     assert step is not None
     if not duration / step < MOST_STEPS:
         raise wrong_input(
@@ -62,17 +62,17 @@ def plan_steps(
             f"would take at least {duration / step / 3.6e9:.3g} hours; give a shorter duration, a "
             "larger step or loads of lower frequency"
         )
-    count = _multiple(duration / step, 1)
+    count = multiple(duration / step, 1)
     if decimation is not None and decimation > count:
         raise wrong_input(
             f"transient: decimation = {decimation} is more than the {count} steps there are; give fewer"
         )
     decimation = default_decimation(count, row) if decimation is None else decimation
-    count = _multiple(count, decimation)
+    count = multiple(count, decimation)
     return count, duration / count, decimation
 
 
-def _multiple(steps: float, divisor: int) -> int:
+def multiple(steps: float, divisor: int) -> int:
     """The least multiple of a divisor that reaches a number of steps."""
     return divisor * max(1, math.ceil(steps / divisor * (1.0 - 1e-9)))
 

@@ -47,8 +47,7 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
             facts["cracks"] = [crack.name for crack in model.cracks]
             facts |= {"edge_sets": list(model.layout.edge_sets), "regions": list(model.layout.material_names)}
         outer = facts.get("boundary_unknowns", facts["unknowns"])
-        for name in case.tables.analyses:
-            structure.check(case, name)
+        structure.check(case, case.tables.analyses)
         size = structure.size(case)
         costs = {name: kind.cost(size) for name, kind in case.tables.analyses.items()}
     for name, kind in case.tables.analyses.items():

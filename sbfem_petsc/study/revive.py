@@ -251,4 +251,5 @@ def _vtu(results: RunResults, source: str, folder: str, comm: Any, watch: Watch)
             case.tables.analyses[name].write_fields(result, path, structure().model)
             structure().release(result)
     ending = "vtu" if comm.size == 1 else "pvtu"
-    return [os.path.join(folder, f"{name}.{ending}") for name in names]
+    written = (os.path.join(folder, f"{name}.{ending}") for name in names)
+    return [path for path in written if os.path.isfile(path)]  # of a band without modes there is none

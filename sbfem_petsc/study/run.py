@@ -97,6 +97,8 @@ def run_case(
     watch = Watch() if watch is None else watch
     with collective(comm):
         checked = case if isinstance(case, Case) else read_case(case)
+        if checked.tables.sweep is not None:
+            checked.with_values({})  # of its own values, which rows may mend
         checked.check_tones()
     path = check_output_folder(os.fspath(output), comm)
     with held_folder(path, checked, "run", replace, comm) as folder:
@@ -125,6 +127,8 @@ class _Run(contextlib.ExitStack):
             if name not in pending:
                 self.watch.say(f"{name}: finished before")
         try:
+            if pending:
+                self._begin(pending)
             for k, name in enumerate(pending):
                 self._one(name, f"[{k + 1}/{len(pending)}] {name}")
         except BaseException:
@@ -134,19 +138,36 @@ class _Run(contextlib.ExitStack):
         summary = self.comm.bcast(self._write())
         return Outcome(self.path, summary, self.failed, self.wrong_input)
 
+    def _begin(self, pending: list[str]) -> None:
+        """Make the structure; what analyses ask of it or of the disk and it has not is told before any is
+        solved. Collective.
+        """
+        self.watch.stage("mesh and model")
+        self.structure = self.enter_context(contextlib.closing(Structure(self.case, self.comm)))
+        if self.folder is not None:  # for the results of this run and of one that is resumed
+            self.folder.state["model"] = self.structure.facts()
+        self.structure.check(self.case, pending)
+        size, kept = self.structure.size(self.case), 0.0
+        for name in pending:
+            kind = self.case.tables.analyses[name]
+            kept += kind.cost(size).disk
+            with located(self.case, "analyses", name):
+                require_disk(
+                    kind.kind,
+                    self.comm,
+                    PlannedFile(os.path.join(self.path, RESULTS), kept),
+                    what=f"what is kept up to {name}",
+                    remedy=lambda share: "keep fewer instants (decimation) or points, or name another folder",
+                )
+
     def _one(self, name: str, title: str) -> None:
         """An analysis, its file and its pictures; a failure is noted with its reason."""
         case, kind = self.case, self.case.tables.analyses[name]
+        assert self.structure is not None
         began = time.monotonic()
         try:
-            if self.structure is None:
-                self.watch.stage("mesh and model")
-                self.structure = self.enter_context(contextlib.closing(Structure(case, self.comm)))
-                if self.folder is not None:  # for the results of this run and of one that is resumed
-                    self.folder.state["model"] = self.structure.facts()
             self.watch.stage(f"{title} ({kind.kind})")
             with located(case, "analyses", name):
-                self._require_disk(name)
                 file = os.path.join(self.path, PARTS, f"{name}.{RESULT}.journal") if kind.running else None
                 result = self.structure.solve(case, name, file=file, progress=self.watch.fraction)
                 found = self.structure.found(case, name, result)
@@ -171,19 +192,6 @@ class _Run(contextlib.ExitStack):
         if self.folder is not None:
             self.folder.record(name, "finished", seconds=seconds)
         self.watch.say(f"{name}: {line} ({seconds:.1f} s)")
-
-    def _require_disk(self, name: str) -> None:
-        """Refuse an analysis whose results would not fit on the disk. Collective."""
-        assert self.structure is not None
-        kind = self.case.tables.analyses[name]
-        cost = kind.cost(self.structure.size(self.case))
-        require_disk(
-            kind.kind,
-            self.comm,
-            PlannedFile(os.path.join(self.path, RESULTS), cost.disk),
-            what=f"what is kept of {name}",
-            remedy=lambda share: "keep fewer instants (decimation) or points, or name another folder",
-        )
 
     def _keep(self, name: str, kind: Kind, result: Any, found: Found) -> None:
         with collective(self.comm):

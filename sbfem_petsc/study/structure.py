@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 from ..errors import on_all_ranks
@@ -10,6 +12,9 @@ from ..motion.preparation import expected
 from ..record.found import Found
 from .case import objects
 from .case.case import Case
+from .case.objects import located
+from .case.problems import CaseError
+from .case.tables import Problem
 from .costs import FEWEST_MODES, Size
 from .kinds.kind import Run
 
@@ -73,8 +78,10 @@ class Structure:
         known = self.model.points if self.body is None else self.body.points
         return tuple(known) if chosen is None else tuple(chosen)
 
-    def check(self, case: Case, name: str) -> None:
-        """Raise CaseError where an analysis asks for what the structure has not. Collective."""
+    def check(self, case: Case, names: Iterable[str]) -> None:
+        """Raise CaseError where analyses ask for what the structure has not, before any is solved: a run
+        would come to it behind those before them. Collective.
+        """
         if self.body is None:
             found = self.model, self.model.boundary_unknowns // 2
             words = "half the unknowns on boundaries; give fewer, or a finer mesh"
@@ -82,14 +89,21 @@ class Structure:
             table: Any = case.tables.body
             found = None, table.modes or max(min(FEWEST_MODES, len(self.body.model.unknowns) // 2), 1)
             words = "those of the reduced body; give fewer, or more as body.modes"
-        for problem in case.tables.analyses[name].lacking(*found, words):
-            raise on_all_ranks(case.problem(("analyses", name, *problem.path), problem.text))
+        problems: list[Problem] = []
+        for name in names:
+            try:
+                with located(case, "analyses", name):
+                    lacking = [*case.tables.analyses[name].lacking(case, *found, words)]
+                problems += (replace(one, path=("analyses", name, *one.path)) for one in lacking)
+            except CaseError as error:
+                problems += error.problems
+        if problems:
+            raise on_all_ranks(CaseError(case.file, problems, case.lines))
 
     def solve(self, case: Case, name: str, **run: Any) -> Any:
         """Result of an analysis of a case of this structure, with the file and progress of a `Run`.
         Collective.
         """
-        self.check(case, name)
         return case.tables.analyses[name].solve(case, self.model, Run(**run))
 
     def found(self, case: Case, name: str, result: Any) -> Found:

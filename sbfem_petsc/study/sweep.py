@@ -307,6 +307,8 @@ class _Sweeping:
 
     def _row(self, number: int, structure: Structure, alike: dict[str, Any]) -> dict[str, tuple[Any, str]]:
         case = self.case.with_values(self.inputs[number])
+        case.check_tones(names=self.names)
+        structure.check(case, self.names)
         points = structure.points(case)
         values: dict[str, tuple[Any, str]] = {}
         for name in self.names:

@@ -561,6 +561,17 @@ def test_curves_of_the_unreduced_model(kind):
             case_from_text(f"{text}{option}\n")
 
 
+def test_a_band_without_modes(tmp_path):
+    """It is a result as any, without pictures and fields."""
+    none = '[analyses.none]\nkind = "modal"\nband = [1.0, 2.0]\n[output]\nvtu = true\ncsv = true\n'
+    path = written(tmp_path, CASE[: CASE.index("[analyses.")] + none)
+    done = sbfem("run", path, "--output", tmp_path / "out", "--quiet", "--json")
+    assert done.code == 0 and done.answer["none"]["frequencies"] == []
+    assert sbfem("export", tmp_path / "out", "--vtu", "--csv", "--quiet").code == 0
+    assert sbfem("report", tmp_path / "out", "--quiet").code == 0
+    assert not list(tmp_path.rglob("*.vtu")) and not list(tmp_path.rglob("*.png"))
+
+
 @pytest.mark.long
 def test_a_steady_state_of_the_unreduced_model():
     """It has no multipliers, and is not asked for them unless the case does."""

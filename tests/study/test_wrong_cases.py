@@ -6,13 +6,16 @@ import struct
 import zlib
 
 import pytest
+from mpi4py import MPI
 
 import sbfem_petsc as sb
 from sbfem_petsc.study import rows
 from sbfem_petsc.study.case import objects
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.problems import CaseError
+from sbfem_petsc.study.estimates import estimate
 from sbfem_petsc.study.run import run_case
+from sbfem_petsc.study.structure import Structure
 from tests.study.small_case import CASE, SWEEP
 
 NEW = "<new>"  # mark of the line on which the fault stands
@@ -377,7 +380,7 @@ WRONG = [
 
 def changed(old: str, new: str) -> tuple[str, int | None]:
     """The text with a fault, and the line it stands on."""
-    text = CASE + SWEEP
+    text = CASE if old in CASE else CASE + SWEEP  # whose rows mend what they vary
     assert text.count(old) >= 1, old
     text = text.replace(old, new, 1)
     marked = NEW in text
@@ -611,3 +614,88 @@ def test_tones_that_a_sweep_gives():
     case.check_tones(case.tables.sweep.parameters)
     with pytest.raises(CaseError, match=r"analyses\.steady\.load.*517\.3 Hz"):
         case.check_tones()
+
+
+MOVED = '[loads.moved]\nkind = "edge_motion"\nwhere = "left"\nuy = 1e-5\n'
+FREE = MOVED.replace('"left"', '"right"')
+BASINS = 'kind = "basins"\nload = "push"\nfrequency = 400.0\nstarts = [{ values = [0.0], %s }]'
+# What a later analysis asks for, a load, key and sentence.
+LATER = [
+    (
+        'kind = "transient"\nload = "burst"\nduration = 0.003\nstep = 1e-6\ndecimation = 3001',
+        "",
+        "decimation",
+        "3000 steps there are",
+    ),
+    (
+        'kind = "transient"\nload = "burst"\nduration = 0.003\ndecimation = 9_000_000',
+        "",
+        "decimation",
+        "steps there may be",
+    ),
+    (
+        'kind = "transient"\nload = "moved"\nduration = 0.003',
+        MOVED,
+        "",
+        "where a structure at rest has no displacement",
+    ),
+    ('kind = "transient"\nload = "burst"\nduration = 0.003\nstep = 1e-15', "", "", "of disk, .* are free"),
+    ('kind = "static"\nload = "moved"', FREE, "", "'right'"),
+    (
+        BASINS % 'kind = "impulse", mode = 2',
+        "",
+        r"starts\[0\]\.mode",
+        "= 2 is no number of a unit load, of which there are 1",
+    ),
+    (
+        (BASINS % 'kind = "impulse", mode = 1').replace("push", "moved"),
+        MOVED,
+        r"starts\[0\]\.mode",
+        "gives no impulse",
+    ),
+    (BASINS % "mode = 5000", "", r"starts\[0\]\.mode", "= 5,000 is more than the"),
+    ('kind = "modal"\ncount = 5000', "", "count", "asks for 5,000 modes"),
+]
+
+
+@pytest.mark.parametrize("fault", LATER, ids=[f"{k}-{w[2]}" for k, w in enumerate(LATER)])
+def test_later_analyses_are_checked_before_any_is_solved(fault, tmp_path, monkeypatch):
+    """What only the structure or the disk can tell, of whichever analysis; sbfem check tells it, too."""
+    analysis, load, item, sentence = fault
+    case = case_from_text(f"{CASE}\n{load}\n[analyses.later]\n{analysis}\n", "case.toml")
+    monkeypatch.setattr(Structure, "solve", lambda *_, **__: pytest.fail("an analysis was solved"))
+    told = rf"case\.toml, line \d+: analyses\.later\.?{item} .*{sentence}"
+    with pytest.raises(CaseError, match=told):
+        run_case(case, tmp_path)
+    if "disk" not in sentence:
+        with pytest.raises(CaseError, match=told):
+            estimate(case, MPI.COMM_SELF)
+
+
+def test_all_that_is_wrong_is_told_at_once(tmp_path):
+    case = case_from_text(CASE.replace("count = 5", "count = 5000").replace("modes = 12", "modes = 6000"))
+    with pytest.raises(CaseError) as told:
+        run_case(case, tmp_path)
+    assert [problem.path[1:] for problem in told.value.problems] == [
+        ("frequencies", "count"),
+        ("steady", "modes"),
+        ("burst", "modes"),
+    ]
+
+
+def test_values_that_rows_of_a_sweep_mend(tmp_path):
+    """What contradicts in the case itself and not in its rows is refused where the case itself is run."""
+    text = CASE.replace("damping = 0.01", "rayleigh = [0.0, 0.0]").replace(
+        "modes = 12\nsteps = 256", "reduced = false\nsteps = 48"
+    )
+    varied = '[sweep]\nanalyses = ["steady"]\n[sweep.parameters]\n"model.rayleigh[1]" = [%s, 2e-5]\n'
+    case = case_from_text(text + varied % "1e-5", "case.toml")
+    assert sb.sweep(case, comm=MPI.COMM_SELF).reasons == ["", ""]
+    refused = r"case\.toml, line \d+: analyses\.steady\.reduced = false needs damping"
+    with pytest.raises(CaseError, match=refused):
+        run_case(case, tmp_path)
+    first, second = sb.sweep(case_from_text(text + varied % "0.0"), comm=MPI.COMM_SELF).reasons
+    assert "needs damping of all motions" in first and not second
+    for sweep in ("", varied.replace("rayleigh[1]", "thickness") % "1.0"):
+        with pytest.raises(CaseError, match=refused):
+            case_from_text(text + sweep, "case.toml")

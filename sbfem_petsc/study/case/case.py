@@ -18,8 +18,9 @@ from .analyses import Analysis
 from .contradictions import contradictions
 from .given import Given, Tables
 from .locations import parse, read_text
-from .parameters import STRUCTURE, parameter_problems, replaced_in
+from .parameters import STRUCTURE, parameter_problems, replaced_in, rows
 from .problems import CaseError, from_validation
+from .sweep import SweepTable
 from .tables import FileName, Path, Problem
 
 
@@ -45,20 +46,23 @@ class Case(Given):
         """What tells it from others."""
         return self.data, self.named_files()
 
-    def check_tones(self, varied: Iterable[str] = ()) -> None:
+    def check_tones(self, varied: Iterable[str] = (), names: Iterable[str] | None = None) -> None:
         """Refuse analyses whose loads have no common period, or tones that belong to none of theirs.
 
         Parameters
         ----------
         varied : iterable of str
             Keys that a sweep gives other values: analyses with tones among them are left to its rows.
+        names : iterable of str, optional
+            Of the analyses. Default: all.
 
         Raises
         ------
         CaseError
         """
         prefixes = {".".join(key.split(".")[:2]) for key in varied}
-        for name, kind in self.tables.analyses.items():
+        for name in self.tables.analyses if names is None else names:
+            kind = self.tables.analyses[name]
             if not {f"analyses.{name}", *(f"loads.{load}" for load in kind.loads())} & prefixes:
                 kind.tones(self, ("analyses", name))
 
@@ -205,6 +209,8 @@ def _checked(data: dict[str, Any], file: str, folder: str, lines: Mapping[Path, 
     except ValidationError as error:
         raise CaseError(file, from_validation(error, data, CaseTables), lines) from None
     problems = contradictions(tables)
+    if tables.sweep is not None:
+        problems = _left_by_rows(problems, data, tables.sweep)
     problems += (
         Problem(path, f"= {name!r} does not exist in {folder!r}; name a file relative to the case file")
         for path, name in _files(data).items()
@@ -215,6 +221,21 @@ def _checked(data: dict[str, Any], file: str, folder: str, lines: Mapping[Path, 
     if problems:
         raise CaseError(file, problems, lines)
     return tables
+
+
+def _left_by_rows(problems: list[Problem], data: dict[str, Any], sweep: SweepTable) -> list[Problem]:
+    """Contradictions of a case that neither the first nor the last row of its sweep mends by its values."""
+    if not problems or any(problem.path[0] == "sweep" for problem in problems):
+        return problems
+    found = rows(sweep)
+    for row in (found[0], found[-1]):
+        try:
+            there = contradictions(CaseTables.model_validate(replaced_in(data, row)))
+        except ValueError:  # of its values, which are told by themselves
+            return problems
+        paths = {problem.path for problem in there}
+        problems = [problem for problem in problems if problem.path in paths]
+    return problems
 
 
 def _files(data: dict[str, Any]) -> dict[Path, str]:

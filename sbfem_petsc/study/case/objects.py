@@ -248,6 +248,11 @@ def signals_of(found: list[Any]) -> list[Any]:
     return separate(found)[1]
 
 
+def units(case: Given, found: list[Any]) -> list[Any]:
+    """Unit loads, in their order, of loads as `load` gives them; of a body all that its model has."""
+    return list(_unit_loads(case)) if isinstance(found, Amplitudes) else separate(found)[0]
+
+
 def load(case: Given, names: Sequence[str], factor: float = 1.0, frequency: float | None = None) -> list[Any]:
     """Named loads, which act together; of a body the amplitudes of all its unit loads.
 

@@ -14,6 +14,7 @@ from ...analysis.options import BasinsOptions
 from ...options import item
 from ...record.about import Quantity
 from ...record.found import Found, column, labelled, of_points
+from ..case import objects
 from ..case.parameters import grid
 from ..case.sweep import Times
 from ..case.tables import Name, Path, Problem, Table
@@ -75,6 +76,23 @@ class Basins(BasinsOptions, Loaded):
         ]
         options = self.of(BasinsOptions)
         return sb.basins(model, self.acting(case), starts=starts, **options, progress=run.progress)
+
+    def lacking(self, case: Any, model: Any, most: int, words: str) -> Iterator[Problem]:
+        """Modes and unit loads that there are not, too."""
+        yield from super().lacking(case, model, most, words)
+        units = objects.units(case, self.acting(case))
+        for k, axis in enumerate(self.starts):
+            path = ("starts", k, "mode")
+            if axis.kind != "impulse":
+                if axis.mode > most:
+                    text = f"= {axis.mode:,d} is more than the {most:,d} modes there are, {words}"
+                    yield Problem(path, text)
+            elif axis.mode > len(units):
+                text = f"= {axis.mode} is no number of a unit load, of which there are {len(units)}, from 1"
+                yield Problem(path, f"{text}; give one of these")
+            elif isinstance(units[axis.mode - 1], sb.EdgeMotion):
+                text = "is a prescribed displacement, which gives no impulse; name one that is a force"
+                yield Problem(path, f"= {axis.mode} {text}")
 
     def places(self) -> Iterator[tuple[Path, str]]:
         return (

@@ -248,22 +248,30 @@ class Kind(Table):
         """Keys that ask for modes of the structure, and for how many; those of a body are kept already."""
         yield "modes", getattr(self, "modes", None) or 0
 
-    def lacking(self, model: Any, most: int, words: str) -> Iterator[Problem]:
+    def lacking(self, case: Given, model: Any, most: int, words: str) -> Iterator[Problem]:
         """What a structure has not that is asked of it, before anything is solved. Collective.
 
         Parameters
         ----------
+        case : Given
         model : Model or None
             None: a body, which is not reduced yet.
         most : int
             Modes that there are.
         words : str
             What these are, and what to do for more.
+
+        Raises
+        ------
+        ValueError, TypeError, KeyError
+            For loads that the model does not take.
         """
         for key, count in self.asked(model is None):
             if count > most:
                 text = f"= {getattr(self, key)} asks for {count:,d} modes, and there are {most:,d}, {words}"
                 yield Problem((key,), text)
+        if model is not None and self.loads_in:
+            model.checked_loads(objects.load(case, self.loads()), constant=False)
 
     def tones(self, case: Given, path: Path) -> None:
         """Refuse loads without the common period or the tones that the analysis needs, which a run would come

@@ -38,7 +38,7 @@ class Modal(ModalOptions, Kind):
     def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
         yield estimated_error(self, result)
         if isinstance(result, sb.Modal):
-            largest = float(np.max(result.residuals))
+            largest = float(result.residuals.max(initial=0.0))
             yield column(labelled("largest_residual", largest, text="largest of the residuals"))
 
     def row(self, result: Any, wanted: Wanted) -> Values:
@@ -48,13 +48,14 @@ class Modal(ModalOptions, Kind):
         return values
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
-        if isinstance(result, sb.Modal):
+        if isinstance(result, sb.Modal) and len(result.frequencies):
             yield "modes", drawn.plot.plot_modes(result)
 
     def write_fields(self, result: Any, path: str, model: Any) -> None:
         from ...results.vtu import write_modes
 
-        write_modes(path, result)
+        if len(result.frequencies):
+            write_modes(path, result)
 
     def cost(self, size: Size) -> Cost:
         count = self.count or 50

@@ -42,8 +42,9 @@ class Static(StaticOptions, Loaded):
     def places(self) -> Iterator[tuple[Path, str]]:
         return ((("stress_at", name), at) for name, at in self.stress_at.items() if isinstance(at, str))
 
-    def lacking(self, model: Any, most: int, words: str) -> Iterator[Problem]:
+    def lacking(self, case: Any, model: Any, most: int, words: str) -> Iterator[Problem]:
         """Places outside the structure, too."""
+        yield from super().lacking(case, model, most, words)
         for name, at in self.stress_at.items() if model is not None else ():
             if not isinstance(at, str):
                 try:

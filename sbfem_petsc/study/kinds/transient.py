@@ -14,7 +14,8 @@ from ...analysis.options import TransientOptions
 from ...options import item
 from ...record.about import Quantity
 from ...record.found import labelled, of_points
-from ..costs import Cost, Size
+from ..case.tables import Problem
+from ..costs import FEWEST_MODES, Cost, Size
 from .kind import RUBBING, Drawn, Loaded, Reducible, Run, Values, Wanted, along, peak_contact, recorded
 
 
@@ -39,6 +40,26 @@ class Transient(Reducible, TransientOptions, Loaded):
             reduction=self.reduction,
             **run.kept,
         )
+
+    def lacking(self, case: Any, model: Any, most: int, words: str) -> Iterator[Problem]:
+        """Loads that a structure at rest does not take, and more steps than there are, too."""
+        yield from super().lacking(case, model, most, words)
+        from ...motion.loading import loading
+        from ...motion.step_plan import default_step, multiple
+        from ...system.solve.pencil import top_of_band
+
+        step = self.step
+        if model is not None:
+            loads = loading("transient", model, self.acting(case))
+            highest = loads.over("transient", self.duration, self.initial == "rest").highest_frequency
+            if step is None and self.accuracy is None:
+                # twice the estimate, before the modes are known
+                top = top_of_band(model.statics.elements, self.modes or FEWEST_MODES) / math.pi
+                step = default_step(self.duration, highest, top)
+        if step is not None and (self.decimation or 1) > (count := multiple(self.duration / step, 1)):
+            there = "there are" if self.step else "there may be"
+            text = f"= {self.decimation} is more than the {count} steps {there}; give fewer"
+            yield Problem(("decimation",), text)
 
     def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
         dims = "time" if result.point_directions else "time xy"
