@@ -83,7 +83,7 @@ def job_files(job: str) -> list[str]:
 class SolidDeck(Deck):
     """Nodes, sets of them, pairs of node and direction that are held, and solid elements by kind."""
 
-    splits = True
+    splits = some = True
 
     def __init__(self, cards: Iterable[Card]) -> None:
         super().__init__([card for card in cards if self._counts(card)])
@@ -108,18 +108,6 @@ class SolidDeck(Deck):
         if card.keyword in REFUSED:
             card.refuse("changes what moves or touches; leave it out, contact is said by body.contact")
         return card.keyword != "ELEMENT" or _type(card) in SOLIDS
-
-    def labels(self, card: Card, place: str, own: str, kind: str) -> Iterable[int]:
-        """See `Deck`: elements of other kinds are left out."""
-        if kind == "ELSET" and own.isdecimal():
-            return [int(own)] if int(own) in self.elements else []
-        return super().labels(card, place, own, kind)
-
-    def known(self, card: Card, kind: str, name: str) -> dict[int, None]:
-        """See `Deck`: nothing of sets of elements of other kinds."""
-        if kind == "ELSET" and name.upper() not in self.sets[kind]:
-            return {}
-        return super().known(card, kind, name)
 
     @property
     def node_sets(self) -> dict[str, list[int]]:

@@ -23,6 +23,8 @@ APART, ROUNDING, LITTLE, GRID = 1e-3, 1e-9, 1e-13, 1e-12
 # How far beside a face, in sides of its elements, a node is still before it: straight sides miss .07 of their
 # length of a circle of twelve.
 BESIDE = 0.1
+# How far nodes stand off a plane that has a normal, in its shorter side.
+FLAT = 0.1
 # Area of a face that lies along the normal, seen along it, in squares of its circumference.
 ALONG = 1e-4
 # Triangles between the nodes of a face, by their number; steps to a place in it, at most.
@@ -44,9 +46,14 @@ def partners(labels: np.ndarray, x: np.ndarray, y: np.ndarray, normal: np.ndarra
     """(left, right): 1 for the right node that faces each left one along the normal."""
     flat = np.eye(3) - np.outer(normal, normal)
     x, y = x @ flat, y @ flat
-    far, nearest = tree_of(y).query(x)
+    (far, second), (nearest, _) = (found.T for found in tree_of(y).query(x, 2))
     size = np.ptp(x, axis=0).max() if len(x) == 1 else np.median(tree_of(x).query(x, 2)[0][:, 1])
-    away = far > APART * size + 1e-12
+    away, behind = far > APART * size + 1e-12, second <= APART * size + 1e-12
+    if behind.any():
+        raise ValueError(
+            f"contact: left node {labels[behind.argmax()]} has two right nodes before it, which lie behind "
+            "each other, or in one place; give those of one face"
+        )
     if away.any():
         raise ValueError(
             f"contact: {away.sum()} of {len(x)} left nodes have no partner (node {labels[away.argmax()]} is "
@@ -145,18 +152,16 @@ def _means(
     commons: list[Common], places: tuple[np.ndarray, ...], moves: np.ndarray
 ) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
     """See `between`."""
-    x, _ = places
-    none = np.zeros(1, dtype=int)
-    entries = [[(none, none, np.zeros(1))] for _ in places]
+    entries, x = [[np.zeros((3, 0))] for _ in places], places[0]
     for nodes, *cells, points, weights in commons:
         kept, hats = moves[nodes], (weights[:, None] * _shapes(x[nodes], points)).T
-        hats = hats[kept] + hats[~kept].sum(axis=0) / max(kept.sum(), 1)
+        hats, own = hats[kept] + hats[~kept].sum(axis=0) / max(kept.sum(), 1), np.array(nodes)[kept]
         for part, cell, at in zip(entries, cells, places):
-            rows, columns = np.meshgrid(np.array(nodes)[kept], cell, indexing="ij")
-            part.append((rows.ravel(), columns.ravel(), (hats @ _shapes(at[cell], points)).ravel()))
+            shares = hats @ _shapes(at[cell], points)
+            part.append(np.stack([np.repeat(own, len(cell)), np.tile(cell, len(own)), shares.ravel()]))
     one, two = (
-        sparse.csr_matrix((values, (rows, columns)), (len(x), len(at)))
-        for (rows, columns, values), at in zip((map(np.concatenate, zip(*part)) for part in entries), places)
+        sparse.csr_matrix((shares, np.array(placed, dtype=int)), (len(x), len(at)))
+        for (*placed, shares), at in zip(map(np.hstack, entries), places)
     )
     shared = np.asarray(one.sum(axis=1)).ravel()
     for part in (one, two):
@@ -214,8 +219,14 @@ def _shapes(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 def normal_of(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Of the plane through the left face, towards the right one."""
-    vector = np.linalg.svd(x - x.mean(axis=0))[2][2]
+    at = x - x.mean(axis=0)
+    _, (length, width, depth), (*_, vector) = np.linalg.svd(np.vstack([at, np.zeros((3, 3))]), False)
     towards = (y.mean(axis=0) - x.mean(axis=0)) @ vector
+    if len(x) > 2 and (width < ROUNDING * length or depth > FLAT * width):
+        raise ValueError(
+            "contact: the left nodes lie on a line, or up to "
+            f"{np.abs(at @ vector).max():g} m off a plane, and tell no normal; give it"
+        )
     if len(x) < 3 or abs(towards) < 1e-9 * np.ptp(x, axis=0).max():
         raise ValueError("contact: coincident faces do not tell their side, nor does a wall; give a normal")
     return vector * np.sign(towards)

@@ -272,6 +272,15 @@ def test_wrong_models(parts, change, sentence):
         (lambda b: b.at((0.04, 0.0, 0.01), "z"), "2 nodes lie at"),
         (lambda b: b.contact("LEFT", "RIGHT"), "do not tell their side"),
         (lambda b: b.contact("LEFT", [5, 6], normal="x"), "have no partner"),
+        (
+            lambda b: b.contact("LEFT", [*b.sets["RIGHT"], *b.labels[b.places[:, 0] > 0.0401]], normal="x"),
+            "has two right nodes before it, which lie behind each other",
+        ),
+        (
+            lambda b: b.contact(b.labels[(b.places[:, 1:] < 1e-9).all(axis=1)], "RIGHT"),
+            "lie on a line, or up to 0 m",
+        ),
+        (lambda b: b.contact(b.labels, "RIGHT"), "up to 0.0.* m off a plane, and tell no normal; give it"),
         (lambda b: b.contact("LEFT"), "nor does a wall; give a normal"),
         (lambda b: b.contact("LEFT", normal="x", gap=[1e-6]), r"gap has shape \(1,\), \(2,\) was expected"),
         (lambda b: b.contact("LEFT", normal="x", gap=-1e-6), "overlap"),

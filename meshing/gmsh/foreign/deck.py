@@ -106,9 +106,11 @@ class Deck:
         they are first met.
     splits : bool
         Whether the nodes of an element may go on in the next line without a comma at this one's end.
+    some : bool
+        Whether there are elements that have been left out: sets and labels that are not known are theirs.
     """
 
-    splits = False
+    splits = some = False
 
     def __init__(self, cards: list[Card]) -> None:
         self.nodes: dict[int, list[float]] = {}
@@ -133,6 +135,8 @@ class Deck:
             return self.known(card, kind, own)
         (label,) = self._integers(card, place, [last])
         if label not in (self.elements if kind == "ELSET" else self.nodes):
+            if self.some and kind == "ELSET":
+                return ()
             card.refuse(
                 f"has {'element' if kind == 'ELSET' else 'node'} {label}, which does not exist", place
             )
@@ -219,6 +223,8 @@ class Deck:
         sets = self.sets[kind]
         found = sets.get(name.upper()) or sets.get(name.upper().rpartition(".")[2])
         if found is None:
+            if self.some and kind == "ELSET":
+                return {}
             card.refuse(f"names the set {name!r}, which does not exist before it")
         return found.labels
 
