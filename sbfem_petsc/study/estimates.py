@@ -39,7 +39,7 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
     The mesh and the model are made for it, and under slow loads some modes; nothing else is solved.
     """
     with collective(comm):
-        case.check_tones(case.tables.sweep.parameters if case.tables.sweep is not None else ())
+        case.check_tones(case.unvaried)
     with contextlib.closing(Structure(case, comm)) as structure:
         facts: dict[str, Any] = {"title": case.tables.title, **structure.facts(), "analyses": {}}
         if structure.body is None:
@@ -47,7 +47,7 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
             facts["cracks"] = [crack.name for crack in model.cracks]
             facts |= {"edge_sets": list(model.layout.edge_sets), "regions": list(model.layout.material_names)}
         outer = facts.get("boundary_unknowns", facts["unknowns"])
-        structure.check(case, case.tables.analyses)
+        structure.check(case, case.unvaried)
         size = structure.size(case)
         costs = {name: kind.cost(size) for name, kind in case.tables.analyses.items()}
     for name, kind in case.tables.analyses.items():

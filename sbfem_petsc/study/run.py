@@ -99,7 +99,7 @@ def run_case(
         checked = case if isinstance(case, Case) else read_case(case)
         if checked.tables.sweep is not None:
             checked.with_values({})  # of its own values, which rows may mend
-        checked.check_tones()
+        checked.check_tones(checked.tables.analyses)
     path = check_output_folder(os.fspath(output), comm)
     with held_folder(path, checked, "run", replace, comm) as folder:
         with _Run(checked, path, folder, comm, watch) as run:

@@ -140,10 +140,14 @@ def _swept(case: Any, parameters: Any, keys: dict[str, Any]) -> Any:
     """The case with its sweep, of the call's own keys if there are parameters."""
     if not isinstance(case, Case):
         path("sweep", "case", case)
-    checked = case if isinstance(case, Case) else read_case(case)
     if parameters is not None:
-        table = SweepTable.checked("sweep", {"parameters": parameters, **keys})
-        return checked.with_data({**checked.data, "sweep": table.model_dump(exclude_none=True)})
+        table = SweepTable.checked("sweep", {"parameters": parameters, **keys}).model_dump(exclude_none=True)
+        return (
+            case.with_data({**case.data, "sweep": table})
+            if isinstance(case, Case)
+            else read_case(case, table)
+        )
+    checked = case if isinstance(case, Case) else read_case(case)
     fields = SweepTable.model_fields
     given = [name for name, value in keys.items() if value != fields[name].default]
     if given:
@@ -307,7 +311,7 @@ class _Sweeping:
 
     def _row(self, number: int, structure: Structure, alike: dict[str, Any]) -> dict[str, tuple[Any, str]]:
         case = self.case.with_values(self.inputs[number])
-        case.check_tones(names=self.names)
+        case.check_tones(self.names)
         structure.check(case, self.names)
         points = structure.points(case)
         values: dict[str, tuple[Any, str]] = {}

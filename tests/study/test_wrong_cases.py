@@ -598,7 +598,7 @@ def test_tones_without_a_common_period(fault, tmp_path):
     text = text.replace('kind = "static"\nload = "push"', 'kind = "static"\nload = "still"')
     case = case_from_text(f"{text}\n[analyses.further]\n{analysis}\n", "case.toml")
     with pytest.raises(CaseError, match=rf"case\.toml, line \d+: analyses\.further.*{item}.*{sentence}"):
-        case.check_tones()
+        case.check_tones(case.tables.analyses)
     with pytest.raises(CaseError):
         run_case(case, tmp_path / "output")
     assert not (tmp_path / "output").exists()
@@ -611,9 +611,9 @@ def test_tones_that_a_sweep_gives():
     )
     text += '[sweep]\nmethod = "list"\n[sweep.parameters]\n"loads.push.fy.frequency" = [400.0, 800.0]\n'
     case = case_from_text(text, "case.toml")
-    case.check_tones(case.tables.sweep.parameters)
+    case.check_tones(case.unvaried)
     with pytest.raises(CaseError, match=r"analyses\.steady\.load.*517\.3 Hz"):
-        case.check_tones()
+        case.check_tones(["steady"])
 
 
 MOVED = '[loads.moved]\nkind = "edge_motion"\nwhere = "left"\nuy = 1e-5\n'
@@ -696,6 +696,23 @@ def test_values_that_rows_of_a_sweep_mend(tmp_path):
         run_case(case, tmp_path)
     first, second = sb.sweep(case_from_text(text + varied % "0.0"), comm=MPI.COMM_SELF).reasons
     assert "needs damping of all motions" in first and not second
+    path = tmp_path / "case.toml"
+    path.write_text(text)
+    given = sb.sweep(path, {"model.rayleigh[1]": [1e-5]}, analyses=["steady"], comm=MPI.COMM_SELF)
+    assert given.reasons == [""]
     for sweep in ("", varied.replace("rayleigh[1]", "thickness") % "1.0"):
         with pytest.raises(CaseError, match=refused):
             case_from_text(text + sweep, "case.toml")
+
+
+def test_options_that_rows_of_a_sweep_give():
+    """Of an analysis that is varied the case's own options stand for nothing, of others they do."""
+    text = CASE.replace("count = 5", "count = 5000")
+    varied = (
+        '[sweep]\nanalyses = ["frequencies"]\n[sweep.parameters]\n"analyses.frequencies.count" = [3, 4]\n'
+    )
+    case = case_from_text(text + varied)
+    assert estimate(case, MPI.COMM_SELF)["sweep"]["rows"] == 2
+    assert sb.sweep(case, comm=MPI.COMM_SELF).reasons == ["", ""]
+    with pytest.raises(CaseError, match="count = 5000 asks for"):
+        estimate(case_from_text(text), MPI.COMM_SELF)

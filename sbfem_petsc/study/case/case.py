@@ -46,25 +46,28 @@ class Case(Given):
         """What tells it from others."""
         return self.data, self.named_files()
 
-    def check_tones(self, varied: Iterable[str] = (), names: Iterable[str] | None = None) -> None:
+    def check_tones(self, names: Iterable[str]) -> None:
         """Refuse analyses whose loads have no common period, or tones that belong to none of theirs.
-
-        Parameters
-        ----------
-        varied : iterable of str
-            Keys that a sweep gives other values: analyses with tones among them are left to its rows.
-        names : iterable of str, optional
-            Of the analyses. Default: all.
 
         Raises
         ------
         CaseError
         """
+        for name in names:
+            self.tables.analyses[name].tones(self, ("analyses", name))
+
+    @property
+    def unvaried(self) -> list[str]:
+        """Analyses that the sweep, if there is one, changes no key of, nor of their loads: what the case says
+        of others stands for nothing in its rows.
+        """
+        varied = self.tables.sweep.parameters if self.tables.sweep is not None else ()
         prefixes = {".".join(key.split(".")[:2]) for key in varied}
-        for name in self.tables.analyses if names is None else names:
-            kind = self.tables.analyses[name]
-            if not {f"analyses.{name}", *(f"loads.{load}" for load in kind.loads())} & prefixes:
-                kind.tones(self, ("analyses", name))
+        owners = {
+            name: {f"analyses.{name}", *(f"loads.{load}" for load in kind.loads())}
+            for name, kind in self.tables.analyses.items()
+        }
+        return [name for name, own in owners.items() if not own & prefixes]
 
     def with_data(self, data: dict[str, Any]) -> Case:
         """The case with other tables, checked again; errors name the lines of this one."""
@@ -154,24 +157,30 @@ class Case(Given):
         )
 
 
-def read_case(path: str | os.PathLike[str]) -> Case:
+def read_case(path: str | os.PathLike[str], sweep: dict[str, Any] | None = None) -> Case:
     """Read and check a case file.
 
     Parameters
     ----------
     path : path-like
         TOML file; paths in it are relative to its folder.
+    sweep : dict, optional
+        In the place of its table [sweep].
 
     Raises
     ------
     CaseError
         A ValueError; one line a problem, each with file, line, item, value and what was expected.
     """
-    return case_from_text(read_text(path), os.fspath(path))
+    return case_from_text(read_text(path), os.fspath(path), sweep=sweep)
 
 
 def case_from_text(
-    text: str, file: str = "case", folder: str | None = None, files: Mapping[str, str] | None = None
+    text: str,
+    file: str = "case",
+    folder: str | None = None,
+    files: Mapping[str, str] | None = None,
+    sweep: dict[str, Any] | None = None,
 ) -> Case:
     """Check the text of a case.
 
@@ -184,6 +193,8 @@ def case_from_text(
         Folder of the files that the case names. Default: that of `file`.
     files : dict of str to str, optional
         Names there of the files that the case names, where they have others.
+    sweep : dict, optional
+        In the place of its table [sweep].
 
     Raises
     ------
@@ -192,6 +203,8 @@ def case_from_text(
     """
     folder = os.path.dirname(os.path.abspath(file)) if folder is None else folder
     data, lines = parse(text, file)
+    if sweep is not None:
+        data["sweep"] = sweep
     if files is not None:
         for path, name in _files(data).items():
             if name not in files:
