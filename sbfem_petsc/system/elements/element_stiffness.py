@@ -12,6 +12,7 @@ import functools
 from collections.abc import Callable
 
 import numpy as np
+from scipy import sparse
 
 from meshing.warnings import RoundOffWarning
 
@@ -27,6 +28,8 @@ NEEDED, _ENOUGH, _SETTLED, _MOST = 1e-9, 1e-13, 1e-9, 100
 # Errors beyond which the user is warned, and a result is refused; what the softest deformation's round-off
 # was measured to do to slender cantilevers.
 ROUND_OFF, REFUSED, _SOFTEST = 1e-5, 1e-2, 4.0
+# Columns of displacements that are gone through at a time.
+_COLUMNS = 16
 
 
 # Forces that springs take up, (m, 2), of displacements (m, 2) of this rank's nodes.
@@ -52,29 +55,50 @@ class ElementStiffness:
         alike: dict[int, list[Group]] = {}
         for group in elements.groups:
             alike.setdefault(group.nodes.shape[1], []).append(group)
-        # of as many nodes together: nodes (k, m), motions (k, 2 m, 3), stiffnesses (k, 2 m, 2 m)
-        self._parts = []
+        # of as many nodes together: motions (k, 2 m, 3), stiffnesses (k, 2 m, 2 m)
+        self._parts, nodes = [], []
         for groups in alike.values():
-            nodes = np.concatenate([group.nodes for group in groups])
+            nodes.append(np.concatenate([group.nodes for group in groups]))
             blocks = [elements.scales(g)[0] * g.turned_both(g.solution.stiffness) for g in groups]
-            motions = rigid_body_basis(self._layout.part.coordinates[nodes])
-            self._parts.append((nodes, motions, np.concatenate(blocks)))
+            motions = rigid_body_basis(self._layout.part.coordinates[nodes[-1]])
+            self._parts.append((motions, np.concatenate(blocks)))
+        # of all S-elements, one behind the other, and the sums over those that share one
+        self._nodes = np.concatenate([np.empty(0, dtype=int), *(part.ravel() for part in nodes)])
+        self._sums = sparse.csr_matrix(
+            (np.ones(len(self._nodes)), (self._nodes, np.arange(len(self._nodes)))),
+            shape=(len(self._layout.part.nodes), len(self._nodes)),
+        )
 
     def __call__(self, owned: np.ndarray) -> np.ndarray:
         """Forces (owned,) or (owned, c) of displacements of the same shape. Collective."""
-        if owned.ndim == 2:
-            return np.stack([self(column) for column in owned.T], axis=1)
-        field = self._layout.nodal(owned)
-        forces = self._springs(field)
-        for nodes, motions, blocks in self._parts:
-            deformed = without_motions(motions, field[nodes].reshape(len(nodes), -1, 1))
-            pulled = without_motions(motions, blocks @ deformed)
-            np.add.at(forces, nodes, pulled.reshape(*nodes.shape, 2))
-        return self._layout.summed(forces)
+        columns = owned if owned.ndim == 2 else owned[:, None]
+        parts = [
+            self._of_some(columns[:, first : first + _COLUMNS])
+            for first in range(0, columns.shape[1], _COLUMNS)
+        ]
+        return np.concatenate(parts, axis=1).reshape(owned.shape) if parts else np.zeros_like(owned)
+
+    def _of_some(self, columns: np.ndarray) -> np.ndarray:
+        """Forces (owned, c) of so few columns that the S-elements' displacements find room."""
+        fields = [self._layout.nodal(column) for column in columns.T]
+        moved, width = np.stack(fields, axis=-1)[self._nodes], len(fields)
+        pulled, first = np.empty_like(moved), 0
+        for motions, blocks in self._parts:
+            count, size, _ = motions.shape
+            part = slice(first, first + count * size // 2)
+            forces = blocks @ without_motions(motions, moved[part].reshape(count, size, width))
+            # once is enough: the motions' part of forces is round-off
+            forces -= motions @ (motions.transpose(0, 2, 1) @ forces)
+            pulled[part], first = forces.reshape(-1, 2, width), part.stop
+        sums = (self._sums @ pulled.reshape(-1, 2 * width)).reshape(-1, 2, width)
+        return np.stack(
+            [self._layout.summed(sums[..., k] + self._springs(field)) for k, field in enumerate(fields)],
+            axis=1,
+        )
 
 
 def without_motions(motions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """(I - Q Q^T) vectors for (k, n, 3) orthonormal motions and (k, n, 1) vectors, applied twice: once leaves
+    """(I - Q Q^T) vectors for (k, n, 3) orthonormal motions and (k, n, c) vectors, applied twice: once leaves
     the round-off of large motions.
     """
     for _ in range(2):

@@ -139,25 +139,20 @@ class Pencil:
 
     def coupled(self, columns: np.ndarray) -> np.ndarray:
         """C' times this rank's displacement unknowns of columns. Collective."""
-        right, left = self.coupling.createVecs()
-        return self._products(self.coupling.multTranspose, left, right, columns)
+        return self.auxiliary_momentum(np.stack([self.layout.nodal(one) for one in columns.T], axis=-1))
 
     def heavy_products(self, columns: np.ndarray) -> np.ndarray:
-        """The mass times this rank's rows of columns, in Fortran's order. Collective."""
-        right, left = self.mass.createVecs()
-        return self._products(self.mass.mult, right, left, columns)
+        """The mass times this rank's rows of columns, in Fortran's order. Collective.
 
-    def _products(
-        self, product: Callable[..., None], given: PETSc.Vec, found: PETSc.Vec, columns: np.ndarray
-    ) -> np.ndarray:
-        """One by one, by way of vectors that are freed: PETSc 3.18 crashes in products of matrices kept by
+        One by one, by way of vectors that are freed: PETSc 3.18 crashes in products of matrices kept by
         halves with blocks of columns.
         """
-        result = np.empty((found.getLocalSize(), columns.shape[1]), order="F")
+        given, found = self.mass.createVecs()
+        result = np.empty_like(columns, order="F")
         with freeing(self.layout.comm, given, found):
             for k, column in enumerate(columns.T):
                 given.array = column
-                product(given, found)
+                self.mass.mult(given, found)
                 result[:, k] = found.array_r
         return result
 
@@ -200,11 +195,11 @@ class Pencil:
         return np.concatenate(parts)
 
     def auxiliary_momentum(self, field: np.ndarray) -> np.ndarray:
-        """(local auxiliary unknowns,): C' times displacements (m, 2) of this rank's nodes."""
-        parts = [np.empty(0)]
+        """(local auxiliary unknowns, ...): C' times displacements (m, 2, ...) of this rank's nodes."""
+        parts = [np.empty((0, *field.shape[2:]))]
         for kind in self._kinds():
-            moved = field[kind.group.nodes].reshape(len(kind.group.sizes), -1, 1)
-            parts.append((kind.turned_coupling() @ moved).ravel())
+            moved = field[kind.group.nodes].reshape(len(kind.group.sizes), 2 * len(kind.group.shape), -1)
+            parts.append((kind.turned_coupling() @ moved).reshape(-1, *field.shape[2:]))
         return np.concatenate(parts)
 
     def placed(self) -> Iterator[tuple[Group, float, np.ndarray]]:
@@ -391,6 +386,12 @@ class CondensedSolve:
         target = left.array
         target[:owned] = self.left.array_r
         target[owned:] = scaled
+
+    def columns(self, right: np.ndarray) -> np.ndarray:
+        """K^-1 of columns (local unknowns, k), where there is no shift. Collective."""
+        owned = self.pencil.owned
+        upper = self._solver.columns(right[:owned], self.what)
+        return np.concatenate([upper, right[owned:] / self.diagonal[:, None]])
 
     def of_rows(self, rows: Rows, chosen: slice) -> np.ndarray:
         """(K - shift M)^-1 of the transposes of some rows, (local unknowns, k). Collective."""
