@@ -26,7 +26,6 @@ from ..continuation.problems.locus import (
     follow_locus,
     grazing_row,
 )
-from ..continuation.problems.locus_problem import LocusStart
 from ..errors import SolveError, warn
 from ..motion.preparation import refuse_falling
 from ..progress import Progress
@@ -143,20 +142,21 @@ def locus(
     row = bifurcation.row
     if bifurcation.kind == "grazing" and row is None:  # of several that change within a step of the branch
         row = grazing_row(driven, bifurcation.state)
-    begin = LocusStart(bifurcation.kind, bifurcation.state, driven.frequency, value, bifurcation.multiplier)
+    kind, begin = bifurcation.kind, np.append(bifurcation.state, [driven.frequency, value])
+    if kind == "Neimark-Sacker":
+        begin = np.append(begin, abs(np.angle(bifurcation.multiplier)))
     limits, factor = (min(start, stop), max(start, stop)), driven.factor
     period = branch.period if branch.parameter == parameter else driven.period
     with LineFile(comm, file, resume=resume, task="locus", progress=progress) as run:
-        told = {"kind": bifurcation.kind, "row": -1 if row is None else row, "parameter": parameter}
+        told = {"kind": kind, "row": -1 if row is None else row, "parameter": parameter}
         told |= {"start": start, "stop": stop, "factor": factor, "largest_step": largest_step or "none"}
-        told["frequency"] = begin.frequency
-        period, known = run.begin_period(period, told, begin.packed())
-        begin = LocusStart.unpacked(begin.kind, known)
+        told["frequency"] = driven.frequency
+        period, begin = run.begin_period(period, told, begin)
         family = Family(period, parameter, factor)
         if row is not None:
             family = OpenRowFamily(period, row, parameter, factor)
         pace = replace(PACE, points=points + 1, largest_step=largest_step or np.inf)
-        return follow_locus(family, begin, limits, pace, run)
+        return follow_locus(family, kind, begin, limits, pace, run)
 
 
 def _require_effect(what: str, branch: Branch, parameter: str) -> None:

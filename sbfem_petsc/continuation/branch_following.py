@@ -18,7 +18,7 @@ from ..motion.period_map import Period
 from .accuracy import Accuracy
 from .bifurcations import Bifurcation, by_steps, locate, unlocated
 from .branch import Branch
-from .events import insert, neighbours, refine, turns_twice
+from .events import Way, insert, refine, turns_twice
 from .extrapolation import uncertainty_at
 from .follow import CLOSED, Follower, Line, Settings, points_of
 from .harmonic_errors import harmonic_error_estimates
@@ -136,7 +136,7 @@ def follow_response(
     )
     new &= line.complete or not within.holds(line.points[-1].value)
     if new:
-        refine(line, lambda: line.values / within.extent, lambda: line.told["point_amplitudes"].T, tell)
+        refine(line, lambda: line.values / within.extent, lambda: line.told("point_amplitudes").T, tell)
     errors, missing = _judged(line, settings.accuracy)
     if new and settings.stability and not missing:
         _separate(line, tell)
@@ -236,12 +236,12 @@ def _judged(line: Line, accuracy: Accuracy | None) -> tuple[np.ndarray, str]:
     AccuracyWarning
         If they are, and there may not.
     """
-    period, told, missing = line.points[0].problem.period, line.told, ""
+    period, missing = line.points[0].problem.period, ""
     if not isinstance(period, Period):
         return NOT_TOLD, ""
-    spectra = np.abs(told["point_harmonics"])
+    spectra = np.abs(line.told("point_harmonics"))
     sizes = np.linalg.norm(spectra.reshape(len(spectra), -1, spectra.shape[-1]), axis=1)
-    peaks = {int(np.linalg.norm(told["point_amplitudes"], axis=1).argmax())}
+    peaks = {int(np.linalg.norm(line.told("point_amplitudes"), axis=1).argmax())}
     peaks |= {int(np.argmax(size)) for size in sizes[:, 2:LOWEST].T}
     points = [line.points[k] for k in sorted({0, *peaks, len(line.points) - 1})]
     found = [harmonic_error_estimates(point.state) for point in points]
@@ -264,7 +264,7 @@ def _branch(
     parameter = problem.parameter
     bifurcations = tuple(locate(line)) if stability and not missing else ()
     return Branch(
-        **line.told,
+        **line.columns,
         parameter=parameter.name,
         value=line.values,
         multiplier_error=_uncertainty(line, bifurcations) if stability else np.full(len(line.points), np.nan),
@@ -310,7 +310,7 @@ def _unseen(line: Line, k: int) -> float | None:
         return 0.5
     if turns_twice(line, k, passing > 0, by_steps(line.points[k])):
         return 0.5
-    outer = neighbours(line, k)
+    outer = Way(line, k).neighbours()
     if passing or len(outer) < 2:
         return None
     around = {**outer, 0.0: line.points[k], 1.0: line.points[k + 1]}
@@ -324,7 +324,7 @@ def _uncertainty(line: Line, bifurcations: tuple[Bifurcation, ...]) -> np.ndarra
     Where the modulus is near 1 it is measured here and there, at the nearest point of each stretch of one
     verdict, and wherever it is not far from 1 beside what is expected there or known next to it.
     """
-    largest = np.array([abs(point.told["multipliers"][0]) for point in line.points])
+    largest = np.abs(line.told("multipliers")[:, 0])
     result, off = np.full(len(largest), np.nan), np.abs(largest - 1.0)
     if len(largest) < 2:
         return result

@@ -123,16 +123,6 @@ def in_finer_steps(line: Line, times: int, place: tuple[int, float], start: np.n
     return way.point(way.problem.finer(times), place[1], start, near.linear)
 
 
-def place_of(line: Line, k: int, point: Point) -> float:
-    """Fraction of the way from point k to the next one at which a point is."""
-    return Way(line, k).place_of(point)
-
-
-def neighbours(line: Line, k: int) -> Places:
-    """The points before and behind points k and k + 1 by their fractions of the way between these."""
-    return Way(line, k).neighbours()
-
-
 def _weights(known: Places, fraction: float) -> tuple[list[float], np.ndarray]:
     """Places that are nearest to a fraction, and the weights of the polynomial through them there."""
     places = sorted(known, key=lambda place: abs(place - fraction))[:4]
@@ -170,7 +160,7 @@ def find_zero(
     alike = line.points[k + 1].problem.alike
     known: Places = dict(zip((0.0, 1.0), line.points[k : k + 2]))
     values = dict(zip((0.0, 1.0), ends))
-    around = neighbours(line, k) if smooth is not None else {}
+    around = Way(line, k).neighbours() if smooth is not None else {}
     bracket, place, widths, poor = (0.0, 1.0), 0.0, [1.0], False
     while len(widths) <= MOST:
         near = min(abs(values[end]) for end in bracket) <= small
@@ -262,7 +252,8 @@ def located(
     far they are apart, or less. With k.
     """
     point, *sides = find_zero(line, k, test, ends)
-    known, left = {place_of(line, k, side): side for side in sides}, abs(test(point))
+    way, left = Way(line, k), abs(test(point))
+    known = {way.place_of(side): side for side in sides}
     values = {place: test(side) for place, side in known.items()}
     for _ in range(SECANTS):
         one, other = sorted(known, key=lambda place: abs(values[place]))[:2]

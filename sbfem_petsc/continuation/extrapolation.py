@@ -16,7 +16,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..errors import SolveError
-from .events import Way, in_finer_steps, place_of
+from .events import Way, in_finer_steps
 from .follow import Line
 from .multipliers import outside
 from .newton import attempt
@@ -166,7 +166,7 @@ class _Fold:
     """A fold: to first order the parameter's extremum does not move along the branch."""
 
     def __init__(self, line: Line, k: int, point: Point):
-        self.place, self.point, self.near, self.own = place_of(line, k, point), point, point, point.value
+        self.place, self.point, self.near, self.own = Way(line, k).place_of(point), point, point, point.value
 
     def in_modes(self, more: _MoreModes) -> float:
         """Its value in more modes."""
@@ -188,7 +188,8 @@ class _Passage:
 
     def __init__(self, line: Line, k: int, found: Found, value: complex):
         point, one, other = found
-        places = [place_of(line, k, item) for item in found]
+        way = Way(line, k)
+        places = [way.place_of(item) for item in found]
         width = places[2] - places[1]
         self.ends, self.width = (one, other), width
         # rates along the way, and how the test changes
@@ -258,8 +259,8 @@ class _Jump:
 
     def __init__(self, line: Line, k: int, found: Found):
         point, one, other = found
-        self.own = point.value
-        self.ends = {place_of(line, k, item): item for item in (one, other)}
+        self.own, way = point.value, Way(line, k)
+        self.ends = {way.place_of(item): item for item in (one, other)}
         self.width = max(self.ends) - min(self.ends)
         self.counts = [self._count(self.ends[place]) for place in sorted(self.ends)]
         self.resolved = 0.5 * abs(one.value - other.value)

@@ -133,10 +133,14 @@ class Line:
         """(n,) of all points."""
         return np.array([point.value for point in self.points])
 
+    def told(self, name: str) -> np.ndarray:
+        """(n, ...): what is told of all points by that name."""
+        return np.array([point.told[name] for point in self.points])
+
     @property
-    def told(self) -> dict[str, np.ndarray]:
-        """(n, ...) arrays of what is told of all points."""
-        return {name: np.array([point.told[name] for point in self.points]) for name in self.points[0].told}
+    def columns(self) -> dict[str, np.ndarray]:
+        """All that is told of all points."""
+        return {name: self.told(name) for name in self.points[0].told}
 
 
 def follow(

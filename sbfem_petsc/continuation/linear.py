@@ -302,9 +302,9 @@ class Sparse:
         """See `problem.Linear`."""
         return SparseBorder(self.matrix, row)
 
-    def mixed(self, others: Sequence[Any], weights: Sequence[float]) -> Sparse:
-        """See `problem.Linear`."""
-        return Sparse(sum(weight * other.matrix for weight, other in zip(weights, others)))
+    def mixed(self, others: Sequence[Any], weights: Sequence[float]) -> None:
+        """See `problem.Linear`: these are solved one by one, along no line."""
+        return None
 
 
 class SparseBorder:

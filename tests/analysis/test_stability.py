@@ -563,7 +563,7 @@ def test_located_by_brents_method(name, beam, monkeypatch):
             return known[share]
 
         exact = optimize.brentq(value, 0.0, 1.0, xtol=1e-6)
-        apart.append(abs(events.place_of(line, k, found[0]) - exact))
+        apart.append(abs(events.Way(line, k).place_of(found[0]) - exact))
         return found
 
     for module in (bifurcations, events):

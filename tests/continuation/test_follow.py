@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from sbfem_petsc.continuation.events import between, find_zero, folds, furthest, place_of, refine, turns_twice
+from sbfem_petsc.continuation.events import Way, between, find_zero, folds, furthest, refine, turns_twice
 from sbfem_petsc.continuation.follow import CLOSED, Follower, Line, Settings, follow
 from sbfem_petsc.continuation.newton import ITERATIONS, TooManyIterations, correct
 from sbfem_petsc.continuation.problem import Lost, Metric, Point, Range
@@ -223,7 +223,7 @@ def test_points_between_two():
         for fraction in (0.25, 0.5):
             point = between(line, k, fraction)
             assert abs(point.u @ point.u - 1.0) < 1e-10
-            assert place_of(line, k, point) == pytest.approx(fraction, abs=1e-9)
+            assert Way(line, k).place_of(point) == pytest.approx(fraction, abs=1e-9)
 
 
 def test_a_zero_between_two_points():

@@ -320,7 +320,8 @@ class OrbitState(FixedPoint):
         return np.asarray((touching[1:] & ~touching[:-1]).sum(axis=0))
 
     def forget(self) -> None:
-        """See `problem.State`."""
+        """See `problem.State`; how often pairs meet stays known."""
+        vars(self)["meetings"] = self.meetings
         for name in ("driven", "motion", "_smooth"):
             self.__dict__.pop(name, None)
 

@@ -273,7 +273,7 @@ class Rows:
         """(1, n): how far frequencies are from the lowest one, and the range of them: what a curve over the
         energy shows.
         """
-        frequency = np.array([point.told["own_frequency"] for point in line.points])
+        frequency = line.told("own_frequency")
         return (frequency - frequency.min() + np.ptp(frequency))[None]
 
     def _finer(self, point: Point) -> FreeState:
@@ -317,7 +317,7 @@ class Rows:
         """The result as it is."""
         steps = zip(line.points, line.points[1:])
         return Backbone(
-            **line.told,
+            **line.columns,
             mode=self.system.mode + 1,
             energy=line.values,
             passed=tuple((one.value, other.value) for one, other in steps if other.leapt),

@@ -32,7 +32,7 @@ from ..line_file import LineFile
 from ..orbit import make_orbit, run_again
 from ..problem import Lost, Point, Range
 from .driven_orbits import Family, OpenRowFamily, least
-from .locus_problem import LocusProblem, LocusStart
+from .locus_problem import LocusProblem
 
 KINDS = ("fold", "period doubling", "Neimark-Sacker", "grazing")
 PARAMETERS = ("load", "damping", "gap")
@@ -93,7 +93,8 @@ class Locus(Record):
 
 def follow_locus(
     family: Family,
-    start: LocusStart,
+    kind: str,
+    begin: np.ndarray,
     limits: tuple[float, float],
     pace: Settings,
     run: LineFile,
@@ -103,8 +104,9 @@ def follow_locus(
     Parameters
     ----------
     family : Family
-    start : LocusStart
-        Close to the locus.
+    kind : str
+    begin : array
+        Unknowns close to the locus, see `LocusProblem`.
     limits : (float, float)
         Of the second parameter, between which the locus is followed.
     pace : Settings
@@ -116,12 +118,12 @@ def follow_locus(
     SolveError
         If no point is found near the first one.
     """
-    problem = LocusProblem(family, start, limits[1] - limits[0])
+    problem = LocusProblem(family, kind, begin, limits[1] - limits[0])
     lines = run.lines(problem)
 
     def share(value: float) -> float:
-        begin, end = start.value, limits[len(lines) - 1]
-        done = min(1.0, abs(value - begin) / max(abs(end - begin), 1e-300))
+        first, end = problem.value(begin)[0], limits[len(lines) - 1]
+        done = min(1.0, abs(value - first) / max(abs(end - first), 1e-300))
         return 0.5 * (len(lines) - 1 + done)
 
     for number, direction in enumerate((-1, 1)):
@@ -132,8 +134,8 @@ def follow_locus(
             # as a run that is gone on with has it, whatever the other side has made of it
             lines.append(Line([problem.recalled(first.u, first.value, problem.memory(first))]))
         within = Range(*limits, direction)
-        run.follow(lines[: number + 1], within, pace, lambda: _joined(family, start.kind, lines), share)
-    result = _joined(family, start.kind, lines, located=True)
+        run.follow(lines[: number + 1], within, pace, lambda: _joined(family, kind, lines), share)
+    result = _joined(family, kind, lines, located=True)
     result = replace(result, largest_displacement=_largest_displacement(family, result))
     run.update(lambda: result, lines, last=True)
     run.report(1.0)
@@ -266,8 +268,8 @@ def _grazing(branch: Branch, k: int, row: int, closes: bool) -> Bifurcation:
         driven, held = branch.over.at(period, value), int(over == "frequency")
         family = OpenRowFamily(period, row, "load" if held else over)
         factor = 1.0 if held else value
-        start = LocusStart("grazing", state, driven.frequency, factor, complex(np.nan))
-        problem = LocusProblem(family, start, factor or 1.0)
+        start = np.append(state, [driven.frequency, factor])
+        problem = LocusProblem(family, "grazing", start, factor or 1.0)
         problem.closed, problem.settled, problem.band = EXACT
         found = problem.first(held)
         found.value = float(found.u[problem.modes2 + 1 - held])

@@ -20,7 +20,6 @@ import copy
 import functools
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -43,38 +42,6 @@ NEGLECTED = 0.1
 PLACES = {"fold": 1.0, "period doubling": -1.0}
 
 
-class LocusStart(NamedTuple):
-    """A motion at a bifurcation.
-
-    Attributes
-    ----------
-    kind : {"fold", "period doubling", "Neimark-Sacker", "grazing"}
-    state : (2 m,) array
-    frequency : float
-        Hz.
-    value : float
-        Of the second parameter.
-    multiplier : complex
-        The one on the unit circle; nan for grazing.
-    """
-
-    kind: str
-    state: np.ndarray
-    frequency: float
-    value: float
-    multiplier: complex
-
-    def packed(self) -> np.ndarray:
-        """Its numbers, for a file."""
-        return np.append(self.state, [self.frequency, self.value, self.multiplier.real, self.multiplier.imag])
-
-    @classmethod
-    def unpacked(cls, kind: str, numbers: np.ndarray) -> LocusStart:
-        """Of a kind and what `packed` made."""
-        frequency, value, real, imaginary = numbers[-4:].tolist()
-        return cls(kind, numbers[:-4], frequency, value, complex(real, imaginary))
-
-
 class LocusProblem(Problem):
     """u = (x(0), frequency, factor), behind them the multiplier's angle for Neimark-Sacker points.
 
@@ -82,40 +49,37 @@ class LocusProblem(Problem):
     ----------
     family : Family
         An `OpenRowFamily` for grazing.
-    start : LocusStart
-        Close to the locus.
+    kind : {"fold", "period doubling", "Neimark-Sacker", "grazing"}
+    begin : array
+        Unknowns close to the locus.
     extent : float
         Range of the second parameter.
-    borders : (array, array), optional
-        Near the right and left null vectors. Default: eigenvectors at the start.
 
     Attributes
     ----------
-    begin : array
-        The unknowns of the start.
+    borders : tuple of array
+        Near the right and left null vectors, at first those where it begins.
     """
 
     closed, settled, scatter, band = 1e-9, 2e-7, 1e-7, BAND
 
-    def __init__(self, family: Family, start: LocusStart, extent: float, borders: Sequence[np.ndarray] = ()):
-        self.family, self.kind, self.extent = family, start.kind, max(extent, 1e-300)
-        self.modes2 = len(start.state)
-        driven = family.at(start.frequency, start.value)
-        self.size, angle = driven.period.size(start.state), np.zeros(0)
-        self._units = np.append(np.full(self.modes2, self.size), [start.frequency / SPAN, self.extent])
-        self._weights = np.ones(len(self._units))
-        if start.kind == "Neimark-Sacker":
-            angle = np.abs(np.angle([start.multiplier]))
-            self._units, self._weights = np.append(self._units, 1.0), np.append(self._weights, 0.0)
-        self.begin = np.concatenate([start.state, [start.frequency, start.value], angle])
-        self.borders = tuple(borders)
-        self.unit = 1.0
+    def __init__(self, family: Family, kind: str, begin: np.ndarray, extent: float):
+        self.family, self.kind, self.begin, self.extent = family, kind, begin, max(extent, 1e-300)
+        angle = [1.0] if kind == "Neimark-Sacker" else []
+        self.modes2 = len(begin) - 2 - len(angle)
+        driven, motion = self.run(begin)
+        state, frequency, value = self.split(begin)
+        self.size = driven.period.size(state)
+        self._units = np.concatenate(
+            [np.full(self.modes2, self.size), [frequency / SPAN, self.extent], angle]
+        )
+        self._weights = np.append(np.ones(self.modes2 + 2), 0.0 * np.array(angle))
+        self.unit, self.borders = 1.0, tuple[np.ndarray, ...]()
         if isinstance(family, OpenRowFamily):
-            self.unit = max(float(np.ptp(family.gap(driven, driven.run(start.state), start.value))), 1e-300)
+            self.unit = max(float(np.ptp(family.gap(driven, motion, value))), 1e-300)
             self.scatter = 0.0  # gaps are smooth
-        elif not self.borders:
-            matrix = driven.monodromy(driven.run(start.state), rubbing=True)
-            self.borders = _null_vectors(matrix, self.place(self.begin))
+        else:
+            self.borders = _null_vectors(driven.monodromy(motion, rubbing=True), self.place(begin))
 
     def place(self, u: np.ndarray) -> complex:
         """Where the multiplier is to be."""
