@@ -139,7 +139,7 @@ class UnreducedState:
         """(n, points, 2), m: displacements of the named points, from t = 0 on; (n,), N: the contact
         resultant.
         """
-        return self.driven.seen(self.state)
+        return self.motion.displacements, self.motion.resultant
 
 
 class UnreducedLinear(Krylov):

@@ -51,10 +51,16 @@ class UnreducedMotion(NamedTuple):
         x(T), this rank's part.
     sets : (steps, c) bool array
         Rows that touch in each step.
+    displacements : (steps, points, 2) array
+        Of the named points, m; from t = 0 on, where the last instant of a periodic motion stands.
+    resultant : (steps,) array
+        Contact resultant, N; in the same order.
     """
 
     end: np.ndarray
     sets: np.ndarray
+    displacements: np.ndarray
+    resultant: np.ndarray
 
 
 class UnreducedPeriod:
@@ -153,31 +159,19 @@ class UnreducedDriven:
         Collective.
         """
         march, steps = self.march, self.period.steps
-        sets = np.zeros((steps, march.pairs), dtype=bool)
+        sets, resultant = np.zeros((steps, march.pairs), dtype=bool), np.zeros(steps)
+        places = np.zeros((steps, len(self.period.points), 2))
         self._set(march, state)
         march.amplitudes, march.rates = self.amplitudes[0], self.rates[0]
         march.contact.open(np.zeros(march.pairs))
         for k in range(steps):
             before, after = self.amplitudes[k : k + 2]
             force, gap = march.advance(before + after, after, self.rates[k + 1])
-            sets[k] = march.laws.acting(force)
+            sets[k], places[k], resultant[k] = march.laws.acting(force), march.at_points()[0], force.sum()
             if watch is not None:
                 watch(march, force, gap)
         march.settle()
-        return UnreducedMotion(self._state(march), sets)
-
-    def seen(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n, points, 2), m: displacements of the named points over the period from a state, from t = 0 on;
-        (n,), N: the contact resultant. Collective.
-        """
-        places, resultant = [], []
-
-        def watch(march: UnreducedSteps, force: np.ndarray, gap: np.ndarray) -> None:
-            places.append(march.at_points()[0])
-            resultant.append(force.sum())
-
-        self.run(state, watch)
-        return np.roll(np.array(places), 1, axis=0), np.roll(np.array(resultant), 1)
+        return UnreducedMotion(self._state(march), sets, np.roll(places, 1, axis=0), np.roll(resultant, 1))
 
     @stage("Steps")
     def carried(self, vector: np.ndarray, sets: np.ndarray) -> np.ndarray:
