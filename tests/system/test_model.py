@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from meshing import Beam, VNotch
+from meshing import Beam, CrackLine, Plate, VNotch
 from sbfem_petsc.system.layout.partition import Parts, number_unknowns
 
 STEEL = sb.Material(200e9, 0.3, 7800)
@@ -165,3 +165,23 @@ def test_parts_hold_the_outlines(ranks):
             np.testing.assert_array_equal(part.nodes[chain], mesh.element_nodes(element))
         found.extend(part.elements)
     assert sorted(found) == list(range(mesh.elements))
+
+
+@pytest.mark.parametrize("order, says", [(2, "S-element"), (8, "tip crack1")])
+def test_all_but_incompressible_material(order, says):
+    """An error that comes of Poisson's ratio names it, and what it names works."""
+    plate = Plate(
+        [(0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1)],
+        cracks=[CrackLine([(0.05, 0.1), (0.05, 0.07), (0.065, 0.045)])],
+    )
+    mesh = plate.mesh(order=order, size=0.03)
+
+    def sheared(poisson):
+        model = sb.Model(mesh, sb.Material(70e9, poisson, 2700, "strain"), clamped="edge1")
+        return sb.static(model, sb.EdgeLoad("edge3", tx=1e5)).stress_intensity["crack1"]
+
+    with pytest.raises(
+        ValueError, match=f"{says}.*; or give a poisson of at most 0.49999: with 0.499999 the"
+    ):
+        sheared(0.499999)
+    assert sheared(0.49999) == pytest.approx(sheared(0.4999), rel=5e-3)

@@ -22,7 +22,7 @@ from ...selement.face_tractions import (
 )
 from ...selement.sectors import Sectors
 from ..elements.elements import Elements
-from ..elements.shapes import Group
+from ..elements.shapes import Group, incompressible
 
 _Shared = TypeVar("_Shared")
 
@@ -80,7 +80,7 @@ class TipElement:
             try:
                 known[key] = make()
             except SElementError as error:
-                raise SElementError(f"tip {self.tip.name}: {error}") from None
+                raise SElementError(f"tip {self.tip.name}: {error}{incompressible(self.material)}") from None
         return known[key]
 
 
