@@ -151,20 +151,24 @@ def beyond(reduced: ReducedModel, more: ReducedModel) -> float:
 def _nearby(
     driven: DrivenPeriod, state: np.ndarray, derivative: Callable[[], np.ndarray]
 ) -> FixedPoint | None:
-    """The motion near a state, of a map whose derivative dx(T) / dx(0) is about known."""
+    """The motion near a state, of a map whose derivative dx(T) / dx(0) is about known: by updates of that,
+    and, where these hardly gain, by derivatives of its own.
+    """
     whole = driven.period.unknowns <= WHOLE
-    shooting = Shooting(driven, "updated" if whole else "matrix-free", NEWTON)
-    shooting.hurries, shooting.gain = True, FINER_GAIN
-    try:
-        first = float(np.linalg.norm(shooting.motion_at(state).residual))
-        shooting.relative = min(RELATIVE, OF_OSCILLATION * driven.oscillation / max(first, 1e-300))
-        if whole:
-            shooting.near = derivative() - np.eye(len(state))
-        return shooting.solve(state)
-    except PetscFailure:
-        raise
-    except SolveError:
-        return None
+    for jacobian in ("updated", "dense") if whole else ("matrix-free",):
+        shooting = Shooting(driven, jacobian, NEWTON)
+        shooting.hurries, shooting.gain = True, FINER_GAIN
+        try:
+            first = float(np.linalg.norm(shooting.motion_at(state).residual))
+            shooting.relative = min(RELATIVE, OF_OSCILLATION * driven.oscillation / max(first, 1e-300))
+            if jacobian == "updated":
+                shooting.near = derivative() - np.eye(len(state))
+            return shooting.solve(state)
+        except PetscFailure:
+            raise
+        except SolveError:
+            continue
+    return None
 
 
 def carried_derivative(fixed: FixedPoint, beside: DrivenPeriod, state: np.ndarray) -> np.ndarray:
