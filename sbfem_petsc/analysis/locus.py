@@ -150,7 +150,7 @@ def locus(
     with LineFile(comm, file, resume=resume, task="locus", progress=progress) as run:
         told = {"kind": kind, "row": -1 if row is None else row, "parameter": parameter}
         told |= {"start": start, "stop": stop, "factor": factor, "largest_step": largest_step or "none"}
-        told["frequency"] = driven.frequency
+        told |= {"frequency": driven.frequency, "unknowns": len(begin)}
         period, begin = run.begin_period(period, told, begin)
         family = Family(period, parameter, factor)
         if row is not None:

@@ -64,6 +64,8 @@ class InvariantCurves(Problem):
         Of all samples.
     phase : (N 2 m + 2,) array or None
         The condition on where a curve begins, where it may begin anywhere.
+    phase_begin : float
+        Its product with the unknowns of those that are in phase.
     """
 
     period: Period
@@ -71,6 +73,7 @@ class InvariantCurves(Problem):
     comm: MPI.Comm
     unit: float
     phase: np.ndarray | None = None
+    phase_begin = 0.0
     _units: np.ndarray
 
     def split(self, u: np.ndarray) -> tuple[np.ndarray, float, float]:
@@ -98,10 +101,6 @@ class InvariantCurves(Problem):
     def units(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See `Problem`."""
         return self._units, np.ones(len(u))
-
-    def off_phase(self, u: np.ndarray) -> float:
-        """What curves are in phase where it vanishes."""
-        raise NotImplementedError
 
     def images(self, states: np.ndarray, value: float) -> tuple[np.ndarray, list[PeriodMotion | None]]:
         """(N, 2 m): where the maps take samples, and the motions of this rank's. Collective.
@@ -192,8 +191,8 @@ class CurveState:
     @property
     def residual(self) -> np.ndarray:
         """See `problem.State`: how far the curve misses itself, and its phase."""
-        phase = self.problem.phase
-        return self._missed if phase is None else np.append(self._missed, self.problem.off_phase(self.u))
+        phase, begin = self.problem.phase, self.problem.phase_begin
+        return self._missed if phase is None else np.append(self._missed, float(phase @ self.u) - begin)
 
     @functools.cached_property
     def _missed(self) -> np.ndarray:

@@ -185,6 +185,7 @@ class LocusState:
         self._begin()
         off = np.where(np.abs(self.condition) > problem.band, self.condition, 0.0)
         self.residual = np.append(self.motion.residual, FINE * self.scale * off)
+        self.rows = len(self.residual)
         # orthonormal directions in units, and the slopes of g along them
         self._known: list[tuple[np.ndarray, np.ndarray]] = []
 
@@ -250,9 +251,17 @@ class LocusState:
         result[:, : len(x) + 2] = part
         return result * problem.units(self.u)[0]
 
-    def linear(self, smooth: bool = False) -> _Augmented:
-        """The same for Newton's method and for tangents."""
-        return _Augmented(self)
+    def linear(self, smooth: bool = False) -> LocusState:
+        """Itself, for Newton's method and for tangents: a `problem.Linear` too."""
+        return self
+
+    def mixed(self, others: Sequence[Linear], weights: Sequence[float]) -> LocusState:
+        """See `problem.Linear`: they have no sum with those of others."""
+        return self
+
+    def bordered(self, row: np.ndarray) -> _AugmentedBorder:
+        """See `problem.Linear`."""
+        return _AugmentedBorder(self, row)
 
 
 class _AtMultiplier(LocusState):
@@ -306,21 +315,6 @@ class _AtGrazing(LocusState):
 
     def _change(self, u: np.ndarray, driven: DrivenPeriod, motion: PeriodMotion) -> np.ndarray:
         return self._gap(u, driven, motion) - self.condition
-
-
-class _Augmented:
-    """The linearised equations of a state; they have no sum with those of others."""
-
-    def __init__(self, state: LocusState):
-        self.state, self.rows = state, len(state.residual)
-
-    def mixed(self, others: Sequence[Linear], weights: Sequence[float]) -> Linear:
-        """Itself."""
-        return self
-
-    def bordered(self, row: np.ndarray) -> _AugmentedBorder:
-        """With one more row."""
-        return _AugmentedBorder(self.state, row)
 
 
 class _AugmentedBorder:

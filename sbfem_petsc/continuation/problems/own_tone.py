@@ -98,10 +98,6 @@ class OwnTone(OfPeriod):
         frequency = value if own.frequency is None else own.frequency
         return own.period.at(frequency, own.load, damping=own.damping, gap=own.gap)
 
-    def resampled(self, states: np.ndarray) -> np.ndarray:
-        """A curve of another odd number of samples at this one's phases."""
-        return resampled(states, self.samples)
-
     def require_room(self, owner: str) -> None:
         """Refuse a curve that would take more memory than is free. Collective."""
         orders, steps = len(self.period.excitation.orders), self.period.steps
@@ -149,7 +145,7 @@ class Curves(InvariantCurves):
         self._units = np.append(np.full(states.size, self.unit), [1.0, UNIT * abs(value)])
         along = tangents(states).ravel()
         self.phase = np.append(along / max(float(np.linalg.norm(along)), 1e-300), [0.0, 0.0])
-        self._begin = float(self.phase @ u)
+        self.phase_begin = float(self.phase @ u)
 
     def split(self, u: np.ndarray) -> tuple[np.ndarray, float, float]:
         """See `InvariantCurves`."""
@@ -164,10 +160,6 @@ class Curves(InvariantCurves):
         """See `InvariantCurves`: of one tone."""
         driven = self.tone.driven(value)
         return ((driven.excitation, driven.amplitudes),)
-
-    def off_phase(self, u: np.ndarray) -> float:
-        """See `InvariantCurves`."""
-        return float(self.phase @ u) - self._begin
 
     def growing(self, u: np.ndarray) -> np.ndarray:
         """Direction in which a curve grows."""
@@ -200,7 +192,8 @@ class Curves(InvariantCurves):
         """The same curve by the fewest samples that resolve it, on a branch that goes along a chord."""
         for k, own in enumerate(self.finer_maps):
             u, along = (
-                np.append(own.resampled(self.split(item)[0]).ravel(), item[-2:]) for item in (point.u, chord)
+                np.append(resampled(self.split(item)[0], own.samples).ravel(), item[-2:])
+                for item in (point.u, chord)
             )
             found = attempt(
                 functools.partial(curve_near, own, u, None, self.finer_maps[k + 1 :], along, EASE), SolveError

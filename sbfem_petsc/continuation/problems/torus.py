@@ -92,11 +92,6 @@ class Torus(InvariantCurves):
         self.linear = p.begun(np.zeros(2 * p.modes))
         self._units = np.append(np.full(p.unknowns * samples, self.unit), 1.0)
 
-    @property
-    def orders(self) -> np.ndarray:
-        """Multiples of the second tone that the samples resolve."""
-        return np.arange(self.samples) - self.samples // 2
-
     def split(self, u: np.ndarray) -> tuple[np.ndarray, float, float]:
         """See `InvariantCurves`."""
         return u[:-1].reshape(self.samples, -1), self.rotation, float(u[-1])
