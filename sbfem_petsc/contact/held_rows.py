@@ -13,10 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from .compiled import inner_loops
-from .friction import AGAINST, ALONG, MAXIMUM, STICKS, Friction
+from .friction import AGAINST, ALONG, STICKS, Friction
 from .law import FREE
 from .pivoting import add_rows, products
 
+# Exchanges of states before other methods.
+MAXIMUM = 40
 # Pivots, relative to a row's own flexibility, that are none, and by which rounding is multiplied: rows around
 # a node of several pairs, where cracks turn or meet, have ones of their slack.
 _LEAST, _SMALL = 1e-11, 1e-5
@@ -46,6 +48,9 @@ class Sets(NamedTuple):
 
     Attributes
     ----------
+    sharp : bool
+        Whether forces are solved for again until that brings no more: of small pivots they are wrong by more
+        than gaps, by 1e-3 around a node. Reduced steps, whose solves take twice as long with it, do without.
     inverse : (n, n) array
         Forces of the members (rows) under their gaps (columns).
     known : (n,) int8 array
@@ -81,6 +86,7 @@ class Sets(NamedTuple):
         0, 1, ..
     """
 
+    sharp: bool
     inverse: np.ndarray
     known: np.ndarray
     members: np.ndarray
@@ -141,7 +147,7 @@ NO_ROOM = rubbing_room(0)
 def empty_sets(rows: int) -> Sets:
     """Nothing is known yet."""
     known, place = np.zeros(rows, dtype=np.int8), np.zeros(rows, dtype=np.int64)
-    return Sets(np.empty((rows, rows)), known, np.full(rows + 1, -1), place, *rubbing_room(rows))
+    return Sets(True, np.empty((rows, rows)), known, np.full(rows + 1, -1), place, *rubbing_room(rows))
 
 
 @inner_loops

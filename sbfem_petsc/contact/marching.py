@@ -81,7 +81,7 @@ def empty_room(step: StepConstants) -> Room:
     members, inverses = np.full((levels, pairs + 1), -1), np.empty((levels, pairs, pairs))
     known, places = np.zeros((levels, pairs), dtype=np.int8), np.zeros((levels, pairs), dtype=np.int64)
     shared = rubbing_room(pairs) if step.rubbing.rows.size else NO_ROOM
-    sets = Sets(inverses[0], known[0], members[0], places[0], *shared)
+    sets = Sets(False, inverses[0], known[0], members[0], places[0], *shared)
     return Room(inverses, members, empty_factor(pairs), known, places, sets, end(), end(), np.empty(rank))
 
 
@@ -196,7 +196,7 @@ def _sets(room: Room, level: int) -> Sets:
     own, of = room.factor, room.sets
     inverse, known = room.inverses[level], room.known[level]
     held, at = room.members[level], room.places[level]
-    found = inverse, known, held, at, of.right, own.solved, own.free
+    found = of.sharp, inverse, known, held, at, of.right, own.solved, own.free
     return Sets(
         *found, of.following, of.swept, of.kept, of.landed, of.begun, of.told, of.aside, of.seen, own.every
     )

@@ -8,11 +8,11 @@ import numpy as np
 
 from ..errors import SolveError
 from .complementarity import Complementarity
-from .friction import STICKS, Friction, Memory, solve_friction
+from .friction import Friction, Memory
+from .friction_solve import solve_friction
 from .held_rows import Sets
 from .law import RowLaws
 from .pivoting import Factor, contact_forces
-from .rubbing import rubbing_forces
 from .step_data import StepConstants, StepHistory, StepLoads, StepState
 
 
@@ -54,33 +54,25 @@ def touch(step: StepConstants, free_gap: np.ndarray, state: StepState, room: tup
     if not len(slip):
         rows[:] = RowLaws(step.laws).touched(free_gap)
         return not rows.any() or contact_forces(step.residual, free_gap, step.laws, rows, factor, force) >= 0
-    former = rows.copy()
-    gaps, held = (free_gap, np.append(np.zeros(count), slip)), (step.laws, step.rubbing, rows)
-    if rubbing_forces(step.residual, gaps, held, sets, force) < 0:
-        rows[:] = former
-        return pivoted_touch(step, free_gap, state)
-    slip[:] = np.where(rows[count:] == STICKS, slip, sets.free[count:])
-    return True
-
-
-def pivoted_touch(step: StepConstants, free_gap: np.ndarray, state: StepState) -> bool:
-    """The same by Lemke's method."""
-    count, nothing = step.rubbing.beside.size, np.zeros(step.rubbing.beside.size)
-    rows, along = state.rows, np.zeros(len(state.slip))
-    memory = Memory(state.slip, along, nothing, rows[:count], rows[count:], nothing, state.slip)
-    _, found = _pivoted(step, step.residual, free_gap, memory)
+    nothing, along = np.zeros(count), np.zeros(len(slip))
+    memory = Memory(slip, along, nothing, rows[:count], rows[count:], nothing, slip)
+    _, found = _pivoted(step, step.residual, free_gap, memory, sets)
     if found is None:
         return False
-    state.force[:], state.rows[:], state.slip[:] = found.force, found.state, found.gap[count:]
+    force[:], rows[:], slip[:] = found.force, found.state, found.gap[count:]
     return True
 
 
 def _pivoted(
-    step: StepConstants, flexibility: np.ndarray, free_gap: np.ndarray, memory: Memory
+    step: StepConstants,
+    flexibility: np.ndarray,
+    free_gap: np.ndarray,
+    memory: Memory,
+    sets: Sets | None = None,
 ) -> tuple[Friction, Complementarity | None]:
     """What rubs, and the solution, None where there is none."""
     friction = Friction(step.rubbing.rows, step.rubbing.kinetic, step.rubbing.static)
     try:
-        return friction, solve_friction(flexibility, free_gap, RowLaws(step.laws), friction, memory)
+        return friction, solve_friction(flexibility, free_gap, RowLaws(step.laws), friction, memory, sets)
     except SolveError:
         return friction, None

@@ -11,7 +11,7 @@ from .compiled import compiled_loops, inner_loops
 from .friction import STICKS
 from .law import FREE
 from .marching import Room, _march, _sets, begun, march
-from .pivoted_step import pivoted_touch
+from .pivoted_step import touch
 from .pivoting import add_rows, caught, products
 from .step_data import StepConstants, StepHistory, StepLoads, StepState
 
@@ -115,7 +115,9 @@ def settle(
         gap = free_gap[0] + (step.right @ moving.q) @ step.left
         if outcome == UNSOLVED:  # what kernels have come to in vain is no state before
             moving.rows[:] = FREE
-        touches = slips and (outcome == _STOPPED or pivoted_touch(step, gap, moving))
+        touches = slips and (
+            outcome == _STOPPED or touch(step, gap, moving, (stepping.factor, stepping.sets))
+        )
         if not touches or march(step, loads, moving, room.history, (stepping, forces_of)).steps < steps:
             return UNSOLVED, done, 0
         moving.slip[:], done = room.history.kept, done + 1

@@ -1,9 +1,9 @@
 """Compiled solve of the contact problem of a step with friction, from the states of the step before.
 
-The same exchanges of states, and sweeps of Gauss-Seidel where sets repeat, as in `friction`, where they are
-explained; there stands Lemke's method behind them. The inverse of a set follows from that of the one before
-(`held_rows`). What rounding leaves of the gaps is solved for again, and where that does not help the inverse
-is built anew.
+Exchanges of states, and where sets repeat sweeps of nonsmooth Gauss-Seidel, each row with its tangential one
+exactly under the forces of the others; behind them stands Lemke's method, in `friction_solve`. The inverse of
+a set follows from that of the one before (`held_rows`). What rounding leaves of the gaps is solved for again,
+and where that does not help the inverse is built anew.
 """
 
 from __future__ import annotations
@@ -11,11 +11,14 @@ from __future__ import annotations
 import numpy as np
 
 from .compiled import compiled_apart, inner_loops, inner_sums
-from .friction import AGAINST, ALONG, LANDINGS, MAXIMUM, ROUNDING, ROUNDS, STICKS, SWEEPS
-from .held_rows import Rubbing, Sets, follow, pull_of
+from .friction import AGAINST, ALONG, STICKS
+from .held_rows import MAXIMUM, Rubbing, Sets, follow, pull_of
 from .law import FREE, PRESSED, PULLED, ROUND_OFF, Table
 from .pivoting import Factor, add_rows, caught, contact_forces, products
 
+# Rounding of forces, of the largest. Sweeps of Gauss-Seidel before the next exchanges, and how often. How
+# often it is told where rows land, from the states that this leads to.
+ROUNDING, SWEEPS, ROUNDS, LANDINGS = 1e-12, 20, 20, 3
 # What may be left of the gaps that are kept, relative to the largest gap without forces or by a row's own
 # force, and how often it is solved for again.
 _LEFT, _REFINED = 1e-13, 4
@@ -35,11 +38,11 @@ def _refined(
     (laws, rubbing, state), members, right, free = held, sets.members, sets.right, sets.free
     solved, (without, before) = sets.solved, gap
     n, count = without.size, rubbing.beside.size
-    unknowns = members[n]
+    unknowns, left = members[n], np.inf
     for i in range(n):
         force[i], free[i] = 0.0, without[i]
     for attempt in range(_REFINED + 1):
-        left, size = 0.0, 0.0
+        last, left, size = left, 0.0, 0.0
         for a in range(unknowns):
             row = members[a]
             kept = laws.place[state[row], row] if row < count else before[row]
@@ -47,7 +50,8 @@ def _refined(
             left = max(left, abs(right[a]))
             size = max(size, abs(without[row]), abs(flexibility[row, row] * force[row]))
         if attempt > 0 and not left > _LEFT * size:
-            return True
+            if not sets.sharp or left > 0.5 * last or attempt == _REFINED:
+                return True
         products(sets.inverse, right, unknowns, (unknowns, unknowns), solved)
         total = unknowns
         for a in range(unknowns):

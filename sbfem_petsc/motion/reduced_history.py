@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..contact.complementarity import Complementarity
-from ..contact.friction import Memory, solve_contact
+from ..contact.friction import Memory
+from ..contact.instant import solve_contact
 from ..contact.marching import march
 from ..contact.step_data import Marched, StepConstants, StepHistory, StepLoads, StepState
 from ..errors import failed_solve, wrong_input

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..contact.complementarity import Complementarity
-from ..contact.friction import Memory, solve_contact
+from ..contact.friction import Memory
+from ..contact.instant import solve_contact
 from ..errors import failed_solve
 from ..reduction.reduced_model import ReducedModel
 

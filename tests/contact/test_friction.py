@@ -9,11 +9,12 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate, VNotch
+from sbfem_petsc.contact import friction_solve
 from sbfem_petsc.contact.complementarity import Complementarity, solve_complementarity
-from sbfem_petsc.contact.friction import STICKS, Friction, Memory, _Problem, solve_friction
-from sbfem_petsc.contact.held_rows import empty_sets, extent_of, rubbing_of
+from sbfem_petsc.contact.friction import STICKS, Friction, Memory
+from sbfem_petsc.contact.friction_solve import pivoted, solve_friction
+from sbfem_petsc.contact.held_rows import extent_of, rubbing_of
 from sbfem_petsc.contact.law import FREE, RowLaws
-from sbfem_petsc.contact.rubbing import rubbing_forces
 from tests.validation.contact_cases import ray
 
 SIDE = 0.1
@@ -162,24 +163,20 @@ def test_rows_of_other_laws_beside_those_that_rub(each, draws):
     for _ in range(draws):
         root = rng.normal(size=(total, total + (friction.kinetic.max() < 2.0)))
         flexibility, free = 1e-9 * root @ root.T, 1e-6 * rng.normal(size=total)
-        pivots = _Problem(flexibility, free, laws, friction, memory.slip)
-        (force, gap, state), exchanges = pivots.exchanged(*pivots.pivoted())
+        states = pivoted(flexibility, free, laws, rubbing_of(friction, flexibility, count), memory.slip)
+        begun = memory._replace(normal=states[:count], tangential=states[count:])
+        lemke = solve_friction(flexibility, free, laws, friction, begun)
+        force, own_rows = lemke.force, Complementarity(lemke.force[own], lemke.gap[own], lemke.state[own], 1)
         if friction.kinetic.max() < 2.0:  # Lemke's states are the solution's: one exchange shows it
             found = solve_friction(flexibility, free, laws, friction, memory)
-            assert exchanges == 1 and force == pytest.approx(found.force, rel=1e-6, abs=1e-9)
+            assert lemke.iterations == 1 and force == pytest.approx(found.force, rel=1e-6, abs=1e-9)
         acting = free + flexibility[:, own] @ force[own]
         alone = solve_complementarity(
             flexibility[np.ix_(others, others)], acting[others], RowLaws.of([each[k] for k in others])
         )
         assert alone.force == pytest.approx(force[others], abs=1e-9 * np.abs(force).max())
         acting = (free + flexibility[:, others] @ force[others])[own]
-        check(
-            flexibility[np.ix_(own, own)],
-            acting,
-            pair,
-            apart,
-            Complementarity(force[own], gap[own], state[own], 1),
-        )
+        check(flexibility[np.ix_(own, own)], acting, pair, apart, own_rows)
 
 
 def test_rows_land_where_gap_and_slip_go_linearly():
@@ -194,17 +191,10 @@ def test_rows_land_where_gap_and_slip_go_linearly():
         memory = Memory.none(laws, friction)
         for _ in range(4):
             free = 1e-6 * rng.normal(size=2 * count)
-            rubbing, sets, force = rubbing_of(friction, flexibility, count), empty_sets(2 * count), free * 0.0
-            state = np.append(memory.normal, memory.tangential)
-            gaps, held = (free, np.append(memory.gap, memory.slip)), (laws.table, rubbing, state)
-            assert rubbing_forces(flexibility, gaps, held, sets, force) >= 0
-            gap, kept = flexibility @ force + free, sets.kept[count:].copy()
-            gap[count:] = np.where(state[count:] == STICKS, kept, gap[count:])
-            gap[:count] = laws.placed(state[:count], gap[:count])
-            found = Complementarity(force, gap, state, 1, kept)
+            found = solve_friction(flexibility, free, laws, friction, memory)
             lands = (memory.gap > 0.0) & (memory.normal == FREE) & found.active[:count]
             state = np.where(np.tile(lands, 2), FREE, found.state)
-            held, extent = extent_of(rubbing, state)
+            held, extent = extent_of(rubbing_of(friction, flexibility, count), state)
             kept = np.append(np.zeros(count), found.kept)
             force = extent @ np.linalg.solve((flexibility @ extent)[held], (kept - free)[held])
             gap, slip = np.split(flexibility @ force + free, 2)
@@ -282,6 +272,26 @@ def test_faces_that_stick_carry_a_uniform_stress(name):
         assert (np.abs(found.friction_force) <= 0.03 * found.contact_force * (1 + 1e-9) + 1e-9).all()
         # the reactions are in balance with the loads
         assert sum(found.reactions.values()) == pytest.approx([0.0, 1.6e6 * SIDE], abs=1e-6 * 1.6e6 * SIDE)
+
+
+def test_forces_around_a_node_are_those_of_lapack(monkeypatch):
+    """Of all rows of a kink, which stick: their slack is 5e-9 and 3e-10 of their flexibility, by which
+    rounding is multiplied (4e-5 and, by LAPACK, 2e-6 beside numbers of 19 digits).
+    """
+    problems = []
+
+    def solved(flexibility, free, *rest):
+        problems.append((flexibility, free))
+        return solve_friction(flexibility, free, *rest)
+
+    monkeypatch.setattr(friction_solve, "solve_friction", solved)
+    load = [sb.EdgeLoad(f"edge{side}", pressure=value) for side, value in ((2, 1e6), (4, 1e6), (3, 1.6e6))]
+    with square(LINES["kink"], sb.Coulomb(0.3), order=2, size=0.03) as model:
+        memory = sb.static(model, load).equilibrium.memory
+        expected = -np.linalg.solve(*problems[0])
+        assert memory.normal.all() and (memory.tangential == STICKS).all() and len(problems) == 1
+        found = np.append(memory.pressing, memory.force)
+        assert found == pytest.approx(expected, abs=1.5e-4 * expected.max())
 
 
 @pytest.mark.parametrize("name", ["kink", pytest.param("crossing", marks=pytest.mark.long)])

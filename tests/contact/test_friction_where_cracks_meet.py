@@ -7,10 +7,10 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import CrackLine, Plate
-from sbfem_petsc.contact import marching, pivoted_step, repeating
+from sbfem_petsc.contact import friction_solve, marching, repeating
 from sbfem_petsc.contact.friction import AGAINST
 from sbfem_petsc.contact.law import FREE
-from sbfem_petsc.contact.pivoted_step import pivoted_touch, touch
+from sbfem_petsc.contact.pivoted_step import touch
 from sbfem_petsc.contact.step_data import NEVER, StepState
 from sbfem_petsc.motion import reduced_history
 from sbfem_petsc.motion.preparation import PeriodSettings, prepare
@@ -162,13 +162,13 @@ def test_contact_as_a_period_begins_ends_in_a_solution(monkeypatch):
     """Of random states of faces that meet in a T, for some of which kernels find none: forces and slips obey
     the equations and the law.
     """
-    solves = []
+    solves, lemke = [], friction_solve.pivoted
 
-    def pivoted(step, gap, state):
-        solves.append(pivoted_touch(step, gap, state))
-        return solves[-1]
+    def pivoted(*given):
+        solves.append(lemke(*given) is not None)
+        return lemke(*given)
 
-    monkeypatch.setattr(pivoted_step, "pivoted_touch", pivoted)
+    monkeypatch.setattr(friction_solve, "pivoted", pivoted)
     with plate_of(LINES["T"], sb.Coulomb(3.0)) as model:
         period = prepare("test", model, SHAKEN, FREQUENCY, settings=PeriodSettings(modes=MODES, steps=64))
         driven, rng = period.at(FREQUENCY), np.random.default_rng(1)
@@ -228,11 +228,11 @@ def test_basins_where_kernels_find_no_solution(monkeypatch):
     given = slider(damping=0.05), load, frequency, [sb.StartAxis([-0.8, 0.5])]
     expected = sb.basins(*given, steps=128)
 
-    def pivoted(step, gap, state):
+    def touched(step, gap, state, room):
         assert not state.rows.any()  # nothing slips yet, under less than would hold it
-        return pivoted_touch(step, gap, state)
+        return touch(step, gap, state, room)
 
-    monkeypatch.setattr(repeating, "pivoted_touch", pivoted)
+    monkeypatch.setattr(repeating, "touch", touched)
     monkeypatch.setattr(repeating, "_settle", ends)
     found = sb.basins(*given, steps=128)
     assert len(failed) > 4 and len(found.orbits) == 1 and (found.periods == expected.periods).all()

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ...contact.complementarity import solve_complementarity
-from ...contact.friction import STICKS, Friction, Memory, solve_friction
-from ...contact.held_rows import empty_sets, rubbing_of
+from ...contact.friction import Friction, Memory
+from ...contact.friction_solve import solve_friction
+from ...contact.held_rows import empty_sets
 from ...contact.law import FREE, RowLaws
 from ...contact.pivoting import contact_forces, empty_factor
-from ...contact.rubbing import rubbing_forces
 
 
 class StepContact:
@@ -40,8 +40,6 @@ class StepContact:
         self.state, self.gap = np.zeros(count, dtype=np.int8), np.zeros(rubs)
         self.kept = self.slip
         self._factor, self._sets = empty_factor(count), empty_sets(rubs)
-        if friction is not None:
-            self._rubbing = rubbing_of(friction, flexibility, len(laws))
 
     @property
     def slip(self) -> np.ndarray:
@@ -72,18 +70,13 @@ class StepContact:
 
     def _rubbed(self, free: np.ndarray, friction: Friction) -> tuple[np.ndarray, np.ndarray]:
         """The same where faces rub; what they remember goes on."""
-        force, c, state = np.zeros(len(free)), len(self.laws), self.state.copy()
-        held, kept = (self.laws.table, self._rubbing, state), self._sets.kept[c:]
-        if rubbing_forces(self.flexibility, (free, self.gap), held, self._sets, force) < 0:
-            memory = Memory.none(self.laws, friction)._replace(
-                slip=self.slip, gap=self.gap[:c], normal=self.state[:c], tangential=self.state[c:]
-            )
-            found = solve_friction(self.flexibility, free, self.laws, friction, memory)
-            self._sets.members[-1], force, state, kept = -1, found.force, found.state, found.kept
-        gap, self.state, self.kept = self.flexibility @ force + free, state, kept.copy()
-        slip = np.where(state[c:] == STICKS, kept, gap[c:])
-        self.gap = np.append(self.laws.placed(state[:c], gap[:c]), slip)
-        return force, self.gap
+        c, state = len(self.laws), self.state
+        memory = Memory.none(self.laws, friction)._replace(
+            slip=self.slip, gap=self.gap[:c], normal=state[:c], tangential=state[c:]
+        )
+        found = solve_friction(self.flexibility, free, self.laws, friction, memory, self._sets)
+        self.state, self.gap, self.kept = found.state, found.gap, found.kept
+        return found.force, found.gap
 
     def held(self, free: np.ndarray, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Forces that keep the gaps of the rows `acting` (c,), and all gaps."""

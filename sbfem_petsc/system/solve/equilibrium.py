@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...contact.complementarity import Complementarity, active_set, solve_complementarity
-from ...contact.friction import Memory, solve_friction
+from ...contact.friction import Memory
+from ...contact.instant import solve_contact
 from ...petsc import freeing, stage
 from ..contact import bordered_contact, dual_contact
 from ..contact.expected_contact import expected_contact
@@ -128,7 +129,7 @@ def _from_free_gaps(
     if friction is not None:
         former = Memory.none(laws, friction) if memory is None else memory
         if touching:
-            result = solve_friction(operator.compliance(stiffness, tips).gaps, gap, laws, friction, former)
+            result = solve_contact(operator.compliance(stiffness, tips).gaps, gap, laws, friction, former)
     elif touching:
         # bordered matrices have the round-off of the assembled stiffness
         refined = stiffness.refinement.needed_by(right, owned)
