@@ -65,7 +65,8 @@ class Folder:
         way = "name another folder with --output, or give --replace to"
         if os.path.lexists(os.path.join(self.path, f"{other}.json")) and not replace:
             raise ValueError(f"{self.path!r} holds the results of a {other}; {way} overwrite it")
-        if os.path.lexists(self.state_file) and not replace:
+        begun = shared or (os.path.isdir(self.parts) and os.listdir(self.parts))
+        if os.path.lexists(self.state_file) and not replace and begun:  # else nothing is lost
             former = read_json(self.state_file)
             if not isinstance(former, dict) or not isinstance(former.get("done"), dict):
                 raise ValueError(f"{self.state_file!r} is not what a run has written; {way} overwrite it")

@@ -673,6 +673,7 @@ def test_later_analyses_are_checked_before_any_is_solved(fault, tmp_path, monkey
 
 
 def test_all_that_is_wrong_is_told_at_once(tmp_path):
+    """Once it is mended the same folder serves: it held nothing."""
     case = case_from_text(CASE.replace("count = 5", "count = 5000").replace("modes = 12", "modes = 6000"))
     with pytest.raises(CaseError) as told:
         run_case(case, tmp_path)
@@ -681,6 +682,10 @@ def test_all_that_is_wrong_is_told_at_once(tmp_path):
         ("steady", "modes"),
         ("burst", "modes"),
     ]
+    mended = case_from_text(CASE[: CASE.index("[analyses.push]")])
+    assert not run_case(mended, tmp_path).failed and (tmp_path / "results.h5").is_file()
+    with pytest.raises(ValueError, match="holds the run of another case"):
+        run_case(case, tmp_path)
 
 
 def test_values_that_rows_of_a_sweep_mend(tmp_path):
