@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -155,8 +156,16 @@ class _Space:
         """Make columns orthonormal in place; those of which more than `lost` is their own, their
         coefficients, and the least such part, `along` being squares of what was taken off before.
         """
+        products = self._summed(rows.T @ heavy)
+        squares = along + products.diagonal()
+        with contextlib.suppress(np.linalg.LinAlgError):  # at once, where that leaves no more than rounding
+            triangle = np.linalg.cholesky(products).T
+            least = np.linalg.svd(triangle / np.sqrt(squares), compute_uv=False)[-1]
+            if least > ENOUGH:
+                for part in (rows, heavy):
+                    part[:] = part @ np.linalg.inv(triangle)
+                return list(range(len(along))), triangle, least
         kept, triangle, least = list[int](), np.zeros((len(along), len(along))), 1.0
-        squares = along + self._summed((rows * heavy).sum(axis=0))
         for j, square in enumerate(squares):
             row = self._summed(rows[:, j] @ heavy[:, j:])
             if not np.isfinite(row).all():
