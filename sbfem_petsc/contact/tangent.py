@@ -78,7 +78,7 @@ class Propagation:
         Of modes below half of the critical damping what is compared with WORST is less than 4 at all times.
         """
         length = rows.shape[1] - 1
-        swings = bool(((self._squared > 0.0) & (self._friction**2 < self._squared)).all())
+        swings = bool((self._friction**2 < self._squared).all())
         if swings and length * np.abs(growth).max(initial=0.0) < DECAY * np.log(10.0):
             return length - 1
         tried = np.unique(np.append(np.arange(8, length, 8), [*range(2, min(8, length)), length]))

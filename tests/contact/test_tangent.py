@@ -14,6 +14,7 @@ from sbfem_petsc.continuation.search import find_steady_state
 from sbfem_petsc.continuation.shooting import shoot
 from sbfem_petsc.motion.excitation import Excitation
 from sbfem_petsc.motion.period_map import Period
+from sbfem_petsc.motion.steps import step_coefficients
 from tests.parallel import ROOT
 
 
@@ -174,6 +175,48 @@ def test_frames_change_nothing(chain_motion, monkeypatch):
         np.testing.assert_allclose(
             found[:, columns], frames[:, columns], atol=1e-10 * np.abs(found[:, columns]).max()
         )
+
+
+@pytest.mark.parametrize(
+    "omega, damping, step, steps, ends",
+    [
+        ([1.0, 3.0], [0.4, 0.1], 0.2, 2000, "decades"),
+        ([1.0, 2.0], [0.8, 0.02], 0.2, 2000, "decades"),
+        ([1.0, 2.0], [1.5, 0.02], 0.05, 2000, "condition"),
+        ([1.0, 0.5], [1.5, 0.02], 1.2, 2000, "condition"),
+        ([1.0, 0.5], [1.5, 0.02], 2.5, 2000, "condition"),
+        ([4.0, 0.5], [1.5, 0.02], 0.0125, 2000, "condition"),
+        ([1.0, 2.0], [1.5, 0.02], 0.05, 118, "condition"),
+        ([0.0, 2.0], [0.0, 0.02], 0.5, 2000, "condition"),
+        ([1.0, 2.0], [50.0, 0.02], 1.0, 2000, "nothing"),
+        ([1.0, 2.0], [0.8, 0.02], 0.2, 100, "steps"),
+        ([1.0, 3.0], [0.4, 0.1], 0.2, 100, "steps"),
+    ],
+)
+def test_reach_of_frames(omega, damping, step, steps, ends):
+    """How many steps of the free motion, by SciPy's exponential, may be inverted: to a condition of 1e6 and
+    40 decades, of which every eighth power beyond 8 is looked at.
+    """
+    omega, damping = np.array(omega), np.array(damping)
+    coefficients = step_coefficients(omega, damping, step, "exact")
+    propagation = Propagation(coefficients, omega, damping, step, steps)
+
+    def allowed(power):
+        for w, zeta in zip(omega, damping):
+            unit = np.array([w or omega.max(), 1.0])
+            free = linalg.expm(power * step * np.array([[0.0, 1.0], [-w * w, -2.0 * zeta * w]]))
+            decades = 2.0 * zeta * w * power * step / np.log(10.0)
+            condition = np.linalg.norm(unit[:, None] * free / unit) ** 2 * 10.0 ** min(decades, 80.0)
+            if decades > 40.0 or condition > 1e6:
+                return False
+        return True
+
+    last = propagation.reach + 1
+    assert (last == 1) == (ends == "nothing") and (last == steps + 1) == (ends == "steps")
+    assert last == 1 or all(allowed(power) for power in range(1, last + 1))
+    if last <= steps:
+        further = last + 1 if 1 < last < 8 else 2 if last == 1 else last + 8
+        assert not allowed(further)
 
 
 @pytest.mark.parametrize("located", [False, True])
