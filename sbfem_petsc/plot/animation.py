@@ -24,7 +24,7 @@ from ..system.model import Model
 from .crack import Window, plain
 from .drawing import BLUE, STYLE, VERMILION, Sheet, crack_title
 from .outlines import Piece, gather_outline, gather_region
-from .picture import CHECKS
+from .picture import CHECKS, require_crack
 from .solids import Solid
 
 DOTS = 100  # per inch
@@ -84,9 +84,7 @@ def animate_crack(
         real("animate_crack", "seconds", seconds, "s", within=Bounds(least=0.1, most=600.0))
         for name, value in (("magnification", magnification), ("crack", crack), ("colour", colour)):
             CHECKS[name]("animate_crack", name, value)
-        cracks = len(model.cracks) if isinstance(model, Model) else 1
-        if crack >= cracks:
-            raise ValueError(f"animate_crack: crack = {crack} does not exist; the model has {cracks}")
+        require_crack("animate_crack", crack, len(model.cracks) if isinstance(model, Model) else 1)
         if not isinstance(model, Model) and not model.elements:
             raise ValueError("animate_crack: the body has no elements to draw; give elements= with its nodes")
         instants = _instants(motion, between, frames)

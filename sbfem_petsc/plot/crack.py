@@ -21,7 +21,7 @@ from ..record.units import length_unit, place_unit, stress_unit
 from ..system.model import Model
 from .drawing import BLACK, Sheet, bar
 from .outlines import Piece, Region, gather_outline, gather_region
-from .picture import fields_by_name, picture
+from .picture import fields_by_name, picture, require_crack
 
 
 @picture(Model, fields=fields_by_name)
@@ -62,8 +62,7 @@ def plot_crack(
     Axes, two a field, on rank 0, None elsewhere; `save_picture` writes them
     """
     with collective(model.comm):
-        if crack >= len(model.cracks):
-            raise ValueError(f"plot_crack: crack = {crack} does not exist; the model has {len(model.cracks)}")
+        require_crack("plot_crack", crack, len(model.cracks))
     facts = model.cracks[crack]
     tip, half = np.array(facts.tip), np.array([1.1, 0.11]) * facts.length
     regions = {name: [gather_region(model, field, tip, h) for h in half] for name, field in fields.items()}

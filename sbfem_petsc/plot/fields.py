@@ -19,7 +19,7 @@ from ..system.model import Model
 from ..system.solve.modal_result import Modal, chosen_modes
 from .drawing import BLUE, CYCLE, MARKERS, SKY, WIDTH, Sheet, crack_title, fill
 from .outlines import Piece, gather_outline, loops
-from .picture import named, picture
+from .picture import named, picture, require_crack
 
 
 # ---------------------------------------------------------------------- mode shapes
@@ -151,10 +151,7 @@ def plot_contact(
             )
     model = next(iter(of_loads.values())).model
     with collective(model.comm):
-        if crack >= len(model.cracks):
-            raise ValueError(
-                f"plot_contact: crack = {crack} does not exist; the model has {len(model.cracks)}"
-            )
+        require_crack("plot_contact", crack, len(model.cracks))
     return on_root(model.comm, lambda: _draw_contact(Sheet.of(ax), model, of_loads, crack))
 
 

@@ -27,17 +27,16 @@ NARROW = 4.4
 ROUND_OFF = 1e-12
 
 
-def draw_sweep(sweep: Any, folder: str, quantities: Sequence[str] | None = None) -> list[str]:
-    """Draw the indicators of a sweep, one picture a quantity with a panel for each point or entry, with and
-    without noise: maps over two numeric parameters with several values, curves over one.
+def draw_sweep(sweep: Any, folder: str) -> list[str]:
+    """Draw the indicators of a sweep (frequency shifts, ratios of harmonics, modulation indices), one picture
+    a quantity with a panel for each point or entry, with and without noise: maps over two numeric parameters
+    with several values, curves over one.
 
     Parameters
     ----------
     sweep : Sweep
     folder : str
         Made if it is missing.
-    quantities : sequence of str, optional
-        Names in `sweep.values`. Default: frequency shifts, ratios of harmonics, modulation indices.
 
     Returns
     -------
@@ -47,17 +46,12 @@ def draw_sweep(sweep: Any, folder: str, quantities: Sequence[str] | None = None)
     Raises
     ------
     ValueError
-        If a quantity does not exist, or no parameter has two numeric values.
+        If no parameter has two numeric values.
     """
-    chosen = [name for name in sweep.values if _INDICATORS.search(name)] if quantities is None else quantities
     os.makedirs(folder, exist_ok=True)
     groups: dict[str, dict[str, np.ndarray]] = {}
     units: dict[str, str] = {}
-    for name in chosen:
-        if name not in sweep.values:
-            raise ValueError(
-                f"quantity {name!r} does not exist; the sweep has {', '.join(map(repr, sweep.values))}"
-            )
+    for name in filter(_INDICATORS.search, sweep.values):
         together = sweep.picture_name(name)
         groups.setdefault(together, {}).update(_columns(sweep, name))
         units[together] = sweep.units.get(name, "1")

@@ -126,6 +126,12 @@ def a_text(owner: str, name: str, value: Any) -> str:
     return instance(owner, name, value, str, "a text")
 
 
+def require_crack(owner: str, crack: int, count: int) -> None:
+    """Raise ValueError for the number of a crack that a model of so many has not."""
+    if crack >= count:
+        raise ValueError(f"{owner}: crack = {crack} does not exist; the model has {count}")
+
+
 def _point(owner: str, name: str, value: Any) -> str | tuple[float, float]:
     return value if isinstance(value, str) else checked_place(owner, value)
 
