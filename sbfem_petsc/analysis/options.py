@@ -15,7 +15,7 @@ HIGHEST, SLOWEST, FASTEST = 1e30, 1e-12, 1e15
 # More steps, modes, points or periods, samples of a curve, or steps of a sweep are a slip.
 MOST, SAMPLES, LONGEST = 10**7, 10**5, 10**9
 _STEPS = "time steps a forcing period; default: 512 or more"
-_MODES = "modes; default: all up to 8 times the loads' highest frequency, at least 80"
+_MODES = "modes; default: as accuracy needs, or all up to 8 times the loads' highest frequency, at least 80"
 _LONGEST = "most forcing periods in one period of a motion, or in the common period of its tones"
 FACTOR = "what a factor is on: the oscillating loads, all damping ratios or all gaps"
 _CONTACT = "false: crack faces may overlap"
@@ -34,7 +34,11 @@ def _accuracy(default: float | None = None) -> Any:
     return item(default, text=text, ge=1e-13, le=0.1)
 
 
-def _harmonics(default: str = "1e-3 where at most 40 modes do, none elsewhere and of two tones") -> Any:
+_ORBITS = "1e-3 where neither modes nor steps are given"
+_OF_MANY = f"{_ORBITS}, in 160 modes at most"
+
+
+def _harmonics(default: str = _ORBITS) -> Any:
     text = (
         "relative error of harmonics 1 to 4 of points and resultant asked for: default modes and steps are "
         f"as many as it needs; default: {default}"
@@ -193,7 +197,7 @@ class CurveOptions(Integration):
     stability: bool | None = item(
         None, text="compute Floquet multipliers and bifurcations; default: of a reduced model"
     )
-    accuracy: float | None = _harmonics()
+    accuracy: float | None = _harmonics(_OF_MANY)
 
 
 class FrequencyResponseOptions(CurveOptions, FrequencyRange):
@@ -271,7 +275,7 @@ class SweptOptions(Ranged):
         "time steps a period of the higher frequency; default: 320 or more", least=48
     )
     modes: int | None = _counted(_MODES)
-    accuracy: float | None = _harmonics("none")
+    accuracy: float | None = _harmonics(_OF_MANY)
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """A range of one value, and sweeps that are over before they begin, or never."""
@@ -302,7 +306,7 @@ class QuasiPeriodicOptions(Options):
     )
     modes: int | None = _counted(_MODES, most=SAMPLES)
     stability: bool = item(True, text="compute the largest Lyapunov exponents")
-    accuracy: float | None = _harmonics()
+    accuracy: float | None = _harmonics(_OF_MANY)
 
 
 class TorusCurveOptions(Options):

@@ -27,16 +27,15 @@ from ..motion.preparation import (
     beginning,
     check_reduction,
     finer,
+    following,
     prepare,
     require_unreduced,
-    saving,
+    restarted,
     tells_stability,
-    usual,
 )
 from ..motion.unreduced.period import prepare_unreduced
 from ..progress import Progress, progress_bar
 from ..ranks.parallel import collective
-from ..reduction.build import FEW
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 from .analysis import analysis
@@ -90,9 +89,8 @@ def periodic(
         work between smooth faces, does more of it than 1e-3 of what the loads exchange with the modes (see
         `motion.contact_work`), to 32 times as many at most.
     modes : int, optional
-        Default: as many as an `accuracy` of 1e-3 needs where at most 40 do, as under slow loads, and `steps`
-        and `tolerance` are not given, of a Model; elsewhere those of `guess`, or all modes up to 8 times the
-        loads' highest frequency, at least 80, whatever is told of their error.
+        Default: as many as `accuracy` needs; where that is none those of `guess`, or all modes up to 8 times
+        the loads' highest frequency, at least 80, whatever is told of their error.
     contact : bool
         False: the faces may overlap.
     reduction : "modes" or None
@@ -112,10 +110,12 @@ def periodic(
         L2 over the period; the change is `step_error`.
     accuracy : float, optional
         Of harmonics 1 to 4 of the named points and of the contact resultant, `largest_mode_error`: modes and
-        steps that are not given are as many as that needs. To begin with modes up to 16 sqrt(1e-3 /
-        accuracy) times the loads' highest frequency, at least 12, in 64 ceil(8 sqrt(1e-3 /
-        accuracy)) steps or what modes and loads ask for; more of them, from the motion found on, where its
-        told error is above.
+        steps that are not given are as many as that needs. To begin with those of `guess`, or modes up to 16
+        sqrt(1e-3 / accuracy) times the loads' highest frequency, at least 12 (80 where that is not known), in
+        64 ceil(8 sqrt(1e-3 / accuracy)) steps or what modes and loads ask for; more of them, from the motion
+        found on, where its told error is above, to 320 modes, or no more than the 80 where 320 would be far
+        from enough. Default: 1e-3 of a Model with named points where neither modes nor steps nor `tolerance`
+        is given and `segments` is 1, else none.
     search : continuation.search.Search, optional
         How far a motion is looked for where Newton's method does not converge from the first guess.
     segments : int
@@ -140,8 +140,7 @@ def periodic(
     LargeDisplacementWarning
         If displacements of named points are more than 5 % of the body.
     AccuracyWarning
-        If the told error is above `accuracy` in the modes or steps given, or in all that the mesh has; above
-        1e-2 where none of these is given.
+        If the told error is above `accuracy` in the modes or steps given, or in as many as there may be.
     StepWarning
         If contact does more than 1e-2 of what the loads exchange with the modes, in given steps or in 32
         times the default ones.
@@ -173,7 +172,7 @@ def periodic(
     task = _Task(model, load, frequency, stability, search, progress)
     if tolerance is not None:
         return _refined(task, settings, guess, tolerance)
-    return _shot(task, settings if segments > 1 else saving(settings, model, guess), guess)
+    return _shot(task, settings if segments > 1 else following(settings, model), guess)
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,9 +207,10 @@ def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
     except PetscFailure:
         raise
     except SolveError:
-        if not settings.few or len(period.reduced.omega) > FEW:
+        again = restarted(settings, period.reduced)
+        if again is None:
             raise
-        return _shot(task, usual(settings), guess)
+        return _shot(task, again, guess)
     told = errors.sum(axis=0)
     if not stability:
         return make_orbit(fixed, np.zeros(0, dtype=complex), math.nan, path, told)
@@ -244,8 +244,13 @@ def _accurate(
     def prepared(settings: PeriodSettings) -> Period:
         return prepare("periodic", task.model, task.load, task.frequency, settings=settings)
 
-    def found(period: Period, added: np.ndarray) -> FixedPoint:
-        return _found(task, settings, period, period.at(task.frequency).linear_state + added)[0]
+    def found(period: Period, added: np.ndarray) -> FixedPoint | None:
+        try:
+            return _found(task, settings, period, period.at(task.frequency).linear_state + added)[0]
+        except PetscFailure:
+            raise
+        except SolveError:
+            return None
 
     try:
         accuracy.require(fixed, errors)

@@ -34,11 +34,19 @@ from ..errors import SolveError, on_all_ranks, warn
 from ..motion.contact_work import MOST, times_more, warn_of_contact_work
 from ..motion.excitation import Excitation
 from ..motion.loading import Loading, Wanted, communicator, loading, serving
-from ..motion.preparation import PeriodSettings, prepare, refuse_falling, saving, steps_of, usual
+from ..motion.preparation import (
+    PeriodSettings,
+    beginning,
+    following,
+    prepare,
+    refuse_falling,
+    restarted,
+    steps_of,
+)
 from ..motion.two_tones import drives, highest, tone
 from ..ranks.capacity import require_compiler
 from ..ranks.parallel import collective
-from ..reduction.build import FEW
+from ..reduction.build import MOST_OF_MANY
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 from .analysis import analysis
@@ -99,7 +107,7 @@ def quasi_periodic(
         Of the lines m f1 + n f2 with |m| + |n| = 1 to 4 of the named points, `largest_mode_error`: modes and
         steps that are not given are as many as that needs, see `periodic`. The motion is found twice more,
         in twice the steps and in half as many modes again. Of two given tones; of the samples it knows
-        nothing, `tail` does. 1e-3 by default where a few modes do, see `periodic`.
+        nothing, `tail` does. Default: as for `periodic`, in 160 modes at most.
 
     Raises
     ------
@@ -112,7 +120,7 @@ def quasi_periodic(
     Warns
     -----
     AccuracyWarning
-        If the told error is above `accuracy` in the modes or steps given, or in all that the mesh has.
+        If the told error is above `accuracy` in the modes or steps given, or in as many as there may be.
     StepWarning
         If contact is possible and the samples or the steps given are few for the loads' multiples; if the
         samples do not resolve the motion; if contact does much work in the steps.
@@ -140,9 +148,8 @@ def quasi_periodic(
         ordered = frequencies[::-1] if swapped else frequencies
         driven = drives(loads.signals, ordered)
     tones = _TwoTones(model, loads, driven, ordered, samples)
-    settings = saving(PeriodSettings(None, steps, modes, accuracy=accuracy), model, guess)
-    if settings.accuracy is None and modes is None and guess is not None and isinstance(model, Model):
-        settings = replace(settings, modes=len(guess.reduced.omega))
+    settings = PeriodSettings(None, steps, modes, accuracy=accuracy)
+    settings = beginning(following(settings, model, MOST_OF_MANY), guess)
     former = None if guess is None else (guess.states, guess.reduced)
     try:
         torus, point, told = tones.solved(settings, former)
@@ -192,8 +199,8 @@ class _TwoTones(NamedTuple):
         accuracy = None if settings.accuracy is None else Accuracy(what, self.model, settings)
         fastest, most = highest(self.driven, self.frequencies), MOST if settings.steps is None else 1
         while True:
-            few = settings.few
-            wanted = Wanted(settings.modes, settings.accuracy, few)
+            first = settings.first or None if isinstance(self.model, Model) else None
+            wanted = Wanted(first if settings.modes is None else settings.modes, settings.accuracy)
             reduced = serving(what, self.model, self.loads, wanted, fastest)
             refuse_falling(what, reduced.friction)
             with collective(comm):
@@ -203,20 +210,19 @@ class _TwoTones(NamedTuple):
             try:
                 torus, point = _solved(functools.partial(self._torus, reduced), states, (steps, most * steps))
             except SolveError:
-                if accuracy is None or not few or accuracy.settled(reduced):
+                again = restarted(settings, reduced)
+                if again is None:
                     raise
-                settings, accuracy = usual(settings), None
+                settings = again
                 continue
             steps = torus.period.steps
-            if accuracy is None or accuracy.settled(reduced):  # told by default where that is cheap
+            if accuracy is None:
                 return torus, point, np.full(LOWEST, np.nan)
             errors = line_error_estimates(torus, point, self._torus)
             if (more := accuracy.further(reduced, steps, errors)) is None:
                 accuracy.tell(reduced, steps, errors)
                 return torus, point, errors.sum(axis=0)
             settings = replace(settings, modes=more[0], least=more[1])
-            if few and (more[0] or 0) > FEW:
-                settings, accuracy = usual(settings), None
             former = point.state.states - torus.linear, reduced
 
     def _torus(self, reduced: ReducedModel, steps: int) -> Torus:

@@ -30,17 +30,18 @@ from ..motion.preparation import (
     beginning,
     check_reduction,
     finer,
+    following,
     prepare,
     require_unreduced,
-    saving,
+    restarted,
     tells_stability,
-    usual,
 )
 from ..motion.unreduced.period import UnreducedPeriod, prepare_unreduced
 from ..petsc import MPI
 from ..progress import Progress
 from ..ranks.capacity import FEW, require_memory, room
 from ..ranks.parallel import collective
+from ..reduction.build import MOST_OF_MANY
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 from .analysis import analysis
@@ -103,6 +104,7 @@ def frequency_response(
         Of harmonics 1 to 4 of the points and the resultant, `largest_mode_error`, for which modes and steps
         that are not given are as many as it needs, see `periodic`. The curve is followed again where its told
         error is above at an end or the peak; where it stays so bifurcations are not located (`unlocated`).
+        Default: as of `periodic`, in 160 modes at most, and bifurcations are located whatever is told.
     reduction : "modes" or None
         None: motions of the unreduced model, as `periodic` finds them.
     file : str, optional
@@ -123,8 +125,7 @@ def frequency_response(
     Warns
     -----
     AccuracyWarning
-        If the told error is above `accuracy` in the modes or steps given, or in all that the mesh has; above
-        1e-2 where none of these is given.
+        If the told error is above `accuracy` in the modes or steps given, or in as many as there may be.
     """
     over = ParameterRange("frequency", start, stop)
     with collective(communicator(model)):
@@ -137,8 +138,8 @@ def frequency_response(
     highest = max(start, stop)
     settings = PeriodSettings(periods, steps, modes, contact, band=highest, accuracy=accuracy)
     if not contact:
-        settings = replace(settings, steps=INSTANTS, periods=periods or 1)
-        aim = None if accuracy is None else Accuracy(over.owner, model, settings)
+        settings = replace(following(settings, model), steps=INSTANTS, periods=periods or 1)
+        aim = None if settings.accuracy is None else Accuracy(over.owner, model, settings)
         while True:
             try:
                 period = prepare(over.owner, model, load, highest, settings=settings)
@@ -241,12 +242,14 @@ class _Run:
             check_reduction(what, reduction)
             require_at(what, "guess", guess, begins, self.settings.periods)
         settings, asked = replace(self.settings, periods=self.settings.periods or 1), self.asked
-        settings = saving(settings, self.model, guess)
+        leaves = guess is not None and guess.path == DOUBLED  # which more modes might lose
+        settings = settings if leaves else following(settings, self.model, MOST_OF_MANY)
         if guess is not None:  # its own steps and periods; from one beside a period doubling away from it
             own = len(guess.time) // guess.periods
             settings = beginning(replace(settings, periods=guess.periods, least=own), guess)
-            settings = settings if settings.few else replace(settings, steps=settings.steps or own)
-            asked = replace(asked, leave=guess.path == DOUBLED)
+            if settings.accuracy is None:
+                settings = replace(settings, steps=settings.steps or own)
+            asked = replace(asked, leave=leaves)
         if settings.accuracy is not None:
             asked = replace(asked, accuracy=Accuracy(what, self.model, settings))
 
@@ -273,9 +276,10 @@ class _Run:
                 except PetscFailure:
                     raise
                 except SolveError:
-                    if not settings.few or asked.accuracy is None or asked.accuracy.settled(period.reduced):
+                    again = restarted(settings, period.reduced)
+                    if again is None:
                         raise
-                    period = prepared(usual(settings))
+                    period = prepared(again)
                 asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
                 period = run.anew(what, period)
 

@@ -14,7 +14,7 @@ from ..errors import wrong_input
 from ..motion.integration import Steps
 from ..motion.loading import Wanted, amplitudes_only, communicator, loading, serving
 from ..motion.period_map import Period
-from ..motion.preparation import PeriodSettings, check_guess, prepare
+from ..motion.preparation import PeriodSettings, check_guess, following, prepare
 from ..motion.reduced_history import ReducedIntegrator
 from ..motion.states import ModalStates
 from ..motion.step_plan import contact_steps
@@ -22,6 +22,7 @@ from ..motion.swept import SweptResponse, cycle_ends, directions, over_cycles, s
 from ..progress import Progress, progress_bar
 from ..ranks.capacity import require_memory
 from ..ranks.parallel import collective
+from ..reduction.build import MOST_OF_MANY
 from ..reduction.reduced_model import ReducedModel
 from ..signals.waves import Chirp
 from ..system.model import Model
@@ -69,10 +70,12 @@ def swept_response(
         Steps in a period of the higher frequency. Default: 320, or as many as keep the step below 0.8 of the
         shortest modal period.
     modes : int, optional
-        Default: all modes up to 8 times the loads' highest frequency, at least 80.
+        Default: as many as `accuracy` needs; where that is none all modes up to 8 times the loads' highest
+        frequency, at least 80.
     accuracy : float, optional
         Of harmonics 1 to 4 of the steady states at both ends and at the linear peak between them, as of
         `periodic`, told in `mode_error`: modes and steps that are not given are as many as it needs.
+        Default: as of `periodic`, in 160 modes at most.
     progress : callable, "auto" or None
         As for `transient`.
 
@@ -90,7 +93,7 @@ def swept_response(
     Warns
     -----
     AccuracyWarning
-        If the told error is above `accuracy` in the modes or steps given, or in all that the mesh has.
+        If the told error is above `accuracy` in the modes or steps given, or in as many as there may be.
     """
     what, comm = "swept_response", communicator(model)
     with collective(comm):
@@ -102,10 +105,12 @@ def swept_response(
             raise ValueError(f"{what}: no load oscillates; give a number, the amplitude of the swept sine")
     highest = max(start, stop)
     told, least = math.nan, STEPS
-    if accuracy is None:
+    settings = following(
+        PeriodSettings(1, steps, modes, band=highest, accuracy=accuracy), model, MOST_OF_MANY
+    )
+    if settings.accuracy is None:
         reduced = serving(what, model, loads, Wanted(modes), highest)
     else:
-        settings = PeriodSettings(1, steps, modes, band=highest, accuracy=accuracy)
         period, told = _accurate(model, load, (start, stop), settings)
         reduced, least = period.reduced, max(least, period.steps)
     if steps is None:

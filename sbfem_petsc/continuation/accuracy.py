@@ -18,8 +18,8 @@ from meshing.warnings import AccuracyWarning
 from ..errors import SolveError, caller_level
 from ..motion.contact_work import MOST
 from ..motion.period_map import FixedPoint, Period
-from ..motion.preparation import PeriodSettings, usual
-from ..reduction.build import FEW, few_modes, modes_beyond, most_modes
+from ..motion.preparation import PeriodSettings
+from ..reduction.build import LEAST_MODES, MOST_MODES, modes_beyond, most_modes
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 from .harmonic_errors import added, harmonic_error_estimates
@@ -27,11 +27,9 @@ from .orbit import LOWEST, largest_error
 from .problems.driven_orbits import ParameterRange
 from .search import NEWTON_ALONE, find_steady_state
 
-# Of the highest frequency of the modes from one attempt to the next, by the error, and modes beyond which
-# none is made; share of the error that the steps may have.
-LEAST_MORE, MOST_MORE, MOST_MODES, OF_STEPS = 1.25, 2.5, 320, 0.6
-# What default modes and steps may be told to be off without a warning.
-BY_DEFAULT = 1e-2
+# Of the highest frequency of the modes from one attempt to the next, by the error; the least share of it that
+# is left to the steps, and the share that they may have; power of the modes by which errors fall at best.
+LEAST_MORE, MOST_MORE, LEFT, OF_STEPS, FASTEST = 1.25, 2.5, 0.25, 0.6, 4.0
 
 
 class TooInaccurate(Exception):
@@ -41,15 +39,17 @@ class TooInaccurate(Exception):
     ----------
     fixed : FixedPoint
         The one that is worst.
+    errors : array
+        What is told of it.
     settings : PeriodSettings
         For the next attempt.
     value : float
         Of a curve's parameter.
     """
 
-    def __init__(self, fixed: FixedPoint, settings: PeriodSettings, value: float):
+    def __init__(self, fixed: FixedPoint, errors: np.ndarray, settings: PeriodSettings, value: float):
         super().__init__("harmonics are less accurate than was asked for")
-        self.fixed, self.settings, self.value = fixed, settings, value
+        self.fixed, self.errors, self.settings, self.value = fixed, errors, settings, value
 
 
 class Words(NamedTuple):
@@ -66,9 +66,9 @@ HARMONICS = Words()
 
 
 class Accuracy:
-    """What is asked of harmonics 1 to 4, and which of modes and steps may grow: those that were not given.
-    By default, where a few modes do (`preparation.saving`), there are the usual modes and steps where these
-    few do not, and more than `BY_DEFAULT` is said to be missing.
+    """What is asked of harmonics 1 to 4, and which of modes and steps may grow: those that were not given, to
+    `PeriodSettings.most` and `MOST` times the first steps. Where `MOST_MODES`
+    are far from enough there are the usual ones.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class Accuracy:
         The analysis, for messages.
     system : Model or ReducedModel
     settings : PeriodSettings
-        As a user gave them, with an accuracy.
+        With an accuracy, a user's or the default (`preparation.following`).
     words : Words
     """
 
@@ -89,7 +89,7 @@ class Accuracy:
     ):
         assert settings.accuracy is not None  # the caller has asked
         self.owner, self.value, self.settings = owner, settings.accuracy, settings
-        self.words, self.by_default = words, settings.few
+        self.words, self.asked, self._vain = words, settings.most >= MOST_MODES, ""
         self._model = system if isinstance(system, Model) and settings.modes is None else None
         self._most_steps = MOST * settings.least if settings.steps is None else 0
 
@@ -102,36 +102,33 @@ class Accuracy:
         errors are within it or nothing may grow.
         """
         modes = more = len(reduced.omega)
+        most = self._most_modes(modes)
         by_steps, late = largest_error(errors[1]), largest_error(errors[2:].sum(axis=0))
         # viscosity goes with what is left out, about as 1 / modes: where the most of them would leave too
-        # much, nothing is to be far below it; few modes by default are to do
-        hopeless = not self.by_default and late * modes > self.value * self._most_modes(modes)
-        counted, wanted = (errors[:2], max(self.value, late)) if hopeless else (errors, self.value)
+        # much, nothing is to be far below it
+        viscous = late * modes > self.value * most
+        counted, wanted = (errors[:2], max(self.value, late)) if viscous else (errors, self.value)
         by_modes = largest_error(np.delete(counted, 1, axis=0).sum(axis=0))
-        unknown = math.isnan(by_modes + by_steps)
-        if unknown and self.by_default and not self.settled(reduced):
-            return FEW + 1, steps
-        if largest_error(counted.sum(axis=0)) <= wanted or unknown or self.settled(reduced):
+        usual = min(LEAST_MODES, most)
+        in_vain = not by_modes <= wanted * (most / modes) ** FASTEST
+        if (viscous or in_vain) and modes < usual:
+            return usual, steps
+        if in_vain or largest_error(counted.sum(axis=0)) <= wanted:
             return None
-        times = 1
+        times, left = 1, wanted
         if self._model is not None and by_modes > (1.0 - OF_STEPS) * wanted:
             share = min(max(math.sqrt(2.0 * by_modes / wanted), LEAST_MORE), MOST_MORE)
-            more = self._more_modes(share * reduced.frequencies.max(), modes)
-        if more == modes and by_modes > wanted:
-            return None  # steps alone do not help
+            beyond = modes_beyond(
+                self._model, share * reduced.frequencies.max(), math.ceil(LEAST_MORE * modes)
+            )
+            more = min(most, max(modes, min(self.settings.most, beyond)))
+        if more == modes:
+            left = min(wanted, max(2.0 * (wanted - by_modes), LEFT * wanted))
         if by_steps > OF_STEPS * wanted or more == modes:
-            times = self._more_steps(steps, by_steps / wanted)
-        if more == modes and times == 1:
-            return None
+            times = self._more_steps(steps, by_steps / left)
+        if more == modes and (times == 1 or by_modes > wanted):
+            return None  # steps alone do not help
         return more if self._model is not None else self.settings.modes, times * steps
-
-    def _more_modes(self, band: float, modes: int) -> int:
-        """Modes up to a frequency (Hz), some more than there are."""
-        model, least = self._model, math.ceil(LEAST_MORE * modes)
-        assert model is not None  # the caller has asked
-        if self.by_default:
-            return few_modes(model, band, least, FEW) or max(FEW, modes) + 1
-        return min(self._most_modes(modes), modes_beyond(model, band, least))
 
     def _more_steps(self, steps: int, above: float) -> int:
         """How many times the steps, whose error is so many times what is wanted."""
@@ -144,13 +141,6 @@ class Accuracy:
         """How many there may be, where there are so many."""
         return modes if self._model is None else min(most_modes(self._model), max(MOST_MODES, modes))
 
-    def settled(self, reduced: ReducedModel) -> bool:
-        """Whether these are the modes that are taken by default where a few do not do."""
-        if not self.by_default:
-            return False
-        assert self._model is not None  # whose modes are left to us
-        return len(reduced.omega) >= min(FEW + 1, most_modes(self._model))
-
     def require(self, fixed: FixedPoint, errors: np.ndarray, value: float = math.nan) -> None:
         """Raise TooInaccurate where a motion's told errors are above it and modes or steps may grow."""
         period = fixed.driven.period
@@ -158,17 +148,15 @@ class Accuracy:
         more = self.further(period.reduced, period.steps // periods, errors)
         if more is not None:
             settings = replace(self.settings, modes=more[0], periods=periods)
-            if self.by_default and (more[0] or 0) > FEW:
-                raise TooInaccurate(fixed, usual(settings), value)
             if self._most_steps:
                 settings = replace(settings, least=more[1])
-            raise TooInaccurate(fixed, settings, value)
+            raise TooInaccurate(fixed, errors, settings, value)
 
     def reached(
         self,
         prepared: Callable[[PeriodSettings], Period],
         error: TooInaccurate,
-        found: Callable[[Period, np.ndarray], FixedPoint],
+        found: Callable[[Period, np.ndarray], FixedPoint | None],
     ) -> tuple[FixedPoint, np.ndarray]:
         """From a motion that is not accurate enough the same one in modes and steps in which it is, or which
         may not grow, and its told errors.
@@ -179,11 +167,19 @@ class Accuracy:
             The map of settings.
         error : TooInaccurate
         found : callable
-            A motion of a map near a state that is the difference to the linear response.
+            A motion of a map near a state that is the difference to the linear response; None where it is
+            lost there.
         """
         while True:
-            period = prepared(error.settings)
+            try:
+                period = prepared(error.settings)
+            except ValueError as refused:  # for which there is no memory
+                return self._last(error, str(refused))
             fixed = found(period, added(error.fixed, period))
+            if fixed is None:
+                steps = period.steps // period.excitation.periods
+                where = f"{len(period.reduced.omega)} modes and {steps} steps{self.words.each}"
+                return self._last(error, f"no motion is found near it in {where}")
             errors = harmonic_error_estimates(fixed)
             try:
                 self.require(fixed, errors)
@@ -191,14 +187,17 @@ class Accuracy:
             except TooInaccurate as further:
                 error = further
 
+    def _last(self, error: TooInaccurate, why: str) -> tuple[FixedPoint, np.ndarray]:
+        """The motion that more modes and steps cannot follow, which do not grow any more."""
+        self._model, self._most_steps, self._vain = None, 0, why
+        return error.fixed, error.errors
+
     def tried(
         self, over: ParameterRange, period: Period, prepared: Callable[[PeriodSettings], Period]
     ) -> Period:
         """The map of a curve in whose modes and steps both ends and the linear peak are accurate, as far as
         Newton's method finds motions there at once.
         """
-        if self.settled(period.reduced):
-            return period
         for place in _places(over, period):
             with contextlib.suppress(SolveError):
                 fixed, errors = _told(over, period, place)
@@ -231,7 +230,7 @@ class Accuracy:
         """The map in whose modes and steps a point of a curve is accurate; where Newton's method loses that
         point, the last one.
         """
-        maps: list[Period] = []
+        maps = [error.fixed.driven.period]
 
         def kept(settings: PeriodSettings) -> Period:
             maps.append(prepared(settings))
@@ -261,30 +260,27 @@ class Accuracy:
         if late > max(by_modes, by_steps):
             cause = f"viscous by Rayleigh's b of what is left out beyond {modes} modes"
             remedy = "damp the modes, as damping does, or ask for less"
-        elif self.by_default:
-            cause = f"left out beyond {modes} modes" if by_modes >= by_steps else f"lost in {steps} steps"
-            remedy = f"give accuracy = {self.value:g} for as many modes and steps as that needs"
         elif by_modes >= by_steps:
             cause, remedy = f"left out beyond {modes} modes", f"give more than modes = {modes}"
-            if self._model is not None:
+            if self._model is not None and modes >= most_modes(self._model):
                 remedy = "refine the mesh, which has no further ones, or ask for less"
-            elif self.settings.modes is None:
+            elif self._model is not None and not self.asked and modes < MOST_MODES:
+                remedy = f"give accuracy = {self.value:g} for up to {MOST_MODES}"
+            elif self._model is None and self.settings.modes is None and not self._vain:
                 remedy = "reduce the model to more modes"
         else:
             cause, remedy = f"lost in {steps} steps{self.words.each}", self.words.remedy.format(steps)
-        worst = largest_error(errors.sum(axis=0))
+        worst, why = largest_error(errors.sum(axis=0)), self._vain and f" ({self._vain})"
         off = f"told to be {worst:.2g} off" if math.isfinite(worst) else "off by what is not found"
-        asked = "" if self.by_default else f" not within accuracy = {self.value:g},"
-        return f"{self.words.subject} are {off},{asked} most by what is {cause}; {remedy}"
+        asked = f"not within accuracy = {self.value:g}"
+        return f"{self.words.subject} are {off}, {asked}, most by what is {cause}{why}; {remedy}"
 
     def tell(self, reduced: ReducedModel, steps: int, errors: np.ndarray) -> str:
-        """Warn the owner's caller of told errors above it, by default far above it; what is missing of what
-        was asked for is returned.
-        """
+        """Warn the owner's caller of told errors above it; what is missing of what was asked is returned."""
         missing = self.missing(reduced, steps, errors)
-        if missing and (not self.by_default or largest_error(errors.sum(axis=0)) > BY_DEFAULT):
+        if missing:
             warnings.warn(f"{self.owner}: {missing}", AccuracyWarning, stacklevel=caller_level())
-        return "" if self.by_default else missing
+        return missing if self.asked else ""
 
 
 def _places(over: ParameterRange, period: Period) -> list[float]:

@@ -15,7 +15,7 @@ from ..errors import wrong_input
 from ..loads import EdgeMotion, Load, Loads, as_loads, separate
 from ..petsc import MPI
 from ..ranks.parallel import collective
-from ..reduction.build import ACCURATE_BAND, default_modes, few_modes, modes_for, reduced
+from ..reduction.build import default_modes, modes_for, reduced
 from ..reduction.reduced_model import ReducedModel
 from ..signals.sampling import known
 from ..signals.signal import Constant, Signal, as_signal
@@ -246,13 +246,10 @@ class Wanted(NamedTuple):
         None: by default all modes up to 8 times the loads' highest frequency, at least 80.
     accuracy : float or None
         Of the lowest harmonics, which then tells the default number of modes.
-    few : bool
-        That it does so under slow loads alone, for which a few modes do.
     """
 
     modes: int | None
     accuracy: float | None = None
-    few: bool = False
 
 
 def serving(
@@ -271,7 +268,7 @@ def serving(
     highest : float
         Highest load frequency, Hz.
     """
-    modes, accuracy, few = wanted
+    modes, accuracy = wanted
     if isinstance(system, ReducedModel):
         if modes is not None:
             raise wrong_input(
@@ -285,8 +282,7 @@ def serving(
     system.require_support(f"{owner} of the reduced model")
     if modes is None and accuracy is not None:
         known = all(signal.highest_frequency is not None for signal in loads.signals)
-        asked = highest if known else 0.0
-        modes = few_modes(system, ACCURATE_BAND * asked) if few else modes_for(system, asked, accuracy)
+        modes = modes_for(system, highest if known else 0.0, accuracy)
     result = reduced(system, loads.units, modes or default_modes(system, highest))
     _warn_of_reduced(owner, result, loads, highest)
     return result

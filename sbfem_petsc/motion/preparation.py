@@ -12,7 +12,7 @@ from ..contact.friction import Friction
 from ..errors import wrong_input
 from ..ranks.capacity import require_compiler, require_memory
 from ..ranks.parallel import collective
-from ..reduction.build import ACCURATE, ACCURATE_BAND, FEW, FEW_FIRST, LEAST_MODES, few_modes, most_modes
+from ..reduction.build import ACCURATE, LEAST_MODES, MOST_MODES, modes_for, most_modes
 from ..reduction.reduced_model import ReducedModel
 from ..signals.waves import Harmonic
 from ..system.model import Model
@@ -37,10 +37,6 @@ class Begun(Protocol):
     @property
     def reduced(self) -> ReducedModel | None:
         """Its model, None where it was not reduced."""
-
-    @property
-    def largest_mode_error(self) -> float:
-        """What is told of its error by left-out modes and the steps, nan where nothing is."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +64,9 @@ class PeriodSettings:
         Highest forcing frequency that the modes are to serve, Hz; None: the one of the period.
     accuracy : float or None
         Of harmonics 1 to 4: tells how many modes there are to begin with where they are not given.
-    few : bool
-        That it does so where a few modes are enough; there are the default ones and as many steps elsewhere.
+    most : int
+        Modes that it may grow to; fewer than `MOST_MODES` where nobody asked, and what is missing then blocks
+        nothing.
     least : int
         Steps a forcing period at least where they are not given; 0: by default or as the accuracy asks for.
     """
@@ -83,7 +80,7 @@ class PeriodSettings:
     segments: int = 1
     band: float | None = None
     accuracy: float | None = None
-    few: bool = False
+    most: int = MOST_MODES
     least: int = 0
     first: int | None = None
 
@@ -93,16 +90,16 @@ class PeriodSettings:
             object.__setattr__(self, "least", least)
 
 
-def saving(settings: PeriodSettings, system: Model | ReducedModel, guess: Begun | None) -> PeriodSettings:
-    """Settings that ask for an accuracy of 1e-3 where a few modes are enough for it: of a model whose modes
-    and steps are left to us, and that begins from no motion, or from one in few modes that are.
+def following(
+    settings: PeriodSettings, system: Model | ReducedModel, most: int = MOST_MODES
+) -> PeriodSettings:
+    """Settings that ask for an accuracy of 1e-3 by default, in so many modes at most: of a model whose modes
+    and steps are left to us, and that has named points, without which no error is told.
     """
-    if not isinstance(system, Model):
+    left = settings.accuracy is None and settings.modes is None and settings.steps is None
+    if not left or not isinstance(system, Model) or not system.points:
         return settings
-    few = settings.accuracy is None and settings.modes is None and settings.steps is None
-    if guess is not None and guess.reduced is not None:
-        few = few and len(guess.reduced.omega) <= FEW and guess.largest_mode_error <= ACCURATE
-    return replace(settings, accuracy=ACCURATE, few=True) if few else settings
+    return replace(settings, accuracy=ACCURATE, most=most, least=0)
 
 
 def beginning(settings: PeriodSettings, guess: Begun | None) -> PeriodSettings:
@@ -112,30 +109,32 @@ def beginning(settings: PeriodSettings, guess: Begun | None) -> PeriodSettings:
     return replace(settings, first=len(guess.reduced.omega))
 
 
-def usual(settings: PeriodSettings) -> PeriodSettings:
-    """Those with the usual modes and steps, where a few do not do."""
-    return replace(settings, modes=None, accuracy=None, few=False, least=0, first=0)
+def restarted(settings: PeriodSettings, reduced: ReducedModel) -> PeriodSettings | None:
+    """Settings with the usual modes to begin with, where no motion is found in fewer that an accuracy has
+    chosen; None where they are given or there are no fewer.
+    """
+    if settings.accuracy is None or settings.modes is not None or reduced.model is None:
+        return None
+    usual = min(LEAST_MODES, most_modes(reduced.model))
+    return replace(settings, first=usual) if len(reduced.omega) < usual else None
 
 
 def expected(
     model: Model, frequency: float, highest: float, accuracy: float | None = None
 ) -> tuple[int, int]:
     """Modes, and steps a forcing period (its frequency in Hz), that a steady state begins with by default, or
-    for an accuracy, under loads up to a frequency (Hz). The usual modes, which are not computed for it, are
-    the fewest of these, and their steps those of an upper estimate of their highest frequency. Collective.
+    for an accuracy, under loads up to a frequency (Hz). As many as the usual modes are not computed for it,
+    and their steps are those of an upper estimate of their highest frequency. Collective.
     """
-    band, most = ACCURATE_BAND * highest, FEW_FIRST
-    if accuracy is not None:
-        band, most = band * math.sqrt(ACCURATE / accuracy), FEW
-    modes = few_modes(model, band, most=most)
-    if modes is not None:
+    accuracy = accuracy or ACCURATE
+    modes = modes_for(model, highest, accuracy)
+    if modes < LEAST_MODES:
         top = float(model.modes(modes).frequencies[-1])
     else:
-        modes = min(LEAST_MODES, most_modes(model))
         top = top_of_band(model.statics.elements, modes) / (2.0 * math.pi)
     contact = top / (CONTACT_STEP * frequency) if len(model.contact) else 0.0
     return modes, max(
-        accurate_steps(accuracy or ACCURATE), math.ceil(contact), math.ceil(FAST_STEPS * highest / frequency)
+        accurate_steps(accuracy), math.ceil(contact), math.ceil(FAST_STEPS * highest / frequency)
     )
 
 
@@ -172,8 +171,7 @@ def prepare(
     highest *= (settings.band or frequency) / frequency
     first = settings.first or None if isinstance(system, Model) else None
     modes = first if settings.modes is None else settings.modes
-    wanted = Wanted(modes, settings.accuracy, settings.few)
-    reduced = serving(owner, system, loads, wanted, highest)
+    reduced = serving(owner, system, loads, Wanted(modes, settings.accuracy), highest)
     with collective(communicator(system)):
         if guess is not None:
             check_guess(owner, guess, reduced, carried=True)

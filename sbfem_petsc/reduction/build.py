@@ -37,9 +37,9 @@ BAND, LEAST_MODES = 8.0, 80
 # The same for an accuracy of 1e-3 of the lowest harmonics, and one mode more; of loads of no known band the
 # default is the least. The error falls as the square of the band: 15 motions of beams, plates, bimaterials.
 ACCURATE_BAND, ACCURATE_LEAST, ACCURATE = 16.0, 12, 1e-3
-# So many that this accuracy asks for, or fewer, are taken in the place of the default ones, if the first
-# attempt has no more than the second number, which leaves room for another: else they cost what they save.
-FEW, FEW_FIRST = LEAST_MODES // 2, LEAST_MODES // 3
+# Most modes that it begins with, unless the usual ones are more, and that it grows to; the same by default
+# of what computes many motions or cycles: twice as many take eight times as long.
+MOST_MODES, MOST_OF_MANY = 320, 2 * LEAST_MODES
 
 
 @agreed()
@@ -218,21 +218,8 @@ def modes_for(model: Model, highest: float, accuracy: float) -> int:
     with.
     """
     band = ACCURATE_BAND * math.sqrt(ACCURATE / accuracy) * highest
-    return modes_beyond(model, band, ACCURATE_LEAST if highest > 0.0 else LEAST_MODES)
-
-
-def few_modes(model: Model, band: float, least: int = ACCURATE_LEAST, most: int = FEW_FIRST) -> int | None:
-    """Number of modes up to a frequency (Hz) and one more, at least and at most so many; None where they are
-    more, or the frequency is 0. Collective.
-    """
-    most = min(most, most_modes(model))
-    if not 0.0 < 2.0 * math.pi * band < top_of_band(model.statics.elements, most):
-        return None
-    below = count_below(model, band)
-    if below is None:
-        below = int((model.modes(most).frequencies <= band).sum())
-    count = max(least, 1 + below)
-    return count if count <= most else None
+    modes = modes_beyond(model, band, ACCURATE_LEAST if highest > 0.0 else LEAST_MODES)
+    return modes if modes <= MOST_MODES else modes_beyond(model, BAND * highest, MOST_MODES)
 
 
 def modes_beyond(model: Model, frequency: float, least: int) -> int:

@@ -33,32 +33,61 @@ def test_modes_and_steps_of_an_orbit(accuracy):
     assert len(found.reduced.omega) <= 30 and len(found.time) <= 512
 
 
-@pytest.mark.parametrize("frequency", [1339.0, 14150.0])
-def test_usual_modes_where_a_few_do_not(frequency):
-    """By default, near a superharmonic resonance and under fast loads: the motion in the 80 modes and 512
-    steps that are given here, and not a word of what is told to be below 1e-2.
+@pytest.mark.parametrize("frequency, modes, most", [(1339.0, 120, 80), (14150.0, 360, 246)])
+def test_as_many_modes_as_fast_loads_need(frequency, modes, most):
+    """By default, near a superharmonic resonance and at 14 kHz, where the 80 modes that were the default are
+    told to be 6e-3 off: within 1e-3 of many more modes in twice the steps, and not a word.
     """
     beam = coarse_beam(0.002)
     with warnings.catch_warnings():
         warnings.simplefilter("error", sb.AccuracyWarning)
         found = sb.periodic(beam, PUSH, frequency, stability=False)
-    given = sb.periodic(beam, PUSH, frequency, modes=80, steps=512, stability=False)
-    assert len(found.reduced.omega) == 80 and len(found.time) == 512
-    np.testing.assert_allclose(found.harmonics("A")[:5], given.harmonics("A")[:5], rtol=1e-6)
+    more = sb.periodic(beam, PUSH, frequency, modes=modes, steps=1024, guess=found, stability=False)
+    true = true_error(found, more)[1:] / np.arange(1, 5)
+    assert true.max() <= found.largest_mode_error <= 1e-3, (true, found)
+    assert len(found.reduced.omega) <= most and len(found.time) == 512
 
 
-def test_a_warning_where_usual_modes_and_steps_are_far_off():
-    """Told to be above 1e-2, of a motion, and of a curve, whose bifurcations are located as before; modes
-    that are given are not judged.
+def test_a_warning_where_it_cannot_be_had(monkeypatch):
+    """Told errors above 1e-3 in as many modes as there may be, of a motion, and of a curve, whose
+    bifurcations are located all the same; of a motion that has no room in more modes, or is not found there,
+    the last one and the reason. Modes that are given are not judged.
     """
     beam, blow = coarse_beam(0.002), sb.PointForce("A", fy=3000.0)
-    words = r"harmonics 1 to 4 are told to be 0\.0\d+ off, most by .* 80 modes; give accuracy = 0.001 for"
-    with pytest.warns(sb.AccuracyWarning, match=f"periodic: {words}"):
-        found = sb.periodic(beam, blow, 12e3, stability=False)
-    assert 1e-2 < found.largest_mode_error < 1e-1 and len(found.reduced.omega) == 80
-    with pytest.warns(sb.AccuracyWarning, match=f"frequency_response: {words}"):
+    words = (
+        r"harmonics 1 to 4 are told to be 0\.00\d+ off, not within accuracy = 0.001, most by what is left out"
+    )
+    with pytest.warns(
+        sb.AccuracyWarning, match=f"periodic: {words} beyond 2.. modes; give more than modes = 2"
+    ):
+        found = sb.periodic(beam, blow, 30e3, stability=False)
+    assert 1e-3 < found.largest_mode_error < 1e-2
+    with pytest.warns(
+        sb.AccuracyWarning, match=f"{words} beyond 160 modes; give accuracy = 0.001 for up to 320"
+    ):
         curve = sb.frequency_response(beam, blow, 12e3, 12001.0)
-    assert not curve.unlocated
+    assert not curve.unlocated and len(curve.reduced.omega) == 160
+    original, find = periodic_module.prepare, periodic_module.find_steady_state
+
+    def lost(driven, *args, **options):
+        if driven.period.modes > 100:
+            raise sb.SolveError("lost")
+        return find(driven, *args, **options)
+
+    def refused(*args, settings, **options):
+        if (settings.modes or 0) > 100:
+            raise ValueError("periodic: 246 modes take more memory than is free")
+        return original(*args, settings=settings, **options)
+
+    for name, patch, why in (
+        ("find_steady_state", lost, "no motion is found near it in 2"),
+        ("prepare", refused, "periodic: 246 modes take more memory"),
+    ):
+        with monkeypatch.context() as patched:
+            patched.setattr(periodic_module, name, patch)
+            with pytest.warns(sb.AccuracyWarning, match=rf"beyond 96 modes \({why}"):
+                found = sb.periodic(beam, blow, 12e3, stability=False)
+        assert len(found.reduced.omega) == 96
     with warnings.catch_warnings():
         warnings.simplefilter("error", sb.AccuracyWarning)
         sb.periodic(beam, blow, 12e3, modes=80, stability=False)
@@ -97,7 +126,7 @@ def test_usual_modes_where_a_few_find_no_motion(monkeypatch):
 
 def test_curves_in_few_modes_by_default(tmp_path, monkeypatch):
     """A slow curve, and gone on with from its file in its modes; peak and error beside 50. Where these are
-    told not to do it is followed anew in the usual ones, which is said.
+    told not to do it is followed anew in more, which is said.
     """
     beam, file = coarse_beam(0.002), str(tmp_path / "curve.journal")
     found = sb.frequency_response(beam, PUSH, 431.0, 431.2, file=file, stability=False)
@@ -108,12 +137,12 @@ def test_curves_in_few_modes_by_default(tmp_path, monkeypatch):
     np.testing.assert_array_equal(again.point_amplitudes, found.point_amplitudes)
 
     def far_off(fixed: FixedPoint) -> np.ndarray:
-        return np.full((2, 5), 1.0 if fixed.driven.period.modes <= 40 else 0.0)
+        return np.array([[0.004 if fixed.driven.period.modes <= 40 else 0.0] * 5, [0.0] * 5])
 
     monkeypatch.setattr(branch_following, "harmonic_error_estimates", far_off)
-    with pytest.warns(sb.BranchWarning, match="in 2. modes, are not accurate .* anew in 80 modes and 512"):
+    with pytest.warns(sb.BranchWarning, match="in 2. modes, are not accurate .* anew in 4. modes and 512"):
         again = sb.frequency_response(beam, PUSH, 431.0, 431.2, file=file, resume=True, stability=False)
-    assert len(again.reduced.omega) == len(sb.read(file).reduced.omega) == 80
+    assert 40 < len(again.reduced.omega) == len(sb.read(file).reduced.omega) < 50
 
 
 @pytest.mark.parametrize("modes", [80, 30])
@@ -270,8 +299,8 @@ def test_bifurcations_of_matrices_that_are_gone_on_with(tmp_path):
 
 
 def test_two_tones(monkeypatch):
-    """Lines of each order beside 80 modes, which are 5e-4 from 120 in twice the steps. By default 1e-3 where
-    a few modes do, and 80 where these are told not to.
+    """Lines of each order beside 80 modes, which are 5e-4 from 120 in twice the steps. By default 1e-3,
+    and more modes where these are told not to do.
     """
     load = sb.PointForce("A", fy=sb.Harmonic(100.0, 433.0) + sb.Harmonic(60.0, 61.7))
     frequencies, beam = (433.0, 61.7), coarse_beam(0.002)
@@ -287,11 +316,13 @@ def test_two_tones(monkeypatch):
     assert len(found.reduced.omega) < 20 and np.isnan(fine.mode_error).all()
     few = sb.quasi_periodic(beam, load, frequencies, stability=False)
     assert len(few.reduced.omega) < 40 and few.largest_mode_error <= 1e-3
-    of_modes = lambda *given: np.array([[0.01] * 5, [0.0] * 5])
+    of_modes = lambda torus, *given: np.array(
+        [[0.0 if len(torus.reduced.omega) > 40 else 0.004] * 5, [0.0] * 5]
+    )
     monkeypatch.setattr(quasi_periodic, "line_error_estimates", of_modes)
-    usual = sb.quasi_periodic(beam, load, frequencies, guess=few, stability=False)
-    assert len(usual.reduced.omega) == 80 and np.isnan(usual.mode_error).all()
-    np.testing.assert_allclose(usual.line(1, 1, "A"), fine.line(1, 1, "A"), rtol=1e-6)
+    more = sb.quasi_periodic(beam, load, frequencies, guess=few, stability=False)
+    assert 40 < len(more.reduced.omega) < 80
+    np.testing.assert_allclose(more.line(1, 1, "A"), fine.line(1, 1, "A"), rtol=1e-4)
     monkeypatch.undo()
     with pytest.warns(sb.AccuracyWarning, match="quasi_periodic: .* give more than modes = 6"):
         sb.quasi_periodic(beam, load, frequencies, modes=6, steps=192, accuracy=1e-3, stability=False)

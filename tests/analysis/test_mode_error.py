@@ -207,7 +207,7 @@ def test_told_of_viscosity_of_a_model():
     # few modes do not do by default; 1e-5 cannot be had, and nothing is brought far below what is left
     assert len(sb.periodic(beam, push, frequency, stability=False).reduced.omega) == 80
     with pytest.warns(
-        sb.AccuracyWarning, match="viscous by Rayleigh's b of what is left out beyond 28 modes"
+        sb.AccuracyWarning, match="viscous by Rayleigh's b of what is left out beyond 80 modes"
     ):
         sb.periodic(beam, push, frequency, accuracy=1e-5, stability=False)
 
