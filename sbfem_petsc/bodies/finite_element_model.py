@@ -20,8 +20,8 @@ from .rows import AXES, HELD, NONE, Contact, Row, told
 
 # Relative asymmetry that rounding of written files explains.
 SYMMETRY = 1e-6
-# Distance of nodes in sizes of the body that rounding explains.
-TOGETHER = 1e-10
+# Distance of nodes in sizes of the body that rounding explains, and rounding of few digits off a plane.
+TOGETHER, LEVEL = 1e-10, 1e-5
 # Elements with eight-node faces, and how many of their nodes are corners.
 EIGHT = {"quad8": 4, "hexahedron20": 8}
 
@@ -191,7 +191,8 @@ class FiniteElementModel:
             From left to right. Default: that of the plane through the left face, towards the right one where
             the faces are apart.
         gap : float, (left,) array or function of (x, y, z), optional
-            m; a function is given arrays of the left nodes. Default: the distance of the nodes, 0 at a wall.
+            m; a function is given arrays of the left nodes. Default: the distance of the nodes, 0 at a wall,
+            of nodes in a plane across the normal.
         matching : bool
             Whether each left node has a right one before it. False: gaps are means about the left nodes,
             weighted by the elements of both faces (mortar method), so that a uniform pressure passes on as
@@ -239,11 +240,16 @@ class FiniteElementModel:
         self._require_outward(one, normal)
         slip = self._slip_direction(law, np.append(one, other), normal) if law.rubs else np.zeros(3)
         weights, share = sparse.identity(len(one), format="csr"), sparse.csr_matrix((len(one), len(other)))
-        if right is None:
-            gap = 0.0 if gap is None else gap
-        elif matching:
+        if right is None and gap is None:
+            if (off := np.ptp(x @ normal)) > LEVEL * self._sides.max():
+                raise ValueError(
+                    f"contact: left nodes lie up to {off:g} m behind each other along the normal, and where "
+                    "the wall is, is not known; give gap, 0.0 if it touches all of them"
+                )
+            gap = 0.0
+        elif right is not None and matching:
             share = partners(self.labels[one], x, y, normal)
-        else:
+        elif right is not None:
             own, faces = self._along(normal, weights, one), (self._faces(one), self._faces(other))
             at = self.labels[one], x, y
             weights, share = between(at, normal, faces, lambda s: moved(self._along(normal, s, other) - own))

@@ -282,6 +282,10 @@ def test_wrong_models(parts, change, sentence):
         ),
         (lambda b: b.contact(b.labels, "RIGHT"), "up to 0.0.* m off a plane, and tell no normal; give it"),
         (lambda b: b.contact("LEFT"), "nor does a wall; give a normal"),
+        (
+            lambda b: b.contact(b.labels, normal=(0, 0, -1)),
+            "left nodes lie up to 0.01 m behind each other along the normal",
+        ),
         (lambda b: b.contact("LEFT", normal="x", gap=[1e-6]), r"gap has shape \(1,\), \(2,\) was expected"),
         (lambda b: b.contact("LEFT", normal="x", gap=-1e-6), "overlap"),
         (
