@@ -260,7 +260,7 @@ def _slide(rubbing: Rubbing, row: int, pull: float, sets: Sets) -> None:
     more."""
     inverse, place = sets.inverse, sets.place
     at, normal = place[row], place[rubbing.rows[row - rubbing.beside.size]]
-    for b in range(sets.members[place.size]):
+    for b in range(sets.members[place.size] if normal >= 0 else 0):
         inverse[at, b] += pull * inverse[normal, b]
 
 
@@ -304,7 +304,8 @@ def _differs(state: np.ndarray, sets: Sets) -> bool:
 @inner_loops
 def follow(flexibility: np.ndarray, rubbing: Rubbing, state: np.ndarray, sets: Sets) -> bool:
     """Bring the inverse from the set of the step before to that of some states; whether it is regular. Rows
-    that the others do not determine yet wait until more have joined.
+    that the others do not determine yet wait until more have joined; those that wait at the end are held by
+    the others, as twice the same row is, and take no force.
     """
     known, place, members = sets.known, sets.place, sets.members
     n, count = state.size, rubbing.beside.size
@@ -330,6 +331,8 @@ def follow(flexibility: np.ndarray, rubbing: Rubbing, state: np.ndarray, sets: S
                 if pull != 0.0:
                     _slide(rubbing, i, pull, sets)
                 known[i] = STICKS
-    if waiting > 0:
-        members[n] = -1
-    return waiting == 0
+    for i in range(count, n if waiting > 0 else count):
+        if place[i] < 0 and state[i] == STICKS and pull_of(rubbing, known, i) != 0.0:
+            members[n] = -1  # what its pressure pulled is no force of its own
+            return False
+    return True

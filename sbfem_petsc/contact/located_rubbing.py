@@ -26,6 +26,9 @@ from .law import FREE
 from .rubbing_tangent import LEAST
 from .step_data import StepConstants
 
+# Condition of sets of which rows are held twice, which share their forces.
+_TWICE = 1e13
+
 
 class _Operators(NamedTuple):
     """Of a set, in the scaled thin space and units of the memory.
@@ -122,7 +125,13 @@ class _Located:
         members, extent = extent_of(self.step.rubbing, state)
         place = np.full(len(state), -1)
         place[members] = np.arange(len(members))
-        inverse = np.linalg.inv((self.step.residual @ extent)[members])
+        acting = (self.step.residual @ extent)[members]
+        try:
+            inverse = np.linalg.inv(acting)
+        except np.linalg.LinAlgError:
+            inverse = np.full_like(acting, np.inf)
+        if np.abs(inverse).max(initial=0.0) * np.abs(acting).max(initial=0.0) > _TWICE:
+            inverse = np.linalg.pinv(acting, 1.0 / _TWICE)
         held = extent @ inverse
         along = held @ scaled[:, members].T
         memory = np.zeros((len(state), len(units)))

@@ -22,6 +22,8 @@ ROUNDING, SWEEPS, ROUNDS, LANDINGS = 1e-12, 20, 20, 3
 # What may be left of the gaps that are kept, relative to the largest gap without forces or by a row's own
 # force, and how often it is solved for again.
 _LEFT, _REFINED = 1e-13, 4
+# What rows that the others hold may miss of their places, relative to the largest gap without forces.
+_MISSED = 1e-9
 
 
 @inner_loops
@@ -60,11 +62,25 @@ def _refined(
             pull = pull_of(rubbing, state, t)
             if pull != 0.0:
                 normal = rubbing.rows[t - count]
+                if sets.place[normal] < 0:
+                    continue
                 members[total], solved[total] = t, pull * solved[sets.place[normal]]
                 force[t] = pull * force[normal]
                 total += 1
         add_rows(flexibility, members, solved, total, (n, n), free)
     return False
+
+
+@inner_loops
+def _missed(gap: tuple[np.ndarray, np.ndarray], held: tuple[Table, Rubbing, np.ndarray], sets: Sets) -> bool:
+    """Whether rows that wait, see `held_rows.follow`, are not where they are kept, under forces of others."""
+    (laws, rubbing, state), missed, size = held, 0.0, 0.0
+    for i in range(state.size):
+        size = max(size, abs(gap[0][i]))
+        if sets.place[i] < 0 and (state[i] != FREE if i < rubbing.beside.size else state[i] == STICKS):
+            kept = laws.place[state[i], i] if i < rubbing.beside.size else gap[1][i]
+            missed = max(missed, abs(kept - sets.free[i]))
+    return missed > _MISSED * size
 
 
 @inner_loops
@@ -77,7 +93,8 @@ def _solve(
 ) -> bool:
     """Forces and gaps of a set; whether it has any. Where rounding has piled up, all is done anew."""
     for _ in range(2):
-        if follow(flexibility, held[1], held[2], sets) and _refined(flexibility, gap, held, sets, force):
+        found = follow(flexibility, held[1], held[2], sets) and _refined(flexibility, gap, held, sets, force)
+        if found and not _missed(gap, held, sets):
             return True
         sets.members[sets.place.size] = -1
     return False

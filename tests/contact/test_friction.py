@@ -179,6 +179,51 @@ def test_rows_of_other_laws_beside_those_that_rub(each, draws):
         check(flexibility[np.ix_(own, own)], acting, pair, apart, own_rows)
 
 
+def test_rows_that_are_held_twice():
+    """Tied rows that are the same, beside rows that rub: what one of them alone does, which they share."""
+    rng, each = np.random.default_rng(3), [*map(sb.Coulomb, (0.2, 0.5, 1.2)), *[sb.Tied()] * 3]
+    twice = np.array([0, 1, 2, 3, 4, 3, 5, 6, 7])  # the fourth row stands for the sixth, too
+    for _ in range(100):
+        root = rng.normal(size=(8, 8))
+        flexibility, free, found = 1e-9 * root @ root.T, 1e-6 * rng.normal(size=8), []
+        for order, laws in ((np.arange(8), RowLaws.of(each[:5])), (twice, RowLaws.of(each))):
+            friction = Friction.of(each, np.arange(3))
+            given = flexibility[np.ix_(order, order)], free[order], laws, friction
+            found.append(solve_friction(*given, Memory.none(laws, friction)).force)
+        expected, force = found
+        assert np.delete(force, [3, 5]) == pytest.approx(np.delete(expected, 3), rel=1e-7, abs=1e-9)
+        assert force[3] + force[5] == pytest.approx(expected[3], rel=1e-7, abs=1e-9)
+
+
+def test_steady_states_with_rows_that_are_held_twice():
+    """A tied row given twice beside one that rubs: motion and multipliers as if it were given once, and
+    a slip more that nothing remembers.
+    """
+    size, found = 6, []
+    unit = np.eye(size)
+    for times in (1, 2):
+        reduced = sb.reduce_matrices(
+            unit,
+            2.0 * unit - np.eye(size, k=1) - np.eye(size, k=-1),
+            np.concatenate([unit[[1]], *[unit[[3]] - unit[[4]]] * times]),
+            np.array([0.3, *[0.0] * times]),
+            loads=unit,
+            sensors={"x": 1},
+            modes=4,
+            damping=0.1,
+            compliance=[1e-3, *[0.0] * times],
+            contact_laws=[sb.Coulomb(0.4), *[sb.Tied()] * times],
+            tangent_rows=np.concatenate([unit[[2]], *[0.0 * unit[:1]] * times]),
+        )
+        waves = {1: sb.Harmonic(2.0, 0.11), 2: sb.Harmonic(0.7, 0.11, phase=40.0), 4: sb.Harmonic(0.3, 0.11)}
+        load = [waves.get(k, sb.Constant(0.0)) for k in range(size)]
+        found.append(sb.periodic(reduced, load, 0.11, steps=256))
+    once, twice = found
+    assert twice.displacement("x") == pytest.approx(once.displacement("x"), abs=1e-9)
+    for multiplier in once.multipliers:
+        assert np.abs(twice.multipliers - multiplier).min() < 1e-7
+
+
 def test_rows_land_where_gap_and_slip_go_linearly():
     """What a row keeps that lands is its slip where its gap closes on the way from the state before to that
     without the rows that land; of 510 states in which some do, five lead to no set that tells itself.
