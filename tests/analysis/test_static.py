@@ -391,3 +391,13 @@ def test_given_gaps_are_those_of_a_notch():
     drawn, given = np.array(results)
     assert drawn[0] > 9000 and len(gaps) == 5 and (drawn > 0).all()
     assert np.abs(given / drawn - 1).max() < 1e-4
+
+
+def test_a_wide_notch_has_no_second_intensity():
+    """Beyond 102.6 degrees (Williams) there is none: a note says that it stands as 0, and no unit is nan."""
+    model = sb.Model(Beam(0.1, 0.04, [VNotch(0.05, 0.015, 105.0)]).mesh(order=3), ALUMINIUM)
+    found = sb.static(model, sb.PointForce("A", fy=-1e4))
+    assert found.stress_intensity["crack1"][1] == 0.0 and found.tip_facts.units("crack1")[1] == "none"
+    (note,) = found.notes
+    assert "K_I of 'crack1' is in Pa m^0.426" in note and "a K_II is not there and stands as 0" in note
+    assert "nan" not in found.tip_facts.common + found.tip_facts.unit("crack1") + note

@@ -52,10 +52,10 @@ class TipFacts(Record):
         return (np.abs(self.exponents - 0.5) <= CRACK).all(axis=1)
 
     def units(self, tip: str) -> tuple[str, str]:
-        """Of K_I and K_II of a tip."""
+        """Of K_I and K_II of a tip, "none" of one that is not there."""
         powers = 1.0 - self.exponents[self.names.index(tip)]
         one, two = ("Pa m^(1/2)" if abs(p - 0.5) <= CRACK else f"Pa m^{p:.6g}" for p in powers)
-        return one, two
+        return one, "none" if np.isnan(powers[1]) else two
 
     @property
     def common(self) -> str:
@@ -95,10 +95,15 @@ class TipFacts(Record):
             )
         for units in dict.fromkeys(self.units(name) for name in names[~self.cracks]):
             alike = [name for name in names[~self.cracks] if self.units(name) == units]
+            told = f"K_I and K_II of {listed(alike)} are in {units[0]} and {units[1]}"
+            if units[1] == "none":
+                told = (
+                    f"K_I of {listed(alike)} is in {units[0]}, a K_II is not there and stands as 0, for "
+                    "under shear stresses hardly grow towards so wide a notch"
+                )
             found.append(
-                f"K_I and K_II of {listed(alike)} are in {units[0]} and {units[1]}, and there is no energy "
-                "release rate: stresses at a notch, or a crack that ends at an interface, do not go with "
-                "r^(-1/2)"
+                f"{told}, and there is no energy release rate: stresses at a notch, or a crack that ends at "
+                "an interface, do not go with r^(-1/2)"
             )
         return tuple(found)
 
