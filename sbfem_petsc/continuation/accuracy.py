@@ -30,6 +30,8 @@ from .search import NEWTON_ALONE, find_steady_state
 # Of the highest frequency of the modes from one attempt to the next, by the error; the least share of it that
 # is left to the steps, and the share that they may have; power of the modes by which errors fall at best.
 LEAST_MORE, MOST_MORE, LEFT, OF_STEPS, FASTEST = 1.25, 2.5, 0.25, 0.6, 4.0
+# Times the first steps where nobody asked.
+UNASKED = 4
 
 
 class TooInaccurate(Exception):
@@ -91,7 +93,8 @@ class Accuracy:
         self.owner, self.value, self.settings = owner, settings.accuracy, settings
         self.words, self.asked, self._vain = words, settings.most >= MOST_MODES, ""
         self._model = system if isinstance(system, Model) and settings.modes is None else None
-        self._most_steps = MOST * settings.least if settings.steps is None else 0
+        times = MOST if self.asked else UNASKED
+        self._most_steps = times * settings.least if settings.steps is None else 0
 
     def met(self, errors: np.ndarray) -> bool:
         """Whether told errors, see `harmonic_error_estimates`, are within it."""

@@ -27,6 +27,9 @@ STEPS, LONGEST = 512, 64
 # Default steps a period of the loads' highest frequency, with contact: with 64, 32, 16 of them the sidebands
 # of a breathing crack are off by 6e-4, 1 %, 5 %.
 FAST_STEPS = 32
+# Boundary unknowns above which more than the usual modes are made for those alone who ask for them: 275 modes
+# of a plate of 10,788, whose steps follow, take minutes.
+LARGE = 5000
 # Directions of contact at an instant that the derivative keeps: of some twenty rows about so many remain.
 DIRECTIONS = 6
 
@@ -94,11 +97,13 @@ def following(
     settings: PeriodSettings, system: Model | ReducedModel, most: int = MOST_MODES
 ) -> PeriodSettings:
     """Settings that ask for an accuracy of 1e-3 by default, in so many modes at most: of a model whose modes
-    and steps are left to us, and that has named points, without which no error is told.
+    and steps are left to us, and that has named points, without which no error is told. A model of more than
+    `LARGE` boundary unknowns has no more than the usual modes.
     """
     left = settings.accuracy is None and settings.modes is None and settings.steps is None
     if not left or not isinstance(system, Model) or not system.points:
         return settings
+    most = most if system.boundary_unknowns <= LARGE else LEAST_MODES
     return replace(settings, accuracy=ACCURATE, most=most, least=0)
 
 
