@@ -160,6 +160,11 @@ class HeldFolder:
                     f"{NOT_OURS}"
                 )
 
+    def keeps_beside(self, path: str) -> bool:
+        """Whether a file that the index lists has content, one aside."""
+        files = {os.path.join(self.path, name) for name in listed(self.path)} - {path}
+        return any(os.path.isfile(file) and os.path.getsize(file) for file in files)
+
     def clear(self) -> None:
         """Remove what the index lists."""
         assert self._handle is not None

@@ -65,7 +65,7 @@ class Folder:
         way = "name another folder with --output, or give --replace to"
         if os.path.lexists(os.path.join(self.path, f"{other}.json")) and not replace:
             raise ValueError(f"{self.path!r} holds the results of a {other}; {way} overwrite it")
-        begun = shared or (os.path.isdir(self.parts) and os.listdir(self.parts))
+        begun = shared or self.held.keeps_beside(self.state_file)
         if os.path.lexists(self.state_file) and not replace and begun:  # else nothing is lost
             former = read_json(self.state_file)
             if not isinstance(former, dict) or not isinstance(former.get("done"), dict):
