@@ -121,7 +121,9 @@ def _solved(
         values, vectors, inertia = _lowest(solver, mass, count, width, shift)
     except (ValueError, SolveError):
         _require_mass(solver.counted(*_negative_parts(heavy)))
-        raise
+        if shift or by_options():
+            raise
+        return None  # pivots of rigid-body motions that rounding has left above 0 give these alone
     rigid = values[-1] <= shift * (1.0 + SAME)
     last = shift * (1.0 + SAME) if rigid else values[-1] * (1.0 - 1e-6)
     known, values = int((values < last).sum()), values - shift
