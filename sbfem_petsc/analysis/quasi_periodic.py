@@ -30,7 +30,7 @@ from ..continuation.problems.tones import (
     warn_if_unresolved,
 )
 from ..continuation.problems.torus import Torus, exponents, line_error_estimates
-from ..errors import SolveError, on_all_ranks, warn
+from ..errors import PetscFailure, SolveError, on_all_ranks, warn
 from ..motion.contact_work import MOST, times_more, warn_of_contact_work
 from ..motion.excitation import Excitation
 from ..motion.loading import Loading, Wanted, communicator, loading, serving
@@ -151,8 +151,9 @@ def quasi_periodic(
     settings = PeriodSettings(None, steps, modes, accuracy=accuracy)
     settings = beginning(following(settings, model, MOST_OF_MANY), guess)
     former = None if guess is None else (guess.states, guess.reduced)
+    aim = None if settings.accuracy is None else Accuracy("quasi_periodic", model, settings)
     try:
-        torus, point, told = tones.solved(settings, former)
+        torus, point, told = tones.solved(settings, former, aim)
     except SolveError as error:
         raise on_all_ranks(error) from None
     reduced = torus.reduced
@@ -191,39 +192,42 @@ class _TwoTones(NamedTuple):
         self,
         settings: PeriodSettings,
         former: tuple[np.ndarray, ReducedModel] | None,
+        accuracy: Accuracy | None,
     ) -> tuple[Torus, Point, np.ndarray]:
         """The map, its invariant curve near differences to the linear response of a model, and the error that
-        is told of its lines, nan where no accuracy is asked for. Collective.
+        is told of its lines, nan where no accuracy is asked for; in more modes and steps where that needs
+        them, and the curve is found there. Collective.
         """
         what, comm = "quasi_periodic", self.model.comm
-        accuracy = None if settings.accuracy is None else Accuracy(what, self.model, settings)
         fastest, most = highest(self.driven, self.frequencies), MOST if settings.steps is None else 1
-        while True:
-            first = settings.first or None if isinstance(self.model, Model) else None
-            wanted = Wanted(first if settings.modes is None else settings.modes, settings.accuracy)
-            reduced = serving(what, self.model, self.loads, wanted, fastest)
-            refuse_falling(what, reduced.friction)
-            with collective(comm):
-                states = None if former is None else self._begin(*former, reduced)
-            steps = _steps(reduced, self.driven, self.frequencies, self.samples, settings)
-            require_compiler(what, comm)
-            try:
-                torus, point = _solved(functools.partial(self._torus, reduced), states, (steps, most * steps))
-            except SolveError:
-                again = restarted(settings, reduced)
-                if again is None:
-                    raise
-                settings = again
-                continue
-            steps = torus.period.steps
-            if accuracy is None:
-                return torus, point, np.full(LOWEST, np.nan)
-            errors = line_error_estimates(torus, point, self._torus)
-            if (more := accuracy.further(reduced, steps, errors)) is None:
-                accuracy.tell(reduced, steps, errors)
-                return torus, point, errors.sum(axis=0)
+        first = settings.first or None if isinstance(self.model, Model) else None
+        wanted = Wanted(first if settings.modes is None else settings.modes, settings.accuracy)
+        reduced = serving(what, self.model, self.loads, wanted, fastest)
+        refuse_falling(what, reduced.friction)
+        with collective(comm):
+            states = None if former is None else self._begin(*former, reduced)
+        steps = _steps(reduced, self.driven, self.frequencies, self.samples, settings)
+        require_compiler(what, comm)
+        try:
+            torus, point = _solved(functools.partial(self._torus, reduced), states, (steps, most * steps))
+        except SolveError:
+            again = restarted(settings, reduced)
+            if again is None:
+                raise
+            return self.solved(again, former, accuracy)
+        if accuracy is None:
+            return torus, point, np.full(LOWEST, np.nan)
+        steps, errors = torus.period.steps, line_error_estimates(torus, point, self._torus)
+        if (more := accuracy.further(reduced, steps, errors)) is not None:
             settings = replace(settings, modes=more[0], least=more[1])
-            former = point.state.states - torus.linear, reduced
+            try:
+                return self.solved(settings, (point.state.states - torus.linear, reduced), accuracy)
+            except PetscFailure:
+                raise
+            except (SolveError, ValueError) as error:  # it is lost there, or there is no memory
+                accuracy.stays(str(error))
+        accuracy.tell(reduced, steps, errors)
+        return torus, point, errors.sum(axis=0)
 
     def _torus(self, reduced: ReducedModel, steps: int) -> Torus:
         """The map in so many steps, if there is room for it."""

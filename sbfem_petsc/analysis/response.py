@@ -263,6 +263,7 @@ class _Run:
             # in the steps of the file where none are asked for
             any_steps, begin = asked.most_steps > period.steps, np.array([over.start])
             period, _ = run.begin_period(period, self._conditions(over), begin, any_steps)
+            followed: Period | None = None  # that was told to be less accurate
             while True:
                 first = functools.partial(_first, period, over, guess)
                 try:
@@ -272,14 +273,18 @@ class _Run:
                     continue
                 except TooInaccurate as error:
                     assert asked.accuracy is not None  # that raised it
-                    period = asked.accuracy.more(over, error, prepared)
+                    followed, period = period, asked.accuracy.more(over, error, prepared)
                 except PetscFailure:
                     raise
                 except SolveError:
                     again = restarted(settings, period.reduced)
-                    if again is None:
+                    if again is not None:
+                        period = prepared(again)
+                    elif followed is None or asked.accuracy is None:
                         raise
-                    period = prepared(again)
+                    else:
+                        asked.accuracy.stays(asked.accuracy.lost(period))
+                        period, followed = followed, None
                 asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
                 period = run.anew(what, period)
 

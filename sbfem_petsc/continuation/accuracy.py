@@ -180,9 +180,7 @@ class Accuracy:
                 return self._last(error, str(refused))
             fixed = found(period, added(error.fixed, period))
             if fixed is None:
-                steps = period.steps // period.excitation.periods
-                where = f"{len(period.reduced.omega)} modes and {steps} steps{self.words.each}"
-                return self._last(error, f"no motion is found near it in {where}")
+                return self._last(error, self.lost(period))
             errors = harmonic_error_estimates(fixed)
             try:
                 self.require(fixed, errors)
@@ -192,8 +190,17 @@ class Accuracy:
 
     def _last(self, error: TooInaccurate, why: str) -> tuple[FixedPoint, np.ndarray]:
         """The motion that more modes and steps cannot follow, which do not grow any more."""
-        self._model, self._most_steps, self._vain = None, 0, why
+        self.stays(why)
         return error.fixed, error.errors
+
+    def stays(self, why: str) -> None:
+        """Further modes and steps are of no use, and why: they do not grow any more."""
+        self._model, self._most_steps, self._vain = None, 0, why
+
+    def lost(self, period: Period) -> str:
+        """What is said of a motion that is not found again in a map."""
+        modes, steps = len(period.reduced.omega), period.steps // period.excitation.periods
+        return f"no motion is found near it in {modes} modes and {steps} steps{self.words.each}"
 
     def tried(
         self, over: ParameterRange, period: Period, prepared: Callable[[PeriodSettings], Period]
@@ -269,7 +276,9 @@ class Accuracy:
                 remedy = "refine the mesh, which has no further ones, or ask for less"
             elif self._model is not None and not self.asked and modes < MOST_MODES:
                 remedy = f"give accuracy = {self.value:g} for up to {MOST_MODES}"
-            elif self._model is None and self.settings.modes is None and not self._vain:
+            elif self._vain:
+                remedy = f"give a few more than modes = {modes}, or ask for less"
+            elif self._model is None and self.settings.modes is None:
                 remedy = "reduce the model to more modes"
         else:
             cause, remedy = f"lost in {steps} steps{self.words.each}", self.words.remedy.format(steps)

@@ -126,7 +126,7 @@ def test_usual_modes_where_a_few_find_no_motion(monkeypatch):
 
 def test_curves_in_few_modes_by_default(tmp_path, monkeypatch):
     """A slow curve, and gone on with from its file in its modes; peak and error beside 50. Where these are
-    told not to do it is followed anew in more, which is said.
+    told not to do it is followed anew in more, which is said; where it is lost in these, in the former ones.
     """
     beam, file = coarse_beam(0.002), str(tmp_path / "curve.journal")
     found = sb.frequency_response(beam, PUSH, 431.0, 431.2, file=file, stability=False)
@@ -143,6 +143,21 @@ def test_curves_in_few_modes_by_default(tmp_path, monkeypatch):
     with pytest.warns(sb.BranchWarning, match="in 2. modes, are not accurate .* anew in 4. modes and 512"):
         again = sb.frequency_response(beam, PUSH, 431.0, 431.2, file=file, resume=True, stability=False)
     assert 40 < len(again.reduced.omega) == len(sb.read(file).reduced.omega) < 50
+
+    follow = response.follow_response
+
+    def lost(orbits, *args, **options):
+        if orbits.period.modes > 40:
+            raise sb.SolveError("lost")
+        return follow(orbits, *args, **options)
+
+    monkeypatch.setattr(response, "follow_response", lost)
+    why = (
+        "beyond 2. modes .no motion is found near it in 80 modes and 512 steps a forcing period.; give a few"
+    )
+    with pytest.warns(sb.AccuracyWarning, match=why):
+        kept = sb.frequency_response(beam, PUSH, 431.0, 431.2, stability=False)
+    np.testing.assert_allclose(kept.point_amplitudes, found.point_amplitudes, rtol=1e-6)
 
 
 @pytest.mark.parametrize("modes", [80, 30])
@@ -300,7 +315,8 @@ def test_bifurcations_of_matrices_that_are_gone_on_with(tmp_path):
 
 def test_two_tones(monkeypatch):
     """Lines of each order beside 80 modes, which are 5e-4 from 120 in twice the steps. By default 1e-3,
-    and more modes where these are told not to do.
+    and more modes where these are told not to do; where the motion is lost in more, or they have no memory,
+    the former one and the reason.
     """
     load = sb.PointForce("A", fy=sb.Harmonic(100.0, 433.0) + sb.Harmonic(60.0, 61.7))
     frequencies, beam = (433.0, 61.7), coarse_beam(0.002)
@@ -323,6 +339,20 @@ def test_two_tones(monkeypatch):
     more = sb.quasi_periodic(beam, load, frequencies, guess=few, stability=False)
     assert 40 < len(more.reduced.omega) < 80
     np.testing.assert_allclose(more.line(1, 1, "A"), fine.line(1, 1, "A"), rtol=1e-4)
+    solve = quasi_periodic._solved
+    for lost in sb.SolveError("it does not converge"), ValueError("it takes more memory than is free"):
+
+        def refused(make, states, steps, lost=lost):
+            if len(make(steps[0]).reduced.omega) > 40:
+                raise lost
+            return solve(make, states, steps)
+
+        monkeypatch.setattr(quasi_periodic, "_solved", refused)
+        with pytest.warns(
+            sb.AccuracyWarning, match=rf"beyond .. modes \({lost}\); give a few more than modes"
+        ):
+            kept = sb.quasi_periodic(beam, load, frequencies, guess=few, stability=False)
+        np.testing.assert_allclose(kept.line(1, 1, "A"), few.line(1, 1, "A"), rtol=1e-3)
     monkeypatch.undo()
     with pytest.warns(sb.AccuracyWarning, match="quasi_periodic: .* give more than modes = 6"):
         sb.quasi_periodic(beam, load, frequencies, modes=6, steps=192, accuracy=1e-3, stability=False)
