@@ -222,10 +222,11 @@ def normal_of(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     at = x - x.mean(axis=0)
     _, (length, width, depth), (*_, vector) = np.linalg.svd(np.vstack([at, np.zeros((3, 3))]), False)
     towards = (y.mean(axis=0) - x.mean(axis=0)) @ vector
-    if len(x) > 2 and (width < ROUNDING * length or depth > FLAT * width):
+    straight = width < ROUNDING * length
+    if len(x) > 2 and (straight or depth > FLAT * width):
+        place = "on a line" if straight else f"up to {np.abs(at @ vector).max():g} m off a plane"
         raise ValueError(
-            "contact: the left nodes lie on a line, or up to "
-            f"{np.abs(at @ vector).max():g} m off a plane, and tell no normal; give it"
+            f"contact: the {len(x)} left nodes lie {place}, and tell no normal; give normal, left to right"
         )
     if len(x) < 3 or abs(towards) < 1e-9 * np.ptp(x, axis=0).max():
         raise ValueError("contact: coincident faces do not tell their side, nor does a wall; give a normal")

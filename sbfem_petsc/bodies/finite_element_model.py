@@ -20,8 +20,8 @@ from .rows import AXES, HELD, NONE, Contact, Row, told
 
 # Relative asymmetry that rounding of written files explains.
 SYMMETRY = 1e-6
-# Distance of nodes in sizes of the body that rounding explains, and rounding of few digits off a plane.
-TOGETHER, LEVEL = 1e-10, 1e-5
+# Distance of nodes in sizes of the body that rounding explains, and off a plane, a normal of three digits.
+TOGETHER, LEVEL = 1e-10, 1e-3
 # Elements with eight-node faces, and how many of their nodes are corners.
 EIGHT = {"quad8": 4, "hexahedron20": 8}
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.sparse
+import scipy.spatial
 
 import sbfem_petsc as sb
 from sbfem_petsc import plot
@@ -278,9 +279,12 @@ def test_wrong_models(parts, change, sentence):
         ),
         (
             lambda b: b.contact(b.labels[(b.places[:, 1:] < 1e-9).all(axis=1)], "RIGHT"),
-            "lie on a line, or up to 0 m",
+            "left nodes lie on a line, and tell no normal; give normal, left to right",
         ),
-        (lambda b: b.contact(b.labels, "RIGHT"), "up to 0.0.* m off a plane, and tell no normal; give it"),
+        (
+            lambda b: b.contact(b.labels, "RIGHT"),
+            "up to 0.0.* m off a plane, and tell no normal; give normal",
+        ),
         (lambda b: b.contact("LEFT"), "nor does a wall; give a normal"),
         (
             lambda b: b.contact(b.labels, normal=(0, 0, -1)),
@@ -311,6 +315,16 @@ def test_wrong_models(parts, change, sentence):
 def test_wrong_calls(body, call, sentence):
     with pytest.raises((ValueError, TypeError, KeyError), match=sentence):
         call(body)
+
+
+def test_an_inclined_wall_of_three_digits(parts):
+    """A body turned by 15 degrees stands on it without a gap, all nodes of its lower face."""
+    turn = scipy.spatial.transform.Rotation.from_euler("y", 15.0, degrees=True).as_matrix()
+    turned = sb.FiniteElementModel(**{**parts, "nodes": {k: turn @ at for k, at in parts["nodes"].items()}})
+    held = {node for node, _ in parts["fixed"]}
+    face = [k for k, at in parts["nodes"].items() if abs(at[2]) < 1e-9 and k not in held]
+    wall = turned.contact(face, normal=(-0.259, 0.0, -0.966))
+    assert len(wall.gap) == len(face) and not wall.gap.any()
 
 
 def test_a_negative_row_looks_the_other_way(body):
