@@ -170,7 +170,7 @@ def test_a_case_larger_than_the_disk(kind, tmp_path, monkeypatch):
     usage = shutil.disk_usage(tmp_path)
     monkeypatch.setattr(capacity.shutil, "disk_usage", lambda folder: usage._replace(free=100))
     path = written(tmp_path, CASE + SWEEP)
-    told = r"would take [0-9.]+ kB of disk, 90 bytes are free in .*(keep fewer instants|rows fit)"
+    told = r"would take [0-9.]+ (kB|bytes) of disk, 90 bytes are free in .*(keep fewer instants|rows fit)"
     if kind == "sweep":
         with pytest.raises(ValueError, match="sweep: 6 rows " + told):
             sweep(path, output=tmp_path / "out")
