@@ -201,7 +201,8 @@ class _TwoTones(NamedTuple):
         what, comm = "quasi_periodic", self.model.comm
         fastest, most = highest(self.driven, self.frequencies), MOST if settings.steps is None else 1
         first = settings.first or None if isinstance(self.model, Model) else None
-        wanted = Wanted(first if settings.modes is None else settings.modes, settings.accuracy)
+        modes = first if settings.modes is None else settings.modes
+        wanted = Wanted(modes, settings.accuracy, settings.most)
         reduced = serving(what, self.model, self.loads, wanted, fastest)
         refuse_falling(what, reduced.friction)
         with collective(comm):

@@ -275,7 +275,7 @@ class Accuracy:
             if self._model is not None and modes >= most_modes(self._model):
                 remedy = "refine the mesh, which has no further ones, or ask for less"
             elif self._model is not None and not self.asked and modes < MOST_MODES:
-                remedy = f"give accuracy = {self.value:g} for up to {MOST_MODES}"
+                remedy = f"give accuracy = {self.value:g} for up to {self._most_modes(modes)}"
             elif self._vain:
                 remedy = f"give a few more than modes = {modes}, or ask for less"
             elif self._model is None and self.settings.modes is None:

@@ -15,7 +15,7 @@ from ..errors import wrong_input
 from ..loads import EdgeMotion, Load, Loads, as_loads, separate
 from ..petsc import MPI
 from ..ranks.parallel import collective
-from ..reduction.build import default_modes, modes_for, reduced
+from ..reduction.build import MOST_MODES, default_modes, modes_for, reduced
 from ..reduction.reduced_model import ReducedModel
 from ..signals.sampling import known
 from ..signals.signal import Constant, Signal, as_signal
@@ -246,10 +246,13 @@ class Wanted(NamedTuple):
         None: by default all modes up to 8 times the loads' highest frequency, at least 80.
     accuracy : float or None
         Of the lowest harmonics, which then tells the default number of modes.
+    most : int
+        Modes by default for an accuracy, unless those up to 8 times the frequency are more.
     """
 
     modes: int | None
     accuracy: float | None = None
+    most: int = MOST_MODES
 
 
 def serving(
@@ -268,7 +271,7 @@ def serving(
     highest : float
         Highest load frequency, Hz.
     """
-    modes, accuracy = wanted
+    modes, accuracy, most = wanted
     if isinstance(system, ReducedModel):
         if modes is not None:
             raise wrong_input(
@@ -282,7 +285,7 @@ def serving(
     system.require_support(f"{owner} of the reduced model")
     if modes is None and accuracy is not None:
         known = all(signal.highest_frequency is not None for signal in loads.signals)
-        modes = modes_for(system, highest if known else 0.0, accuracy)
+        modes = modes_for(system, highest if known else 0.0, accuracy, most)
     result = reduced(system, loads.units, modes or default_modes(system, highest))
     _warn_of_reduced(owner, result, loads, highest)
     return result

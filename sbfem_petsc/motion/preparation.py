@@ -68,7 +68,8 @@ class PeriodSettings:
     accuracy : float or None
         Of harmonics 1 to 4: tells how many modes there are to begin with where they are not given.
     most : int
-        Modes that it may grow to; fewer than `MOST_MODES` where nobody asked, and what is missing then blocks
+        Modes that it begins with at most, unless those up to 8 times the loads' highest frequency are more,
+        and that it may grow to; fewer than `MOST_MODES` where nobody asked, and what is missing then blocks
         nothing.
     least : int
         Steps a forcing period at least where they are not given; 0: by default or as the accuracy asks for.
@@ -131,8 +132,9 @@ def expected(
     for an accuracy, under loads up to a frequency (Hz). As many as the usual modes are not computed for it,
     and their steps are those of an upper estimate of their highest frequency. Collective.
     """
-    accuracy = accuracy or ACCURATE
-    modes = modes_for(model, highest, accuracy)
+    settings = PeriodSettings(accuracy=accuracy) if accuracy else following(PeriodSettings(), model)
+    accuracy = settings.accuracy or ACCURATE
+    modes = modes_for(model, highest, accuracy, settings.most)
     if modes < LEAST_MODES:
         top = float(model.modes(modes).frequencies[-1])
     else:
@@ -176,7 +178,7 @@ def prepare(
     highest *= (settings.band or frequency) / frequency
     first = settings.first or None if isinstance(system, Model) else None
     modes = first if settings.modes is None else settings.modes
-    reduced = serving(owner, system, loads, Wanted(modes, settings.accuracy), highest)
+    reduced = serving(owner, system, loads, Wanted(modes, settings.accuracy, settings.most), highest)
     with collective(communicator(system)):
         if guess is not None:
             check_guess(owner, guess, reduced, carried=True)

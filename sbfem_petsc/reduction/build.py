@@ -213,13 +213,13 @@ def most_modes(model: Model) -> int:
     return max(model.boundary_unknowns // 4, 1)
 
 
-def modes_for(model: Model, highest: float, accuracy: float) -> int:
+def modes_for(model: Model, highest: float, accuracy: float, most: int = MOST_MODES) -> int:
     """Number of modes that an accuracy of harmonics asks for, by the highest load frequency (Hz), to begin
-    with.
+    with; so many at most, or those up to `BAND` times that frequency.
     """
     band = ACCURATE_BAND * math.sqrt(ACCURATE / accuracy) * highest
     modes = modes_beyond(model, band, ACCURATE_LEAST if highest > 0.0 else LEAST_MODES)
-    return modes if modes <= MOST_MODES else modes_beyond(model, BAND * highest, MOST_MODES)
+    return modes if modes <= most else modes_beyond(model, BAND * highest, most)
 
 
 def modes_beyond(model: Model, frequency: float, least: int) -> int:

@@ -14,6 +14,7 @@ from sbfem_petsc.continuation import branch_following, harmonic_errors
 from sbfem_petsc.continuation.harmonic_errors import FAINT
 from sbfem_petsc.errors import PetscFailure
 from sbfem_petsc.motion.period_map import FixedPoint
+from sbfem_petsc.reduction.build import modes_for
 from tests.analysis.test_mode_error import TURN, rod, true_error
 from tests.systems import coarse_beam, one_mass, two_masses
 
@@ -63,10 +64,12 @@ def test_a_warning_where_it_cannot_be_had(monkeypatch):
         found = sb.periodic(beam, blow, 30e3, stability=False)
     assert 1e-3 < found.largest_mode_error < 1e-2
     with pytest.warns(
-        sb.AccuracyWarning, match=f"{words} beyond 160 modes; give accuracy = 0.001 for up to 320"
+        sb.AccuracyWarning, match=f"{words} beyond 160 modes; give accuracy = 0.001 for up to 246"
     ):
         curve = sb.frequency_response(beam, blow, 12e3, 12001.0)
     assert not curve.unlocated and len(curve.reduced.omega) == 160
+    many = sb.frequency_response(beam, blow, 40e3, 40001.0, points=2, stability=False)
+    assert len(many.reduced.omega) == 160 < modes_for(beam, 40001.0, 1e-3)
     original, find = periodic_module.prepare, periodic_module.find_steady_state
 
     def lost(driven, *args, **options):
