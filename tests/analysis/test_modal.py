@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from meshing import Beam, Hole, VNotch
+from meshing import Beam, CrackLine, Hole, VNotch
 from sbfem_petsc.system.model import count_below
+from sbfem_petsc.system.solve import modes
 from tests.reference import frequencies, paper_beam
 
 ALUMINIUM = sb.Material(70e9, 0.33, 2700)
@@ -280,3 +281,18 @@ def test_very_slender_beams(slenderness, tolerance):
     model = sb.Model(Beam(0.01 * slenderness, 0.01).mesh(), ALUMINIUM)
     euler = 1.87510407**2 / (2 * np.pi * (0.01 * slenderness) ** 2) * np.sqrt(70e9 * 1e-4 / 12 / 2700)
     assert sb.modal(model, 3).frequencies[0] == pytest.approx(euler, rel=tolerance)
+
+
+def test_many_modes_are_solved_for_once(monkeypatch):
+    """Where the law of the band is too low, as of a crack inside: as those that are solved for until they
+    lie in their band.
+    """
+    mesh = Beam(0.2, 0.01, cracks=[CrackLine([(0.06, 0.003), (0.066, 0.008)])]).mesh(order=3)
+    solved, solve = [], modes._solve
+    monkeypatch.setattr(modes, "_solve", lambda *args: solved.append(args[1]) or solve(*args))
+    once = sb.modal(sb.Model(mesh, ALUMINIUM), 110)
+    assert solved == [110]
+    monkeypatch.setattr(modes, "COUNTED", 111)
+    twice = sb.modal(sb.Model(mesh, ALUMINIUM), 110)
+    assert solved == [110, 110, 110]
+    np.testing.assert_allclose(once.frequencies, twice.frequencies, rtol=1e-8)

@@ -32,6 +32,8 @@ from .stiffness import Stiffness
 RESIDUAL_LIMIT = 1e-5
 # How many times larger residuals of refined modes may be where both are round-off: 1.3 was measured.
 WORSE = 3.0
+# So many modes take far longer than to count whether they lie in the band that is estimated for them.
+COUNTED = 100
 # What the auxiliary unknowns that are left out may contribute to an S-element, see `Pencil`.
 TOLERANCE = 1e-5
 
@@ -87,6 +89,10 @@ def lowest_modes(
     highest = top_of_band(stiffness.elements, count)
     while True:
         with Pencil(stiffness, highest, auxiliary_tolerance) as pencil:
+            below = pencil.eigenvalues_below(highest**2) if count >= COUNTED else None
+            if below is not None and below < count:  # the law is too low
+                highest *= 1.1 * math.sqrt(count / max(below, 1))
+                continue
             found = _solve_lowest(pencil, count, verify)
         reached = 2.0 * math.pi * float(found.frequencies[-1])
         if reached <= highest:
