@@ -11,12 +11,13 @@ import numpy as np
 
 from ..checks import instance
 from ..continuation.accuracy import Accuracy, TooInaccurate
-from ..continuation.harmonic_errors import begun, harmonic_error_estimates
+from ..continuation.harmonic_errors import added, begun, harmonic_error_estimates
 from ..continuation.orbit import Orbit, make_orbit, orbit_stability
 from ..continuation.problems.driven_orbits import ParameterRange
 from ..continuation.problems.segments import at_segments, segmented_stability, shoot_segments
 from ..continuation.problems.unreduced import UnreducedOrbits, UnreducedSteady
 from ..continuation.search import NEWTON_ALONE, Search, find_steady_state
+from ..continuation.shooting import WHOLE
 from ..errors import PetscFailure, SolveError, failed_solve, wrong_input
 from ..motion.contact_work import MOST, contact_work, times_more, warn_of_contact_work
 from ..motion.loading import communicator
@@ -218,13 +219,21 @@ def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
 
 
 def _found(
-    task: _Task, settings: PeriodSettings, period: Period, state: np.ndarray
+    task: _Task,
+    settings: PeriodSettings,
+    period: Period,
+    state: np.ndarray,
+    derivative: np.ndarray | None = None,
 ) -> tuple[FixedPoint, str]:
-    """The motion near a state, in so many times the steps as contact asks for."""
+    """The motion near a state, where its derivative may about be known, in so many times the steps as contact
+    asks for.
+    """
     find = functools.partial(
         find_steady_state, jacobian=settings.jacobian, search=task.search, progress=task.progress
     )
-    fixed, path = find(period.at(task.frequency), state, multiples=settings.periods is None)
+    fixed, path = find(
+        period.at(task.frequency), state, multiples=settings.periods is None, derivative=derivative
+    )
     period = fixed.driven.period
     most = period.steps * (MOST if settings.steps is None else 1)
     while (times := _times_more(fixed, most)) > 1:
@@ -244,9 +253,12 @@ def _accurate(
     def prepared(settings: PeriodSettings) -> Period:
         return prepare("periodic", task.model, task.load, task.frequency, settings=settings)
 
-    def found(period: Period, added: np.ndarray) -> FixedPoint | None:
+    def found(period: Period, former: FixedPoint) -> FixedPoint | None:
+        state = period.at(task.frequency).linear_state + added(former, period)
+        # more steps alone, whose derivative their error has been told by
+        same = period.unknowns == former.driven.period.unknowns <= WHOLE
         try:
-            return _found(task, settings, period, period.at(task.frequency).linear_state + added)[0]
+            return _found(task, settings, period, state, former.monodromy if same else None)[0]
         except PetscFailure:
             raise
         except SolveError:

@@ -159,7 +159,7 @@ class Accuracy:
         self,
         prepared: Callable[[PeriodSettings], Period],
         error: TooInaccurate,
-        found: Callable[[Period, np.ndarray], FixedPoint | None],
+        found: Callable[[Period, FixedPoint], FixedPoint | None],
     ) -> tuple[FixedPoint, np.ndarray]:
         """From a motion that is not accurate enough the same one in modes and steps in which it is, or which
         may not grow, and its told errors.
@@ -170,15 +170,14 @@ class Accuracy:
             The map of settings.
         error : TooInaccurate
         found : callable
-            A motion of a map near a state that is the difference to the linear response; None where it is
-            lost there.
+            A motion of a map near one of another map; None where it is lost there.
         """
         while True:
             try:
                 period = prepared(error.settings)
             except ValueError as refused:  # for which there is no memory
                 return self._last(error, str(refused))
-            fixed = found(period, added(error.fixed, period))
+            fixed = found(period, error.fixed)
             if fixed is None:
                 return self._last(error, self.lost(period))
             errors = harmonic_error_estimates(fixed)
@@ -246,9 +245,9 @@ class Accuracy:
             maps.append(prepared(settings))
             return maps[-1]
 
-        def found(period: Period, added: np.ndarray) -> FixedPoint:
+        def found(period: Period, former: FixedPoint) -> FixedPoint:
             driven = over.at(period, error.value)
-            state = driven.linear_state + added
+            state = driven.linear_state + added(former, period)
             return find_steady_state(driven, state, multiples=False, search=NEWTON_ALONE)[0]
 
         with contextlib.suppress(SolveError):

@@ -271,6 +271,23 @@ def test_of_a_reduced_model_only_steps_grow():
         sb.periodic(rod(6), [0.1], 1.1 / TURN, accuracy=1e-3, stability=False)
 
 
+def test_more_steps_begin_with_the_derivative_in_fewer(monkeypatch):
+    """By which their error has been told."""
+    begun, find = [], periodic_module.find_steady_state
+
+    def noted(driven, state, *, derivative=None, **options):
+        fixed, path = find(driven, state, derivative=derivative, **options)
+        begun.append((driven.period.steps, derivative, fixed))
+        return fixed, path
+
+    monkeypatch.setattr(periodic_module, "find_steady_state", noted)
+    found = sb.periodic(two_masses(), [0.2], 0.109, accuracy=3e-5, stability=False)
+    assert [steps for steps, *_ in begun] == [len(found.time) // 2, len(found.time)]
+    np.testing.assert_allclose(begun[1][1], begun[1][2].monodromy, rtol=0.0, atol=1e-3)
+    again = sb.periodic(two_masses(), [0.2], 0.109, steps=len(found.time), stability=False)
+    np.testing.assert_allclose(found.state, again.state, rtol=1e-8)
+
+
 def test_accuracy_is_not_for_what_tells_no_errors():
     """Segments, a tolerance, the unreduced model, which has no modes."""
     for name, value in (("segments", 2), ("tolerance", 1e-3), ("reduction", None)):
