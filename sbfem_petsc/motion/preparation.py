@@ -54,7 +54,8 @@ class PeriodSettings:
         Time steps a forcing period; None: 512, or as many as keep the step below 0.8 of the shortest modal
         period and 1 / 32 of that of the loads' highest frequency.
     modes : int or None
-        None: all modes up to 8 times the loads' highest frequency, at least 80.
+        None: as many as the accuracy asks for; without one all modes up to 8 times the loads' highest
+        frequency, at least 80.
     first : int or None
         Modes to begin with where they are not given, those of a motion to begin from; 0: the default.
     contact : bool
