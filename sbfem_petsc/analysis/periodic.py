@@ -12,12 +12,13 @@ import numpy as np
 from ..checks import instance
 from ..continuation.accuracy import Accuracy, TooInaccurate
 from ..continuation.harmonic_errors import added, begun, harmonic_error_estimates
+from ..continuation.newton import attempt
 from ..continuation.orbit import Orbit, make_orbit, orbit_stability
 from ..continuation.problems.driven_orbits import ParameterRange
 from ..continuation.problems.segments import at_segments, segmented_stability, shoot_segments
 from ..continuation.problems.unreduced import UnreducedOrbits, UnreducedSteady
 from ..continuation.search import NEWTON_ALONE, Search, find_steady_state
-from ..continuation.shooting import WHOLE
+from ..continuation.shooting import WHOLE, shoot
 from ..errors import PetscFailure, SolveError, failed_solve, wrong_input
 from ..motion.contact_work import MOST, contact_work, times_more, warn_of_contact_work
 from ..motion.loading import communicator
@@ -231,9 +232,13 @@ def _found(
     find = functools.partial(
         find_steady_state, jacobian=settings.jacobian, search=task.search, progress=task.progress
     )
-    fixed, path = find(
-        period.at(task.frequency), state, multiples=settings.periods is None, derivative=derivative
-    )
+    driven, known, path = period.at(task.frequency), None, "Newton"
+    if derivative is not None:
+        near = functools.partial(shoot, driven, state, settings.jacobian, near=derivative)
+        known = attempt(near, SolveError)
+    if known is None:
+        known, path = find(driven, state, multiples=settings.periods is None)
+    fixed = known
     period = fixed.driven.period
     most = period.steps * (MOST if settings.steps is None else 1)
     while (times := _times_more(fixed, most)) > 1:

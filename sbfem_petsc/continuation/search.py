@@ -87,7 +87,6 @@ def find_steady_state(
     jacobian: str = "auto",
     multiples: bool = True,
     search: Search | None = None,
-    derivative: np.ndarray | None = None,
     progress: Progress = None,
 ) -> tuple[FixedPoint, str]:
     """A periodic motion, by whatever leads to one.
@@ -103,8 +102,6 @@ def find_steady_state(
     multiples : bool
         Whether a motion of several of the loads' periods is an answer, if a history settles on one.
     search : Search, optional
-    derivative : (2 m, 2 m) array, optional
-        dx(T) / dx(0) of a motion near the guess, to begin with.
     progress : callable, "auto" or None
         Told the share of the search that is behind where Newton's method does not converge at once.
 
@@ -121,7 +118,7 @@ def find_steady_state(
         If nothing leads to one; it says what was tried.
     """
     failed = list[SolveError]()
-    shot = attempt(functools.partial(shoot, driven, guess, jacobian, near=derivative), SolveError, failed)
+    shot = attempt(functools.partial(shoot, driven, guess, jacobian), SolveError, failed)
     if shot is not None:
         return shot, "Newton"
     search = search or Search()

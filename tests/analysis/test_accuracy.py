@@ -273,17 +273,17 @@ def test_of_a_reduced_model_only_steps_grow():
 
 def test_more_steps_begin_with_the_derivative_in_fewer(monkeypatch):
     """By which their error has been told."""
-    begun, find = [], periodic_module.find_steady_state
+    begun, shoot = [], periodic_module.shoot
 
-    def noted(driven, state, *, derivative=None, **options):
-        fixed, path = find(driven, state, derivative=derivative, **options)
-        begun.append((driven.period.steps, derivative, fixed))
-        return fixed, path
+    def noted(*args, near, **options):
+        begun.append((near, shoot(*args, near=near, **options)))
+        return begun[-1][1]
 
-    monkeypatch.setattr(periodic_module, "find_steady_state", noted)
+    monkeypatch.setattr(periodic_module, "shoot", noted)
     found = sb.periodic(two_masses(), [0.2], 0.109, accuracy=3e-5, stability=False)
-    assert [steps for steps, *_ in begun] == [len(found.time) // 2, len(found.time)]
-    np.testing.assert_allclose(begun[1][1], begun[1][2].monodromy, rtol=0.0, atol=1e-3)
+    ((near, fixed),) = begun
+    assert fixed.driven.period.steps == len(found.time)
+    np.testing.assert_allclose(near, fixed.monodromy, rtol=0.0, atol=1e-3)
     again = sb.periodic(two_masses(), [0.2], 0.109, steps=len(found.time), stability=False)
     np.testing.assert_allclose(found.state, again.state, rtol=1e-8)
 
