@@ -232,6 +232,22 @@ class _Run:
             "fixed_frequency": over.frequency or 0.0,
         }
 
+    def _begins(self, owner: str) -> tuple[PeriodSettings, BranchSettings]:
+        """What a curve begins in and is asked for: an orbit's periods and steps, an accuracy by default."""
+        settings, asked = replace(self.settings, periods=self.settings.periods or 1), self.asked
+        guess = self.guess
+        leaves = guess is not None and guess.path == DOUBLED  # which more modes might lose
+        settings = settings if leaves else following(settings, self.model, MOST_OF_MANY)
+        if guess is not None:  # from one beside a period doubling away from it
+            own = len(guess.time) // guess.periods
+            settings = beginning(replace(settings, periods=guess.periods, least=own), guess)
+            if settings.accuracy is None:
+                settings = replace(settings, steps=settings.steps or own)
+            asked = replace(asked, leave=leaves)
+        if settings.accuracy is not None:
+            asked = replace(asked, accuracy=Accuracy(owner, self.model, settings))
+        return settings, asked
+
     def followed(self, over: ParameterRange, reduction: object, stability: bool | None) -> Branch:
         """Over a parameter, of the model as it is or of a reduced one."""
         if reduction is None:
@@ -241,17 +257,7 @@ class _Run:
         with collective(self.comm):
             check_reduction(what, reduction)
             require_at(what, "guess", guess, begins, self.settings.periods)
-        settings, asked = replace(self.settings, periods=self.settings.periods or 1), self.asked
-        leaves = guess is not None and guess.path == DOUBLED  # which more modes might lose
-        settings = settings if leaves else following(settings, self.model, MOST_OF_MANY)
-        if guess is not None:  # its own steps and periods; from one beside a period doubling away from it
-            own = len(guess.time) // guess.periods
-            settings = beginning(replace(settings, periods=guess.periods, least=own), guess)
-            if settings.accuracy is None:
-                settings = replace(settings, steps=settings.steps or own)
-            asked = replace(asked, leave=leaves)
-        if settings.accuracy is not None:
-            asked = replace(asked, accuracy=Accuracy(what, self.model, settings))
+        settings, asked = self._begins(what)
 
         def prepared(settings: PeriodSettings) -> Period:
             return prepare(what, self.model, self.load, begins, settings=settings, guess=guess)

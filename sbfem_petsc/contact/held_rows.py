@@ -302,24 +302,13 @@ def _differs(state: np.ndarray, sets: Sets) -> bool:
 
 
 @inner_loops
-def follow(flexibility: np.ndarray, rubbing: Rubbing, state: np.ndarray, sets: Sets) -> bool:
-    """Bring the inverse from the set of the step before to that of some states; whether it is regular. Rows
-    that the others do not determine yet wait until more have joined; those that wait at the end are held by
-    the others, as twice the same row is, and take no force.
-    """
-    known, place, members = sets.known, sets.place, sets.members
-    n, count = state.size, rubbing.beside.size
-    if not _differs(state, sets):
-        return True
-    for k in range(n):
-        row = _leaving(rubbing, state, k + count if k + count < n else k + count - n, sets)
-        if row >= 0 and not _drop(flexibility, row, sets):
-            members[n] = -1
-            return False
+def _joined(flexibility: np.ndarray, rubbing: Rubbing, state: np.ndarray, sets: Sets) -> bool:
+    """Take in the rows that are held and not in the set yet, as long as some can be; whether all are."""
+    known, place, count = sets.known, sets.place, rubbing.beside.size
     waiting, joined = 1, 1
     while waiting > 0 and joined > 0:
         waiting, joined = 0, 0
-        for i in range(n):
+        for i in range(state.size):
             if place[i] >= 0 or state[i] == FREE or (i >= count and state[i] != STICKS):
                 continue
             if not _hold(flexibility, rubbing, i, sets):
@@ -331,8 +320,27 @@ def follow(flexibility: np.ndarray, rubbing: Rubbing, state: np.ndarray, sets: S
                 if pull != 0.0:
                     _slide(rubbing, i, pull, sets)
                 known[i] = STICKS
-    for i in range(count, n if waiting > 0 else count):
-        if place[i] < 0 and state[i] == STICKS and pull_of(rubbing, known, i) != 0.0:
+    return waiting == 0
+
+
+@inner_loops
+def follow(flexibility: np.ndarray, rubbing: Rubbing, state: np.ndarray, sets: Sets) -> bool:
+    """Bring the inverse from the set of the step before to that of some states; whether it is regular. Rows
+    that the others do not determine yet wait until more have joined; those that wait at the end are held by
+    the others, as twice the same row is, and take no force.
+    """
+    members, n, count = sets.members, state.size, rubbing.beside.size
+    if not _differs(state, sets):
+        return True
+    for k in range(n):
+        row = _leaving(rubbing, state, k + count if k + count < n else k + count - n, sets)
+        if row >= 0 and not _drop(flexibility, row, sets):
+            members[n] = -1
+            return False
+    if _joined(flexibility, rubbing, state, sets):
+        return True
+    for i in range(count, n):
+        if sets.place[i] < 0 and state[i] == STICKS and pull_of(rubbing, sets.known, i) != 0.0:
             members[n] = -1  # what its pressure pulled is no force of its own
             return False
     return True

@@ -113,7 +113,7 @@ class Accuracy:
         counted, wanted = (errors[:2], max(self.value, late)) if viscous else (errors, self.value)
         by_modes = largest_error(np.delete(counted, 1, axis=0).sum(axis=0))
         usual = min(LEAST_MODES, most)
-        in_vain = not by_modes <= wanted * (most / modes) ** FASTEST
+        in_vain = not by_modes <= self._hoped(wanted, modes)
         if (viscous or in_vain) and modes < usual:
             return usual, steps
         if in_vain or largest_error(counted.sum(axis=0)) <= wanted:
@@ -139,6 +139,10 @@ class Accuracy:
         while times < needed and 2 * times * steps <= self._most_steps:
             times *= 2
         return times
+
+    def _hoped(self, value: float, modes: int) -> float:
+        """The error by modes from which the most of them may come to a value, at best."""
+        return value * (self._most_modes(modes) / modes) ** FASTEST
 
     def _most_modes(self, modes: int) -> int:
         """How many there may be, where there are so many."""
@@ -273,6 +277,9 @@ class Accuracy:
             cause, remedy = f"left out beyond {modes} modes", f"give more than modes = {modes}"
             if self._model is not None and modes >= most_modes(self._model):
                 remedy = "refine the mesh, which has no further ones, or ask for less"
+            elif modes < (most := self._most_modes(modes)) and not by_modes <= self._hoped(self.value, modes):
+                more = "" if most == MOST_MODES else " or refine the mesh"
+                remedy = f"ask for less{more}, as {most} modes would be far from it too"
             elif self._model is not None and not self.asked and modes < MOST_MODES:
                 remedy = f"give accuracy = {self.value:g} for up to {self._most_modes(modes)}"
             elif self._vain:
@@ -283,7 +290,7 @@ class Accuracy:
             cause, remedy = f"lost in {steps} steps{self.words.each}", self.words.remedy.format(steps)
         worst, why = largest_error(errors.sum(axis=0)), self._vain and f" ({self._vain})"
         off = f"told to be {worst:.2g} off" if math.isfinite(worst) else "off by what is not found"
-        asked = f"not within accuracy = {self.value:g}"
+        asked = f"not within accuracy = {self.value:g}{'' if self.asked else ', the default'}"
         return f"{self.words.subject} are {off}, {asked}, most by what is {cause}{why}; {remedy}"
 
     def tell(self, reduced: ReducedModel, steps: int, errors: np.ndarray) -> str:

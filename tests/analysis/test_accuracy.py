@@ -11,9 +11,11 @@ from meshing import Plate
 from sbfem_petsc.analysis import response
 from sbfem_petsc.analysis.transient import distance
 from sbfem_petsc.continuation import branch_following, harmonic_errors
+from sbfem_petsc.continuation.accuracy import Accuracy
 from sbfem_petsc.continuation.harmonic_errors import FAINT
 from sbfem_petsc.errors import PetscFailure
 from sbfem_petsc.motion.period_map import FixedPoint
+from sbfem_petsc.motion.preparation import PeriodSettings
 from sbfem_petsc.reduction.build import modes_for
 from tests.analysis.test_mode_error import TURN, rod, true_error
 from tests.systems import coarse_beam, one_mass, two_masses
@@ -55,16 +57,16 @@ def test_a_warning_where_it_cannot_be_had(monkeypatch):
     the last one and the reason. Modes that are given are not judged.
     """
     beam, blow = coarse_beam(0.002), sb.PointForce("A", fy=3000.0)
-    words = (
-        r"harmonics 1 to 4 are told to be 0\.00\d+ off, not within accuracy = 0.001, most by what is left out"
-    )
+    words = r"harmonics 1 to 4 are told to be 0\.00\d+ off, not within accuracy = 0.001"
+    left = ", most by what is left out beyond"
     with pytest.warns(
-        sb.AccuracyWarning, match=f"periodic: {words} beyond 2.. modes; give more than modes = 2"
+        sb.AccuracyWarning,
+        match=f"periodic: {words}{left} 2.. modes; ask for less or refine the mesh, as 246 modes",
     ):
         found = sb.periodic(beam, blow, 30e3, stability=False)
     assert 1e-3 < found.largest_mode_error < 1e-2
     with pytest.warns(
-        sb.AccuracyWarning, match=f"{words} beyond 160 modes; give accuracy = 0.001 for up to 246"
+        sb.AccuracyWarning, match=f"{words}, the default{left} 160 modes; give accuracy = 0.001 for up to 246"
     ):
         curve = sb.frequency_response(beam, blow, 12e3, 12001.0)
     assert not curve.unlocated and len(curve.reduced.omega) == 160
@@ -91,6 +93,14 @@ def test_a_warning_where_it_cannot_be_had(monkeypatch):
             with pytest.warns(sb.AccuracyWarning, match=rf"beyond 96 modes \({why}"):
                 found = sb.periodic(beam, blow, 12e3, stability=False)
         assert len(found.reduced.omega) == 96
+    asked, errors = (
+        Accuracy("periodic", beam, PeriodSettings(accuracy=1e-3)),
+        np.full((3, 4), [[0.5], [0], [0]]),
+    )
+    assert asked.further(found.reduced, 512, errors) is None  # (246 / 96)^4 times 1e-3 may be mended
+    assert "96 modes; ask for less or refine the mesh, as 246 modes would be far" in asked.missing(
+        found.reduced, 512, errors
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("error", sb.AccuracyWarning)
         sb.periodic(beam, blow, 12e3, modes=80, stability=False)
