@@ -167,7 +167,7 @@ def test_subcritical_doubling(tmp_path):
     np.testing.assert_array_equal(again.states, branch.states[:8])
     assert any(item.kind == "fold" for item in branch.bifurcations)
     assert branch.stable[-1] and not branch.stable[0] and half[-1] == pytest.approx(3.67e-4, rel=0.01)
-    settled = sb.periodic(model, load, 3436.0, periods=2, guess=branch.orbit(-3), stability=False)
+    settled = sb.periodic(model, load, 3436.0, periods=2, modes=20, guess=branch.orbit(-3), stability=False)
     assert np.abs(settled.subharmonics("A")[1]) == pytest.approx(half[-1], rel=1e-6)
 
 
@@ -204,7 +204,7 @@ def test_search_over_fig_11(damping, force, some):
     none stable, at double that none, and no real multiplier is below -1.
     """
     load = sb.PointForce("A", fy=force)
-    curve = sb.frequency_response(case_p(damping), load, 14110.0, 14130.0, largest_step=4.0)
+    curve = sb.frequency_response(case_p(damping), load, 14110.0, 14130.0, largest_step=4.0, modes=80)
     found = list(doublings(load, curve))
     real = curve.multipliers[curve.multipliers.imag == 0.0].real
     assert curve.complete and (real.min() < -1.0) == some and bool(found) == some

@@ -38,7 +38,7 @@ TURN = 2 * np.pi
 def beam():
     """Case P on the faces that its figures belong to, 80 modes."""
     model = sb.Model(paper_beam().mesh(face_edges=1), ALUMINIUM, damping=0.002, tip_modes=0)
-    return model, sb.periodic(model, sb.PointForce("A", fy=1.0), 14000.0, stability=False).reduced
+    return model, sb.periodic(model, sb.PointForce("A", fy=1.0), 14000.0, modes=80, stability=False).reduced
 
 
 def multipliers(driven, motion, whole=None):
