@@ -200,8 +200,8 @@ def half(orbit):
 @pytest.mark.long
 @pytest.mark.parametrize("damping, force, some", [(0.0005, 1300.0, True), (0.001, 1500.0, False)])
 def test_search_over_fig_11(damping, force, some):
-    """The paper's beam where motions of twice the period come nearest: at half the damping some are found,
-    none stable, at double that none, and no real multiplier is below -1.
+    """The paper's beam where motions of twice the period come nearest, in 80 modes: at half the damping some
+    are found, none stable, at double that none, and no real multiplier is below -1.
     """
     load = sb.PointForce("A", fy=force)
     curve = sb.frequency_response(case_p(damping), load, 14110.0, 14130.0, largest_step=4.0, modes=80)
