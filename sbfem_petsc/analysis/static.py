@@ -300,6 +300,7 @@ def _solved(model: Model, load, contact: bool, former: Static | None = None) -> 
     found = model.equilibrium(columns, contact, None if former is None else former.equilibrium.memory)
     _judge(found.residual)
     model.statics.refinement.judge("static")
+    model.statics.judge("static", found.owned)
     model.solver.judge("static")
     points, field = model.layout.at_points(found.owned), model.nodal(found.owned)
     if columns.lift is not None:

@@ -5,17 +5,24 @@ from __future__ import annotations
 import functools
 
 import numpy as np
+from scipy import linalg
 
-from ...errors import listed, wrong_input
+from meshing.warnings import RoundOffWarning
+
+from ...errors import listed, warn, wrong_input
 from ...petsc import PETSc
+from ...selement.rigid_motions import rigid_motions
 from ...supports import Support
-from ..elements.element_stiffness import Refinement
+from ..elements.element_stiffness import ROUND_OFF, Refinement
 from ..elements.elements import Elements
 from ..elements.shapes import add_forces
 from ..supports import Springs, free_bodies, springs_of
 from .assembly import ElementBlocks, assemble, assemble_by_ranks
 from .demand import require_factor
 from .static_solver import StaticSolver
+
+# Share of the round-off of the matrix times the deformation that turns or moves a body as a whole.
+_AS_A_WHOLE = 1.0 / 30.0
 
 
 class Stiffness:
@@ -148,6 +155,50 @@ class Stiffness:
             f"({held}) leave one free; clamp an edge set or add supports, such as the weak springs "
             "of a structure that hangs freely, Support(edge set, x=..., y=...) in N/m^3"
         )
+
+    # ------------------------------------------------------------------ what springs hardly hold
+    @functools.cached_property
+    def _rigid(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """Rigid-body motions (owned, 3 a body), their inner products, and the least stiffness against one,
+        N/m, what is held fixed counted as stiff as the matrix is. Collective.
+        """
+        layout, part, bodies = self.layout, self.layout.part, np.array(self.layout.bodies)
+        size = float(np.linalg.norm(layout.extent[1] - layout.extent[0]))
+        motions = np.zeros((len(part.nodes), 2, len(bodies), 3))
+        places = (part.coordinates - bodies[part.bodies]) / size
+        motions[np.arange(len(places)), :, part.bodies] = rigid_motions(places).reshape(-1, 2, 3)
+        motions = motions.reshape(len(places), 2, 3 * len(bodies))
+        fixed, owned = motions[part.unknowns < 0], layout.owned_values(motions)
+        forces = np.stack([self._spring_forces(motion) for motion in np.moveaxis(motions, 2, 0)], axis=2)
+        still, alike, borne = layout.comm.allreduce(
+            np.array([fixed.T @ fixed, owned.T @ owned, np.einsum("nik,nil->kl", motions, forces)])
+        )
+        stiff = self.refinement.scale / np.finfo(float).eps
+        return owned, still + alike, float(linalg.eigvalsh(borne + stiff * still, still + alike)[0])
+
+    def judge(self, analysis: str, owned: np.ndarray) -> None:
+        """Warn where springs hold a body so softly that what rounding leaves of loads in balance moves it as
+        a whole: displacements then lose digits that stresses have. Collective.
+
+        Warns
+        -----
+        RoundOffWarning
+        """
+        if not any(np.any(support.springs) for support in self.supports):
+            return
+        motions, products, least = self._rigid
+        whole = np.linalg.solve(products, self.layout.comm.allreduce(motions.T @ owned))
+        parts = np.array([owned @ owned, np.sum((owned - motions @ whole) ** 2)])
+        size, deformation = np.sqrt(self.layout.comm.allreduce(parts))
+        moved, held = _AS_A_WHOLE * self.refinement.scale * deformation, max(least, 0.0) * size
+        if moved > ROUND_OFF * held:
+            told = f"{moved / held:.0e}" if moved < 0.1 * held else "more than a tenth"
+            warn(
+                f"{analysis}: springs hold a body so softly that the rounding of loads in balance moves or "
+                f"turns it as a whole, and displacements may be off by {told} of themselves, though stresses "
+                "are not; make the springs stiffer, or clamp a point",
+                RoundOffWarning,
+            )
 
     def destroy(self) -> None:
         """Free the matrix and its factor."""
