@@ -101,6 +101,18 @@ def _begin(folder: str) -> None:
     os.close(open_regular(os.path.join(folder, INDEX), os.O_WRONLY | os.O_CREAT))
 
 
+@contextlib.contextmanager
+def one_at_a_time(folder: str) -> Iterator[None]:
+    """Wait until no other process is within this for the folder; on a file system without locks for none."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        with contextlib.suppress(OSError):
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
+
+
 class HeldFolder:
     """An output folder that one process works in, until `close`, or several that share it.
 
@@ -109,7 +121,12 @@ class HeldFolder:
     path : str
         An existing folder.
     shared : bool
-        Others that share it may work in it too; nothing of theirs is removed.
+        Others that share it may work in it too, from `share` on; nothing of theirs is removed.
+
+    Attributes
+    ----------
+    others : bool
+        Whether others that share it were at work in it before.
 
     Raises
     ------
@@ -123,17 +140,29 @@ class HeldFolder:
         _begin(path)
         self._handle: int | None = open_regular(os.path.join(path, INDEX), os.O_RDWR)
         try:
-            if not hold(self._handle, shared=shared):
-                raise ValueError(
-                    f"another process is at work in {path!r}; wait for it, or name another folder with "
-                    "--output"
-                )
+            alone = hold(self._handle)
+            self.others = shared and not alone
+            if self.others:
+                self.share()
+            elif not alone:
+                raise self._taken()
             leftovers = list(self._leftovers())
         except BaseException:
             self.close()
             raise
         for place in () if shared else leftovers:
             shutil.rmtree(place, ignore_errors=True)
+
+    def share(self) -> None:
+        """Let others that share it work in it too."""
+        assert self._handle is not None
+        if not hold(self._handle, shared=True):
+            raise self._taken()
+
+    def _taken(self) -> ValueError:
+        return ValueError(
+            f"another process is at work in {self.path!r}; wait for it, or name another folder with --output"
+        )
 
     def _leftovers(self, below: str = "") -> Iterator[str]:
         """What killed processes have left of files that they were making, after a look at everything."""

@@ -10,7 +10,7 @@ from typing import Any
 
 import sbfem_petsc as sb
 
-from ..output_folder import HeldFolder, make_folder
+from ..output_folder import HeldFolder, make_folder, one_at_a_time
 from ..ranks.parallel import alone, collective
 from ..record.files import SCHEMA
 from .case.case import Case
@@ -44,14 +44,17 @@ class Folder:
 
     def __init__(self, path: str, case: Case, what: str, replace: bool = False, *, shared: bool = False):
         self.path = path
-        self.held = HeldFolder(path, shared)
         self.state_file = os.path.join(path, f"{what}.json")
         self.parts = os.path.join(path, PARTS if what == "run" else "rows")
-        try:
-            self.state = self._begin(case, what, replace, shared)
-        except BaseException:
-            self.close()
-            raise
+        with one_at_a_time(path):
+            self.held = HeldFolder(path, shared)
+            try:
+                self.state = self._begin(case, what, replace, shared)
+                if shared:
+                    self.held.share()
+            except BaseException:
+                self.close()
+                raise
 
     def _begin(self, case: Case, what: str, replace: bool, shared: bool) -> dict[str, Any]:
         mine = {
@@ -65,31 +68,42 @@ class Folder:
         way = "name another folder with --output, or give --replace to"
         if os.path.lexists(os.path.join(self.path, f"{other}.json")) and not replace:
             raise ValueError(f"{self.path!r} holds the results of a {other}; {way} overwrite it")
-        begun = shared or self.held.keeps_beside(self.state_file)
-        if os.path.lexists(self.state_file) and not replace and begun:  # else nothing is lost
-            former = read_json(self.state_file)
-            if not isinstance(former, dict) or not isinstance(former.get("done"), dict):
-                raise ValueError(f"{self.state_file!r} is not what a run has written; {way} overwrite it")
-            if any(former.get(key) != mine[key] for key in ("version", "schema")):
-                raise ValueError(
-                    f"{self.path!r} has the schema {former.get('schema', 'before 6')}, of version "
-                    f"{former.get('version')}, and this program writes {SCHEMA}; {way} compute it again"
-                )
-            if former.get("case") != mine["case"]:
-                if former.get("given") in (None, mine["given"]):
-                    raise ValueError(
-                        f"{self.path!r} holds the {what} of a case as an earlier state of version "
-                        f"{former['version']} understood it; {way} compute it again"
-                    )
-                raise ValueError(f"{self.path!r} holds the {what} of another case; {way} overwrite it")
-            make_folder(self.parts)
-            return former
-        if not shared:
+        there = os.path.lexists(self.state_file) and not replace
+        begun = self.held.others or self.held.keeps_beside(self.state_file)
+        if there and (begun or shared):
+            try:
+                former = self._former(mine, way)
+                make_folder(self.parts)
+                return former
+            except ValueError:
+                if begun:  # else nothing is lost
+                    raise
+        if there or not shared:
             self.held.clear()
         make_folder(self.parts)
         mine["done"] = {}
         write_json(self.state_file, mine)
         return mine
+
+    def _former(self, mine: dict[str, Any], way: str) -> dict[str, Any]:
+        """The state that a former process has left; ValueError unless it was of the same case."""
+        former = read_json(self.state_file)
+        if not isinstance(former, dict) or not isinstance(former.get("done"), dict):
+            raise ValueError(f"{self.state_file!r} is not what a run has written; {way} overwrite it")
+        if any(former.get(key) != mine[key] for key in ("version", "schema")):
+            raise ValueError(
+                f"{self.path!r} has the schema {former.get('schema', 'before 6')}, of version "
+                f"{former.get('version')}, and this program writes {SCHEMA}; {way} compute it again"
+            )
+        if former.get("case") != mine["case"]:
+            what = mine["what"]
+            if former.get("given") in (None, mine["given"]):
+                raise ValueError(
+                    f"{self.path!r} holds the {what} of a case as an earlier state of version "
+                    f"{former['version']} understood it; {way} compute it again"
+                )
+            raise ValueError(f"{self.path!r} holds the {what} of another case; {way} overwrite it")
+        return former
 
     def finished(self, name: str) -> bool:
         """Whether an analysis is done and its file still there."""

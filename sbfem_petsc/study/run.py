@@ -16,7 +16,7 @@ import sbfem_petsc as sb
 from ..errors import OutOfMemory, SolveError
 from ..output_folder import make_folder
 from ..progress import Watch
-from ..ranks.capacity import PlannedFile, require_disk
+from ..ranks.capacity import PlannedFile, require_disk, require_memory
 from ..ranks.parallel import agreed, collective, ranks_of
 from ..record.found import Found
 from ..record.layout import text, text_of, within
@@ -31,6 +31,8 @@ from .storage import case_in, new_results, results_in, write_case, write_json
 from .structure import Structure
 
 RESULTS, SUMMARY, PICTURES, TABLES = "results.h5", "summary.json", "pictures", "tables"
+# Keys that memory grows or falls with.
+SIZES = ("count", "times", "starts", "samples", "steps", "step", "duration", "decimation", "points", "modes")
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,16 +151,31 @@ class _Run(contextlib.ExitStack):
         self.structure.check(self.case, pending)
         size, kept = self.structure.size(self.case), 0.0
         for name in pending:
-            kind = self.case.tables.analyses[name]
-            kept += kind.cost(size).disk
+            cost = self.case.tables.analyses[name].cost(size)
+            kept += cost.disk
             with located(self.case, "analyses", name):
-                require_disk(
-                    kind.kind,
-                    self.comm,
-                    PlannedFile(os.path.join(self.path, RESULTS), kept),
-                    what=f"what is kept up to {name}",
-                    remedy=lambda share: "keep fewer instants (decimation) or points, or name another folder",
-                )
+                self._require_room(name, cost.memory, kept)
+
+    def _require_room(self, name: str, memory: float, kept: float) -> None:
+        """Refuse an analysis by the memory and the disk (bytes, with what is kept before it) that it is
+        estimated to take. Collective.
+        """
+        kind = self.case.tables.analyses[name]
+        given = ", ".join(key for key in SIZES if key in kind.model_fields_set) or "modes"
+        require_memory(
+            kind.kind,
+            self.comm,
+            0.5 * memory / self.comm.size,  # estimates of what all ranks take are good to a factor of two
+            "what it asks for, by a low estimate,",
+            lambda share: f"ask for less ({given})",
+        )
+        require_disk(
+            kind.kind,
+            self.comm,
+            PlannedFile(os.path.join(self.path, RESULTS), kept),
+            what=f"what is kept up to {name}",
+            remedy=lambda share: "keep fewer instants (decimation) or points, or name another folder",
+        )
 
     def _one(self, name: str, title: str) -> None:
         """An analysis, its file and its pictures; a failure is noted with its reason."""

@@ -84,11 +84,11 @@ class Structure:
         """
         if self.body is None:
             found = self.model, self.model.boundary_unknowns // 2
-            words = "half the unknowns on boundaries; give fewer, or a finer mesh"
+            words = "half the unknowns on boundaries; ask for fewer, or take a finer mesh"
         else:
             table: Any = case.tables.body
             found = None, table.modes or max(min(FEWEST_MODES, len(self.body.model.unknowns) // 2), 1)
-            words = "those of the reduced body; give fewer, or more as body.modes"
+            words = "those of the reduced body; ask for fewer, or give more as body.modes"
         problems: list[Problem] = []
         for name in names:
             try:

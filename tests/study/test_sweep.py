@@ -19,6 +19,7 @@ from sbfem_petsc.study import rows
 from sbfem_petsc.study.case import parameters
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.parameters import words_of
+from sbfem_petsc.study.folder import Folder
 from sbfem_petsc.study.kinds.kind import Wanted
 from sbfem_petsc.study.revive import read_any
 from sbfem_petsc.study.rows import Row
@@ -384,6 +385,29 @@ def test_another_sweep_is_refused(folder, tmp_path):
     other = written(tmp_path, CASE + SWEEP.replace("count = 3", "count = 4"))
     done = sbfem("sweep", other, "--output", folder / "out")
     assert done.code == 2 and "sweep of another case" in done.err
+
+
+def test_another_sweep_that_came_to_nothing(tmp_path):
+    """Its folder serves, for some of the rows too, unless others are at work in it for the former case."""
+    first, other = (
+        case_from_text(CASE + SWEEP),
+        case_from_text(CASE + SWEEP.replace("count = 3", "count = 4")),
+    )
+    (tmp_path / "out").mkdir()
+    path = str(tmp_path / "out")
+    begun = Folder(path, first, "sweep", shared=True)
+    with pytest.raises(ValueError, match="holds the sweep of another case"):
+        Folder(path, other, "sweep", shared=True)
+    beside = Folder(path, first, "sweep", shared=True)
+    begun.close()
+    with pytest.raises(ValueError, match="holds the sweep of another case"):
+        Folder(path, other, "sweep", shared=True)
+    beside.close()
+    found = sb.sweep(other, output=path, rows=(0, 1), comm=MPI.COMM_SELF)
+    assert found.reasons == [""]
+    for shared in (False, True):
+        with pytest.raises(ValueError, match="holds the sweep of another case"):
+            Folder(path, first, "sweep", shared=shared)
 
 
 # 80 rows on eight structures.

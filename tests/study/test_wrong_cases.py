@@ -1,5 +1,6 @@
 """Wrong cases: each is refused with file, line, item and remedy."""
 
+import contextlib
 import os
 import re
 import shutil
@@ -10,6 +11,7 @@ import pytest
 from mpi4py import MPI
 
 import sbfem_petsc as sb
+from sbfem_petsc.ranks import capacity
 from sbfem_petsc.study import rows
 from sbfem_petsc.study.case import objects
 from sbfem_petsc.study.case.case import case_from_text, read_case
@@ -629,10 +631,10 @@ LATER = [
         "3000 steps there are",
     ),
     (
-        'kind = "transient"\nload = "burst"\nduration = 0.003\ndecimation = 9_000_000',
+        'kind = "transient"\nload = "burst"\nduration = 0.003\ndecimation = 2881',
         "",
         "decimation",
-        "steps there may be",
+        "2880 steps there are",
     ),
     (
         'kind = "transient"\nload = "moved"\nduration = 0.003',
@@ -640,7 +642,6 @@ LATER = [
         "",
         "where a structure at rest has no displacement",
     ),
-    ('kind = "transient"\nload = "burst"\nduration = 0.003\nstep = 1e-15', "", "", "of disk, .* are free"),
     ('kind = "static"\nload = "moved"', FREE, "", "'right'"),
     (
         BASINS % 'kind = "impulse", mode = 2',
@@ -655,7 +656,15 @@ LATER = [
         "gives no impulse",
     ),
     (BASINS % "mode = 5000", "", r"starts\[0\]\.mode", "= 5,000 is more than the"),
+    (BASINS % "mode = 90", "", r"starts\[0\]\.mode", "= 90 is more than the 80 modes there are"),
     ('kind = "modal"\ncount = 5000', "", "count", "asks for 5,000 modes"),
+    ('kind = "modal"\nband = [0.0, 1e20]', "", "band", "asks for [0-9,]+ modes, and there are 355"),
+    (
+        'kind = "transient"\nload = "burst"\nduration = 0.003\nstep = 1e-12\ndecimation = 100_000',
+        "",
+        "",
+        "3e\\+09 steps of 1e-12 s",
+    ),
 ]
 
 
@@ -668,9 +677,43 @@ def test_later_analyses_are_checked_before_any_is_solved(fault, tmp_path, monkey
     told = rf"case\.toml, line \d+: analyses\.later\.?{item} .*{sentence}"
     with pytest.raises(CaseError, match=told):
         run_case(case, tmp_path)
-    if "disk" not in sentence:
-        with pytest.raises(CaseError, match=told):
-            estimate(case, MPI.COMM_SELF)
+    with pytest.raises(CaseError, match=told):
+        estimate(case, MPI.COMM_SELF)
+
+
+# Analyses that a gigabyte is too little for.
+VAST = [
+    'kind = "transient"\nload = "burst"\nduration = 0.003\nstep = 5e-10\ndecimation = 1',
+    'kind = "periodic"\nload = "push"\nfrequency = 400.0\nsteps = 10_000_000',
+    'kind = "frequency_response"\nload = "push"\nstart = 300.0\nstop = 400.0\nsteps = 10_000_000',
+    'kind = "backbone"\nmode = 1\nstart = 1e-6\nstop = 1e-3\nsteps = 10_000_000',
+    'kind = "load_history"\nload = "push"\ntimes = { start = 0.0, stop = 1.0, count = 100_000 }',
+    BASINS.replace(
+        "[0.0]", "[0.0, 1.0, 2.0], mode = 2 }, { values = { start = 0.0, stop = 1.0, count = 1_000_000 }"
+    )
+    % "mode = 1",
+    'kind = "swept_response"\nload = "push"\nstart = 300.0\nstop = 400.0\nduration = 2e3',
+    'kind = "modulation"\npump = "push"\npump_frequency = 100.0\nprobe = "push"\nprobe_frequency = 1000.0\n'
+    'point = "A"\nsteps = 10_000_000',
+]
+
+
+@pytest.mark.parametrize("analysis", VAST, ids=[re.search('"(.*?)"', one)[1] for one in VAST])
+def test_too_little_memory_is_told_before_any_is_solved(analysis, tmp_path, monkeypatch):
+    """By estimates of which half is never more than the analyses themselves find, which refuse the same."""
+    case = case_from_text(f"{CASE}\n[analyses.later]\n{analysis}\n", "case.toml")
+    monkeypatch.setattr(capacity, "available_memory", lambda: 1e9)
+    solve = Structure.solve
+    monkeypatch.setattr(Structure, "solve", lambda *_, **__: pytest.fail("an analysis was solved"))
+    with pytest.raises(
+        CaseError, match=r"analyses\.later is refused: .* of memory, .* free; ask for less \("
+    ) as told:
+        run_case(case, tmp_path)
+    with contextlib.closing(Structure(case, MPI.COMM_SELF)) as structure:
+        with pytest.raises(ValueError, match="of memory, .* are free") as refused:
+            solve(structure, case, "later")
+    sizes = [float(re.search(r"([\d.]+) GB of memory", str(one.value))[1]) for one in (told, refused)]
+    assert sizes[0] <= sizes[1]
 
 
 def test_all_that_is_wrong_is_told_at_once(tmp_path):

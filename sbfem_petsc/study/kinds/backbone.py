@@ -27,12 +27,15 @@ class Backbone(BackboneOptions, Kind):
     def solve(self, case: Any, model: Any, run: Run) -> sb.Backbone:
         return sb.backbone(model, **self.of(BackboneOptions), **run.kept)
 
-    def asked(self, kept: bool) -> Iterator[tuple[str, int]]:
+    def asked(self, case: Any, model: Any) -> Iterator[tuple[str, int]]:
+        yield from super().asked(case, model)
+        if self.modes is None:
+            yield "mode", self.mode if model is None else self._kept()
+
+    def _kept(self) -> int:
         from ...analysis.backbone import MODES  # on PETSc, which `sbfem doctor` may find missing
 
-        yield from super().asked(kept)
-        if self.modes is None:
-            yield "mode", self.mode if kept else 3 * self.mode + MODES
+        return self.modes or 3 * self.mode + MODES
 
     def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
         first, last = map(float, result.frequency[[0, -1]])
@@ -45,4 +48,6 @@ class Backbone(BackboneOptions, Kind):
 
     def cost(self, size: Size) -> Cost:
         # some iterations a point, and each once more with half the step
-        return curve_cost(size, self, iterations=6)
+        from ...analysis.backbone import STEPS
+
+        return curve_cost(size, self, iterations=6, taken=(self._kept(), self.steps or STEPS))

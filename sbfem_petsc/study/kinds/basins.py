@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator, Sequence
 from typing import Any, Literal
@@ -18,7 +19,7 @@ from ..case import objects
 from ..case.parameters import grid
 from ..case.sweep import Times
 from ..case.tables import Name, Path, Problem, Table
-from ..costs import STEPS, Cost, Size
+from ..costs import FEWEST_MODES, STEPS, Cost, Size
 from .kind import PERIODIC, Drawn, Loaded, Run
 from .periodic import common_period
 
@@ -81,6 +82,9 @@ class Basins(BasinsOptions, Loaded):
         """Modes and unit loads that there are not, too."""
         yield from super().lacking(case, model, most, words)
         units = objects.units(case, self.acting(case))
+        highest = max((axis.mode for axis in self.starts if axis.kind != "impulse"), default=0)
+        if self.modes is None and model is not None and min(FEWEST_MODES, most // 2) < highest <= most:
+            most, words = self._kept(case, model), "those that are kept by default; give modes"
         for k, axis in enumerate(self.starts):
             path = ("starts", k, "mode")
             if axis.kind != "impulse":
@@ -93,6 +97,16 @@ class Basins(BasinsOptions, Loaded):
             elif isinstance(units[axis.mode - 1], sb.EdgeMotion):
                 text = "is a prescribed displacement, which gives no impulse; name one that is a force"
                 yield Problem(path, f"= {axis.mode} {text}")
+
+    def _kept(self, case: Any, model: Any) -> int:
+        """Modes of a model by default. Collective."""
+        from ...motion.loading import loading
+        from ...reduction.build import default_modes
+
+        signal = functools.partial(sb.Harmonic, frequency=self.frequency)
+        loads = loading("basins", model, self.acting(case), signal)
+        known = all(one.highest_frequency is not None for one in loads.signals)
+        return default_modes(model, max(0.0 if known else self.frequency, loads.highest_frequency))
 
     def places(self) -> Iterator[tuple[Path, str]]:
         return (

@@ -244,8 +244,10 @@ class Kind(Table):
         """Points that must exist, by their paths within the table."""
         return iter(())
 
-    def asked(self, kept: bool) -> Iterator[tuple[str, int]]:
-        """Keys that ask for modes of the structure, and for how many; those of a body are kept already."""
+    def asked(self, case: Given, model: Any) -> Iterator[tuple[str, int]]:
+        """Keys that ask for modes of the structure, and for how many; those of a body, without a model, are
+        kept already. Collective.
+        """
         yield "modes", getattr(self, "modes", None) or 0
 
     def lacking(self, case: Given, model: Any, most: int, words: str) -> Iterator[Problem]:
@@ -266,7 +268,7 @@ class Kind(Table):
         ValueError, TypeError, KeyError
             For loads that the model does not take.
         """
-        for key, count in self.asked(model is None):
+        for key, count in self.asked(case, model):
             if count > most:
                 text = f"= {getattr(self, key)} asks for {count:,d} modes, and there are {most:,d}, {words}"
                 yield Problem((key,), text)

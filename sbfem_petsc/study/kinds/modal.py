@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
@@ -32,8 +33,18 @@ class Modal(ModalOptions, Kind):
     def solve(self, case: Any, model: Any, run: Run) -> sb.Modal:
         return sb.modal(model, **self.of(ModalOptions))
 
-    def asked(self, kept: bool) -> Iterator[tuple[str, int]]:
+    def asked(self, case: Any, model: Any) -> Iterator[tuple[str, int]]:
         yield "count", self.count or 0
+        if self.band is None or model is None:
+            return
+        from ...system.model import count_below
+        from ...system.solve.pencil import top_of_band
+
+        low, high = self.band
+        # far below what the mesh carries nothing needs to be counted
+        if 4.0 * math.pi * high > top_of_band(model.statics.elements, model.boundary_unknowns // 2):
+            below = [count_below(model, end) or 0 if end else 0 for end in (low, high)]
+            yield "band", below[1] - below[0]
 
     def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
         yield estimated_error(self, result)

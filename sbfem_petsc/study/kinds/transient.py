@@ -12,10 +12,11 @@ import sbfem_petsc as sb
 
 from ...analysis.options import TransientOptions
 from ...options import item
+from ...ranks.capacity import default_decimation
 from ...record.about import Quantity
 from ...record.found import labelled, of_points
 from ..case.tables import Problem
-from ..costs import FEWEST_MODES, Cost, Size
+from ..costs import Cost, Size
 from .kind import RUBBING, Drawn, Loaded, Reducible, Run, Values, Wanted, along, peak_contact, recorded
 
 
@@ -42,24 +43,24 @@ class Transient(Reducible, TransientOptions, Loaded):
         )
 
     def lacking(self, case: Any, model: Any, most: int, words: str) -> Iterator[Problem]:
-        """Loads that a structure at rest does not take, and more steps than there are, too."""
+        """Loads that a structure at rest does not take, and more steps than there are or may be, too."""
         yield from super().lacking(case, model, most, words)
         from ...motion.loading import loading
-        from ...motion.step_plan import default_step, multiple
-        from ...system.solve.pencil import top_of_band
+        from ...motion.step_plan import default_step, plan_steps
+        from ...reduction.build import default_modes
 
         step = self.step
         if model is not None:
             loads = loading("transient", model, self.acting(case))
-            highest = loads.over("transient", self.duration, self.initial == "rest").highest_frequency
+            loads = loads.over("transient", self.duration, self.initial == "rest")
+            highest, limited = loads.highest_frequency, self.contact and len(model.contact) or loads.jumps
             if step is None and self.accuracy is None:
-                # twice the estimate, before the modes are known
-                top = top_of_band(model.statics.elements, self.modes or FEWEST_MODES) / math.pi
-                step = default_step(self.duration, highest, top)
-        if step is not None and (self.decimation or 1) > (count := multiple(self.duration / step, 1)):
-            there = "there are" if self.step else "there may be"
-            text = f"= {self.decimation} is more than the {count} steps {there}; give fewer"
-            yield Problem(("decimation",), text)
+                step = default_step(self.duration, highest, 0.0)
+                if limited and (self.decimation or 1) * step > self.duration:  # the modes may need more
+                    top = model.modes(self.modes or default_modes(model, highest)).frequencies[-1]
+                    step = default_step(self.duration, highest, float(top))
+        if step is not None:
+            plan_steps(self.duration, step, self.decimation, 1, None)
 
     def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
         dims = "time" if result.point_directions else "time xy"
@@ -89,12 +90,11 @@ class Transient(Reducible, TransientOptions, Loaded):
     def cost(self, size: Size) -> Cost:
         modes = size.modes(self.modes)
         count = max(1, math.ceil(self.duration / (self.step or self._step(size))))
-        kept = count / (self.decimation or 1)
-        row = 8.0 * (2 * modes + size.pairs + 6 + 4 * size.points)
-        memory, disk = row * min(kept, 1e9), 2.0 * row * kept
+        row = 8 * (2 * modes + size.pairs + 6 + 4 * size.points)
+        memory = float(row * count / (self.decimation or default_decimation(count, row)))
         if not self.reduced:
-            return Cost(0.0, count * 2.4e-7 * size.unknowns, memory, disk)
-        return Cost(size.extracting(modes), count * size.stepping(modes), memory, disk)
+            return Cost(0.0, count * 2.4e-7 * size.unknowns, memory, 2.0 * memory)
+        return Cost(size.extracting(modes), count * size.stepping(modes), memory, 2.0 * memory)
 
     def _step(self, size: Size) -> float:
         """The default step while the highest mode is not known yet: that of the load, at most."""

@@ -162,16 +162,18 @@ def modes_in_band(
     # half as high again: what is left out has its largest effect at the top, where frequencies are asked for
     with Pencil(stiffness, 1.5 * float(np.sqrt(ends[1])), auxiliary_tolerance) as pencil:
         count, most, expected = 8, pencil.unknowns // 2, None
+        carried = min(most, stiffness.elements.layout.count // 2)
         below = pencil.eigenvalues_below(ends[1]) if verify else None
         if below is not None:
             lower = pencil.eigenvalues_below(ends[0]) if ends[0] > 0.0 else 0
             assert lower is not None  # by the same direct solver
             expected = below - lower
-            if expected > most:
+            if expected > carried:
+                end = top_of_band(stiffness.elements, carried) / (2.0 * math.pi)
                 raise wrong_input(
-                    f"modal: band = ({low:g}, {high:g}) Hz holds {expected} frequencies, more than half "
-                    f"of the {pencil.unknowns} unknowns; the mesh cannot carry them: lower the band or "
-                    "refine the mesh"
+                    f"modal: band = ({low:g}, {high:g}) Hz holds {expected} frequencies, more than half of "
+                    f"the {2 * carried} unknowns on boundaries, with which the mesh carries modes up to some "
+                    f"{end:.1g} Hz; lower the band, or refine the mesh"
                 )
             count = min(max(count, expected + 4), most)
             require_modes(stiffness.elements, count, _basis(count, 0))
