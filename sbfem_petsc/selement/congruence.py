@@ -85,10 +85,13 @@ def _smallest(candidates: np.ndarray) -> np.ndarray:
     complex.
     """
     rounded = np.round(np.concatenate([candidates.real, candidates.imag], axis=2), DIGITS)
-    alive = np.ones(rounded.shape[:2], dtype=bool)
-    for column in np.moveaxis(rounded, 2, 0):
+    alive, every = np.ones(rounded.shape[:2], dtype=bool), np.arange(len(rounded))
+    for k, column in enumerate(np.moveaxis(rounded, 2, 0)):
         column = np.where(alive, column, np.inf)
         alive &= column == column.min(axis=1, keepdims=True)
+        # outlines with symmetries keep several, which are soon one and the same
+        if k & (k - 1) == 0 and (rounded == rounded[every, alive.argmax(axis=1)][:, None])[alive].all():
+            break
     return alive.argmax(axis=1)
 
 

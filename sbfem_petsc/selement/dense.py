@@ -4,6 +4,8 @@ S-element.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.linalg import lapack
 
@@ -56,12 +58,27 @@ def solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     return solution
 
 
-def schur(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Real Schur form (T, Q), matrix = Q T Q^T."""
+class SchurForm(NamedTuple):
+    """Real Schur form of Q T Q^T: T (n, n) quasi upper triangular, Q (n, n) orthogonal."""
+
+    triangle: np.ndarray
+    vectors: np.ndarray
+
+
+def schur(matrix: np.ndarray) -> SchurForm:
+    """Real Schur form of a matrix."""
     triangle, _, _, _, vectors, _, info = lapack.dgees(lambda re, im: False, matrix)
     if info != 0:
         raise SElementError(f"the Schur form of the S-element did not converge; {ADVICE}")
-    return triangle, vectors
+    return SchurForm(triangle, vectors)
+
+
+def reordered(form: SchurForm, chosen: np.ndarray) -> tuple[SchurForm, int]:
+    """A real Schur form whose chosen eigenvalues (n,) bool stand first, and their number."""
+    triangle, vectors, _, _, count, _, _, info = lapack.dtrsen(chosen, *form, job="N")
+    if info != 0:
+        raise SElementError(f"radial modes of the S-element are too close to be told apart; {ADVICE}")
+    return SchurForm(triangle, vectors), int(count)
 
 
 def growing_subspace(matrix: np.ndarray) -> tuple[np.ndarray, int]:

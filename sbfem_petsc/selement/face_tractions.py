@@ -35,7 +35,7 @@ from scipy import linalg
 from scipy.special import comb
 
 from .coefficients import SElementError, coefficient_matrices
-from .dense import cholesky, cholesky_solve, symmetric
+from .dense import cholesky, cholesky_solve, lower_solve, symmetric
 from .sectors import Sectors
 
 # Reciprocity is met to about 1e-12 up to 200 unknowns; a wrong sign, length or coefficient matrix breaks it
@@ -254,9 +254,9 @@ def face_tractions(
     d[:, :2], d[:, -2:] = directions[:, 0], directions[:, 1]
     loads = lengths * d.T  # (n, d): L d^T
 
-    def moments(power: float) -> np.ndarray:
-        """(n, d): g of the monomial xi^(power - 1)."""
-        return np.linalg.solve(radial.T + power * np.eye(n), loads)
+    def moments(powers: np.ndarray) -> np.ndarray:
+        """(powers, n, d): g of the monomials xi^(power - 1)."""
+        return np.linalg.solve(radial.T + powers[:, None, None] * np.eye(n), loads[None])
 
     powers = np.arange(1.0, modes + 1.0)
     # between the modes' exponents, where a particular solution is a pure power
@@ -266,7 +266,7 @@ def face_tractions(
         between**2 * coefficients.e0 - between * skew - coefficients.e2, -loads[None]
     )
     force = (stiffness - between * coefficients.e0 - coefficients.e1.T) @ particular
-    expected = np.stack([moments(power) for power in between.ravel()])
+    expected = moments(between.ravel())
     apart = np.abs(force - expected).max(axis=(1, 2)) / np.abs(expected).max(axis=(1, 2))
     reciprocity = float(apart.max())
     if not reciprocity < TOLERANCE:
@@ -274,25 +274,25 @@ def face_tractions(
             f"the reciprocity of its face tractions is violated by {reciprocity:.2g} (round-off is at most "
             f"{TOLERANCE:.0g}): the radial solution is inaccurate; use a lower order or a rounder tip element"
         )
-    table, growth = [moments(power) for power in powers], np.diag(powers)
+    table, growth = [*moments(powers)], np.diag(powers)
     if logarithm:
         # of -ln xi: the derivative of those of xi^t by -t at t = 0
         table.append(np.linalg.solve(radial.T + np.eye(n), table[0]))
         growth = linalg.block_diag(growth, 1.0)
         growth[0, -1] = -1.0
     rows = np.stack(table).transpose(2, 0, 1).reshape(-1, n)  # from (modes, n, d)
-    forcing = cholesky_solve(cholesky(coefficients.e0, "coefficient matrix E0"), rows.T)
+    factor = cholesky(coefficients.e0, "coefficient matrix E0")
+    forcing = cholesky_solve(factor, rows.T)
     growth = np.kron(np.eye(count), growth)
     monomials = np.kron(np.diag(1.0 / lengths), _monomials(modes, logarithm))
     # int_0^1 r^T F r dxi / xi of the modes' r = rows^T xi^P monomials: positive even where monomials cancel
     levels, weights = _along_the_face(modes + logarithm)
-    states = _grown(growth, levels) @ monomials
-    flexibility = np.einsum(
-        "l,lki,lkj->ij", weights / levels, rows.T @ states, forcing @ states, optimize=True
-    )
+    states = np.sqrt(weights / levels)[:, None, None] * (_grown(growth, levels) @ monomials)
+    root = np.linalg.qr(lower_solve(factor, rows.T), mode="r") @ states
+    root = root.reshape(-1, root.shape[2])
     return FaceTractions(
         monomials.T @ rows,
-        symmetric(flexibility),
+        symmetric(root.T @ root),
         directions,
         modes + logarithm,
         logarithm,

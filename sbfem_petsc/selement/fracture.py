@@ -8,6 +8,7 @@ import numpy as np
 from scipy import linalg
 
 from .coefficients import SElementError
+from .dense import SchurForm
 from .face_tractions import FaceTractions
 from .intensity import InvariantSpace, invariant_space
 from .singular_modes import characteristic_roots, is_isotropic
@@ -53,31 +54,32 @@ class TStressRow:
         space = self._space
         inflow = space.amplitudes @ tractions.forcing
         rest_inflow = space.rest_amplitudes @ tractions.forcing
-        identity = np.eye(len(space.rest_generator))
-        columns = np.zeros(len(tractions.growth))
-        for i, power in enumerate(tractions.growth.diagonal()):
+        powers = tractions.growth.diagonal()
+        linear = np.empty((len(space.fields), len(powers)))
+        for power in np.unique(powers):
+            of = powers == power
             if power == 1.0:
                 # the linear part of the field: along the other modes it follows the pressure
-                linear = -space.rest @ linalg.solve(identity - space.rest_generator, rest_inflow[:, i])
+                shifted = np.eye(len(rest_inflow)) - space.rest_generator
+                linear[:, of] = -space.rest @ linalg.solve(shifted, rest_inflow[:, of])
             else:
                 shifted = power * np.eye(len(inflow)) - space.generator
-                linear = space.fields @ linalg.solve(shifted, inflow[:, i])
-            columns[i] = self._stress_of @ linear
-        columns = columns @ tractions.monomials
+                linear[:, of] = space.fields @ linalg.solve(shifted, inflow[:, of])
+        columns = self._stress_of @ linear @ tractions.monomials
         if tractions.logarithm:
             columns.reshape(-1, tractions.modes)[:, -1] = np.nan
         return columns
 
 
 def t_stress_row(
-    radial: np.ndarray, shape: np.ndarray, elasticity: np.ndarray, axis: np.ndarray
+    radial: SchurForm, shape: np.ndarray, elasticity: np.ndarray, axis: np.ndarray
 ) -> TStressRow:
     """T-stress of a crack in one material from the radial modes with the exponent 1.
 
     Parameters
     ----------
-    radial : (n, n) array
-        A of the S-element.
+    radial : SchurForm
+        Of A of the S-element.
     shape : (nodes, 2) array
         Boundary nodes about the tip, in units of the size.
     elasticity : (3, 3) array
@@ -96,7 +98,7 @@ def t_stress_row(
         )
     space = invariant_space(radial, 1.0 - _WINDOW, 1.0 + _WINDOW)
     if space is None or len(space.generator) != 2:
-        return TStressRow(np.full(len(radial), np.nan), None, np.zeros(len(radial)))
+        return TStressRow(np.full(shape.size, np.nan), None, np.zeros(shape.size))
     compliance = np.linalg.inv(elasticity)
     along, normal = -axis, np.array([axis[1], -axis[0]])
     linear = [np.array([[0.0, -1.0], [1.0, 0.0]])]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from .dense import separation
+from .dense import SchurForm, reordered, separation
 from .face_tractions import FaceTractions
 from .sectors import Sectors
 from .singular_modes import TipMode, TipSectors
@@ -46,9 +46,10 @@ class InvariantSpace:
     rest_generator: np.ndarray
 
 
-def invariant_space(radial: np.ndarray, low: float, high: float) -> InvariantSpace | None:
+def invariant_space(radial: SchurForm, low: float, high: float) -> InvariantSpace | None:
     """The radial modes with low < Re(lambda) < high, by an ordered Schur form; None if there are none."""
-    triangle, basis, count = linalg.schur(radial, output="real", sort=lambda re, im=0.0: low < re < high)
+    exponents = radial.triangle.diagonal()  # their real parts: both of a complex pair stand there
+    (triangle, basis), count = reordered(radial, (low < exponents) & (exponents < high))
     if count == 0:
         return None
     inside, outside = triangle[:count, :count], triangle[count:, count:]
@@ -135,7 +136,7 @@ class IntensityRows:
 
 
 def intensity_rows(
-    radial: np.ndarray,
+    radial: SchurForm,
     sectors: Sectors,
     axis: np.ndarray,
     *,
@@ -145,8 +146,8 @@ def intensity_rows(
 
     Parameters
     ----------
-    radial : (n, n) array
-        A of the S-element.
+    radial : SchurForm
+        Of A of the S-element.
     sectors : Sectors
         About the tip.
     axis : (2,) array
@@ -173,7 +174,7 @@ def intensity_rows(
     SElementError
         If the singular space does not belong to the modes of the tip.
     """
-    n = len(radial)
+    n = len(radial.triangle)
     space = invariant_space(radial, 0.05, 0.95)
     if space is None:
         return IntensityRows(

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .coefficients import Coefficients, SElementError, coefficient_matrices, edge_nodes, straight_edges
-from .dense import ADVICE, cholesky, cholesky_solve, is_definite, largest, turned
+from .dense import ADVICE, SchurForm, cholesky, cholesky_solve, is_definite, largest, schur, turned
 from .inertia import Inertia, Moments, continued_fraction, moments
 from .polynomial_modes import PolynomialModes, polynomial_modes
 from .rigid_motions import rigid_motions
@@ -77,6 +77,11 @@ class SElement:
         """
         c = self._coefficients()
         return cholesky_solve(cholesky(c.e0, _E0), self.stiffness - c.e1.T)
+
+    @functools.cached_property
+    def radial_form(self) -> SchurForm:
+        """Of A, kept for what is told of tips."""
+        return schur(self.radial)
 
     def _coefficients(self) -> Coefficients:
         return coefficient_matrices(

@@ -44,7 +44,7 @@ def element(corners, order, material, modes=4, directions=None):
         directions=directions,
         modes=modes,
     )
-    form = intensity_rows(solved.radial, Sectors(shape, order, material.elasticity), face_axis(shape))
+    form = intensity_rows(solved.radial_form, Sectors(shape, order, material.elasticity), face_axis(shape))
     return shape, solved, tractions, form
 
 

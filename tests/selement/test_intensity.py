@@ -70,7 +70,7 @@ def test_unsymmetric_tip_element(order, bound):
         OrthotropicMaterial(1.0, 1.0, NU, 0.5 / (1.0 + NU), 1.0, angle=20.0),
     ):
         element = solve_selement(Sectors(shape, order, material.elasticity), False, 0)
-        form = intensity_rows(element.radial, Sectors(shape, order, material.elasticity), AXIS)
+        form = intensity_rows(element.radial_form, Sectors(shape, order, material.elasticity), AXIS)
         np.testing.assert_allclose(form.exponents, 0.5, atol=1e-15)
         for factors in ((1.0, 0.0), (0.0, 1.0), (2.0, -0.7)):
             found = form.rows @ displacement(shape, *factors).ravel()

@@ -55,13 +55,13 @@ def test_intensity_of_placed_tips(mirrored, turn):
     element = solve_selement(Sectors(placement.shape, order, material.elasticity), False)
     axis = face_axis(placement.shape)
     np.testing.assert_allclose(placement.rotation @ move @ AXIS, axis, atol=1e-12)
-    form = intensity_rows(element.radial, Sectors(placement.shape, order, material.elasticity), axis)
+    form = intensity_rows(element.radial_form, Sectors(placement.shape, order, material.elasticity), axis)
     rows = form.placed(placement.rotation, placement.size, material.modulus)
     found = np.einsum("kni,ni->k", rows, moved[placement.permutation])
     # stresses of the field are those of unit modulus, lengths are scaled
     exact = exact * np.sqrt(size) * material.modulus * [1.0, -1.0 if mirrored else 1.0]
     np.testing.assert_allclose(found, exact, rtol=2e-4)
-    t_row = t_stress_row(element.radial, placement.shape, material.elasticity, axis)
+    t_row = t_stress_row(element.radial_form, placement.shape, material.elasticity, axis)
     t_found = np.sum(
         t_row.placed(placement.rotation, placement.size, material.modulus) * moved[placement.permutation]
     )
@@ -95,7 +95,7 @@ def test_exponents_of_a_symmetric_orthotropic_notch(angle):
     shape = polygon(halved(corners / 1.5), order, closed=False)
     material = OrthotropicMaterial(14.0, 1.0, 0.3, 0.7, 1.0, angle=angle)
     element = solve_selement(Sectors(shape, order, material.elasticity), False)
-    form = intensity_rows(element.radial, Sectors(shape, order, material.elasticity), AXIS)
+    form = intensity_rows(element.radial_form, Sectors(shape, order, material.elasticity), AXIS)
     n = 2 * len(shape)
     mirror = np.eye(n).reshape(n // 2, 2, n // 2, 2)[::-1] * np.array([1.0, -1.0])[None, :, None, None]
     mirror = mirror.reshape(n, n)

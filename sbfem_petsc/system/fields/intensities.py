@@ -85,10 +85,9 @@ def tip_intensities(
         for place in places:
             number, material = place.number, place.material
             several = isinstance(material, SectorMaterials)
-            radial, reference = place.group.solution.radial, REFERENCE_LENGTH / place.size
             form = place.shared(
                 known,
-                partial(intensity_rows, radial, place.sectors, place.axis, reference_length=reference),
+                partial(_form, place),
                 *np.round(place.axis, 12),
                 place.size if several else 0.0,  # exponents are complex
             )
@@ -107,6 +106,12 @@ def tip_intensities(
     names = tuple(tip.name for tip in tips)
     facts = names, exponents, interfaces > 0.0, first_rows
     return TipIntensities(*facts, rows_on(layout, local), contact, columns, errors, local)
+
+
+def _form(place: TipElement) -> IntensityRows:
+    """Of the reference shape."""
+    radial, length = place.group.solution.radial_form, REFERENCE_LENGTH / place.size
+    return intensity_rows(radial, place.sectors, place.axis, reference_length=length)
 
 
 def rows_on(layout: Layout, local: dict[int, tuple[np.ndarray, np.ndarray]]) -> Rows:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from ...material import SectorMaterials
-from ...selement.fracture import t_stress_row
+from ...selement.fracture import TStressRow, t_stress_row
 from .tip_faces import TipElement, TipFaces
 
 
@@ -39,12 +40,12 @@ def t_stress_forms(
     places: list[TipElement], faces_of: Mapping[int, TipFaces], thickness: float
 ) -> list[TStressForm]:
     """Those of the tips that this rank holds, but for open notches and interfaces, which have no T."""
-    found = []
+    found, known = [], dict[tuple, TStressRow]()
     for place in places:
-        material, shape = place.material, place.group.shape
+        material = place.material
         if isinstance(material, SectorMaterials):
             continue
-        form = t_stress_row(place.group.solution.radial, shape, material.elasticity, place.axis)
+        form = place.shared(known, partial(_form, place), *np.round(place.axis, 12))
         if np.isnan(form.row).any():
             continue
         faces, columns = faces_of.get(place.number), np.zeros(0)
@@ -53,3 +54,9 @@ def t_stress_forms(
         row = form.placed(place.rotation, place.size, material.modulus)
         found.append(TStressForm(place.number, place.nodes, row, faces, columns))
     return found
+
+
+def _form(place: TipElement) -> TStressRow:
+    """Of the reference shape."""
+    group = place.group
+    return t_stress_row(group.solution.radial_form, group.shape, place.material.elasticity, place.axis)

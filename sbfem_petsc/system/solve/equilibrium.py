@@ -121,7 +121,7 @@ def _from_free_gaps(
     stiffness, operator, tips = owners
     solver = stiffness.solver
     right = load.forces[:, 0]
-    owned = solver.columns(right, "static")
+    owned = solver.of_load(right)
     gap = operator.rows(owned) + load.gaps[:, 0] + operator.initial
     result: Complementarity | None = None
     laws, friction, lost = operator.laws, operator.friction, 0.0
@@ -141,7 +141,7 @@ def _from_free_gaps(
         slip = np.empty(0) if friction is None else former.slip
         result = Complementarity(np.zeros(len(gap)), gap, np.zeros(len(gap), dtype=np.int8), 0, slip)
     else:
-        owned = solver.columns(right + operator.rows.forces(result.force), "static")
+        owned = solver.of_contact(right, owned, operator.rows.forces(result.force))
     if friction is not None:
         memory = Memory.of(result, len(laws))
         lost = memory.lost_since(former, friction)

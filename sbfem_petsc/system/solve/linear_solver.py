@@ -84,6 +84,7 @@ class LinearSolver:
             self.factorised = True
         self.ksp.solve(right, solution)
         check_ksp(self.ksp, what)
+        self._checked = True
         self.most = max(self.most, self.ksp.getIterationNumber())
 
     def _columns(self, right: np.ndarray, what: str) -> np.ndarray:
@@ -105,12 +106,11 @@ class LinearSolver:
         return self.refinement.refine(right, solution, lambda residual: self._columns(residual, what))
 
     def _check(self, what: str) -> None:
-        """One solve through the KSP: it factorises, and its reason tells a factorisation that failed."""
+        """A first solve through the KSP: it factorises, and its reason tells a factorisation that failed."""
         if not self._checked:
             with freeing(self._comm, *self.matrix.createVecs()) as (source, target):
                 source.set(1.0)
                 self._solve(source, target, what)
-            self._checked = True
 
 
 def _on_first_rank(
