@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import instance
-from ..continuation.accuracy import Accuracy, TooInaccurate
+from ..continuation.accuracy import Accuracy, Told
 from ..continuation.harmonic_errors import added, begun, harmonic_error_estimates
 from ..continuation.newton import attempt
 from ..continuation.orbit import Orbit, make_orbit, orbit_stability
@@ -19,7 +19,7 @@ from ..continuation.problems.segments import at_segments, segmented_stability, s
 from ..continuation.problems.unreduced import UnreducedOrbits, UnreducedSteady
 from ..continuation.search import NEWTON_ALONE, Search, find_steady_state
 from ..continuation.shooting import WHOLE, shoot
-from ..errors import PetscFailure, SolveError, failed_solve, wrong_input
+from ..errors import SolveError, failed_solve, wrong_input
 from ..motion.contact_work import MOST, contact_work, times_more, warn_of_contact_work
 from ..motion.loading import communicator
 from ..motion.period_map import FixedPoint, Period
@@ -32,7 +32,6 @@ from ..motion.preparation import (
     following,
     prepare,
     require_unreduced,
-    restarted,
     tells_stability,
 )
 from ..motion.unreduced.period import prepare_unreduced
@@ -45,6 +44,8 @@ from .options import PeriodicOptions
 
 # Times the steps are doubled to meet a tolerance.
 DOUBLINGS = 7
+# A motion, by what it was found first, and what is told of it.
+_Told = Told[Period, tuple[FixedPoint, str]]
 
 
 @analysis(PeriodicOptions, rubs=True)
@@ -190,31 +191,41 @@ class _Task:
 
 
 def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
-    """The orbit at given steps."""
+    """The orbit at given steps, or in as many modes and steps as an accuracy asks for."""
     settings = beginning(settings, guess)
-    period = prepare("periodic", task.model, task.load, task.frequency, settings=settings, guess=guess)
-    stability = tells_stability("periodic", period, task.stability)
-    most = MOST if settings.steps is None else 1
+
+    def prepared(settings: PeriodSettings, near: _Told | None) -> Period:
+        if near is not None:
+            settings = replace(settings, periods=near.where.excitation.periods)
+        period = prepare("periodic", task.model, task.load, task.frequency, settings=settings, guess=guess)
+        tells_stability("periodic", period, task.stability)
+        return period
+
+    def found(period: Period, near: _Told | None) -> _Told:
+        driven, derivative, way = period.at(task.frequency), None, task
+        if near is not None:
+            way = replace(task, search=NEWTON_ALONE)  # a search might find another motion
+            (fixed, first), former = near.found, near.where
+            state = driven.linear_state + added(fixed, period)
+            # more steps alone, whose derivative their error has been told by
+            if period.unknowns == former.unknowns <= WHOLE:
+                derivative = fixed.monodromy
+        elif guess is not None and guess.reduced is not None:  # checked
+            state = begun(guess.state, guess.reduced, driven)
+        else:
+            state = period.begun(driven.linear_state)
+        fixed, path = _found(way, settings, period, state, derivative)
+        path = path if near is None else first
+        return Told(fixed.driven.period, (fixed, path), harmonic_error_estimates(fixed))
+
     if settings.segments > 1:
+        period, most = prepared(settings, None), MOST if settings.steps is None else 1
         return _in_segments(task, settings.segments, period, guess, most * period.steps)
-    driven = period.at(task.frequency)
-    state = period.begun(driven.linear_state)
-    if guess is not None and guess.reduced is not None:  # checked
-        state = begun(guess.state, guess.reduced, driven)
-    try:
-        fixed, path = _found(task, settings, period, state)
-        errors = harmonic_error_estimates(fixed)
-        if settings.accuracy is not None:
-            fixed, errors = _accurate(task, settings, fixed, errors)
-    except PetscFailure:
-        raise
-    except SolveError:
-        again = restarted(settings, period.reduced)
-        if again is None:
-            raise
-        return _shot(task, again, guess)
+    accuracy = Accuracy("periodic", task.model, settings)
+    period, (fixed, path), errors = accuracy.reached(prepared, found)
+    accuracy.tell(period, errors)
     told = errors.sum(axis=0)
-    if not stability:
+    if not tells_stability("periodic", period, task.stability):
         return make_orbit(fixed, np.zeros(0, dtype=complex), math.nan, path, told)
     return make_orbit(fixed, *orbit_stability(fixed), path, told)
 
@@ -247,43 +258,12 @@ def _found(
     return fixed, path
 
 
-def _accurate(
-    task: _Task, settings: PeriodSettings, fixed: FixedPoint, errors: np.ndarray
-) -> tuple[FixedPoint, np.ndarray]:
-    """The motion and its told errors in modes and steps in which it is as accurate as was asked for, if these
-    may be had.
-    """
-    accuracy = Accuracy("periodic", task.model, settings)
-
-    def prepared(settings: PeriodSettings) -> Period:
-        return prepare("periodic", task.model, task.load, task.frequency, settings=settings)
-
-    def found(period: Period, former: FixedPoint) -> FixedPoint | None:
-        state = period.at(task.frequency).linear_state + added(former, period)
-        # more steps alone, whose derivative their error has been told by
-        same = period.unknowns == former.driven.period.unknowns <= WHOLE
-        try:
-            return _found(task, settings, period, state, former.monodromy if same else None)[0]
-        except PetscFailure:
-            raise
-        except SolveError:
-            return None
-
-    try:
-        accuracy.require(fixed, errors)
-    except TooInaccurate as error:
-        fixed, errors = accuracy.reached(prepared, error, found)
-    period = fixed.driven.period
-    accuracy.tell(period.reduced, period.steps // period.excitation.periods, errors)
-    return fixed, errors
-
-
 def _times_more(fixed: FixedPoint, most: int) -> int:
     """Times the steps that a motion is to have."""
     period, work = fixed.driven.period, contact_work(fixed.driven, fixed.motion)
     times = times_more(work, period.steps, most)
     if times == 1:
-        warn_of_contact_work("periodic", work, period.steps // period.excitation.periods)
+        warn_of_contact_work("periodic", work, period.told_steps)
     return times
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from meshing.warnings import StepWarning
 
 from ..checks import Bounds, instance, numbers_of, real
-from ..continuation.accuracy import Accuracy
+from ..continuation.accuracy import Accuracy, Told, Words
 from ..continuation.harmonic_errors import in_modes
 from ..continuation.orbit import LOWEST
 from ..continuation.problem import Point
@@ -30,7 +30,7 @@ from ..continuation.problems.tones import (
     warn_if_unresolved,
 )
 from ..continuation.problems.torus import Torus, exponents, line_error_estimates
-from ..errors import PetscFailure, SolveError, on_all_ranks, warn
+from ..errors import SolveError, on_all_ranks, warn
 from ..motion.contact_work import MOST, times_more, warn_of_contact_work
 from ..motion.excitation import Excitation
 from ..motion.loading import Loading, Wanted, communicator, loading, serving
@@ -40,7 +40,6 @@ from ..motion.preparation import (
     following,
     prepare,
     refuse_falling,
-    restarted,
     steps_of,
 )
 from ..motion.two_tones import drives, highest, tone
@@ -56,6 +55,9 @@ _OTHER = (
     "quasi_periodic: guess belongs to another model or number of modes ({}, not {}); give one of the same "
     "model"
 )
+# What an accuracy is of, in sentences.
+LINES = Words("lines m f1 + n f2 with |m| + |n| = 1 to 4", " a period of the faster tone")
+_Told = Told[Torus, Point]
 
 
 @analysis(QuasiPeriodicOptions, rubs=True)
@@ -150,12 +152,12 @@ def quasi_periodic(
     tones = _TwoTones(model, loads, driven, ordered, samples)
     settings = PeriodSettings(None, steps, modes, accuracy=accuracy)
     settings = beginning(following(settings, model, MOST_OF_MANY), guess)
-    former = None if guess is None else (guess.states, guess.reduced)
-    aim = None if settings.accuracy is None else Accuracy("quasi_periodic", model, settings)
+    aim = Accuracy("quasi_periodic", model, settings, LINES)
     try:
-        torus, point, told = tones.solved(settings, former, aim)
+        torus, point, errors = aim.reached(tones.prepared, functools.partial(tones.found, settings, guess))
     except SolveError as error:
         raise on_all_ranks(error) from None
+    aim.tell(torus, errors)
     reduced = torus.reduced
     growth, curve = np.zeros(0), point.state
     if stability:
@@ -172,7 +174,7 @@ def quasi_periodic(
         curve.peak,
         curve.lines(),
         swapped,
-        mode_error=told,
+        mode_error=errors.sum(axis=0),
         **curve.rubbed(ordered[0]),
     )
     warn_if_unresolved("quasi_periodic", found)
@@ -188,47 +190,36 @@ class _TwoTones(NamedTuple):
     frequencies: tuple[float, float]
     samples: int
 
-    def solved(
-        self,
-        settings: PeriodSettings,
-        former: tuple[np.ndarray, ReducedModel] | None,
-        accuracy: Accuracy | None,
-    ) -> tuple[Torus, Point, np.ndarray]:
-        """The map, its invariant curve near differences to the linear response of a model, and the error that
-        is told of its lines, nan where no accuracy is asked for; in more modes and steps where that needs
-        them, and the curve is found there. Collective.
-        """
-        what, comm = "quasi_periodic", self.model.comm
-        fastest, most = highest(self.driven, self.frequencies), MOST if settings.steps is None else 1
+    def prepared(self, settings: PeriodSettings, near: _Told | None) -> Torus:
+        """The map in the modes and steps of settings. Collective."""
+        what, fastest = "quasi_periodic", highest(self.driven, self.frequencies)
         first = settings.first or None if isinstance(self.model, Model) else None
         modes = first if settings.modes is None else settings.modes
         wanted = Wanted(modes, settings.accuracy, settings.most)
         reduced = serving(what, self.model, self.loads, wanted, fastest)
         refuse_falling(what, reduced.friction)
-        with collective(comm):
-            states = None if former is None else self._begin(*former, reduced)
         steps = _steps(reduced, self.driven, self.frequencies, self.samples, settings)
-        require_compiler(what, comm)
-        try:
-            torus, point = _solved(functools.partial(self._torus, reduced), states, (steps, most * steps))
-        except SolveError:
-            again = restarted(settings, reduced)
-            if again is None:
-                raise
-            return self.solved(again, former, accuracy)
-        if accuracy is None:
-            return torus, point, np.full(LOWEST, np.nan)
-        steps, errors = torus.period.steps, line_error_estimates(torus, point, self._torus)
-        if (more := accuracy.further(reduced, steps, errors)) is not None:
-            settings = replace(settings, modes=more[0], least=more[1])
-            try:
-                return self.solved(settings, (point.state.states - torus.linear, reduced), accuracy)
-            except PetscFailure:
-                raise
-            except (SolveError, ValueError) as error:  # it is lost there, or there is no memory
-                accuracy.stays(str(error))
-        accuracy.tell(reduced, steps, errors)
-        return torus, point, errors.sum(axis=0)
+        require_compiler(what, self.model.comm)
+        return self._torus(reduced, steps)
+
+    def found(
+        self, settings: PeriodSettings, guess: QuasiPeriodic | None, torus: Torus, near: _Told | None
+    ) -> _Told:
+        """The invariant curve of a map near the differences of another one to the linear response, and the
+        error that is told of its lines, nan where no accuracy is asked for. Collective.
+        """
+        states = None
+        with collective(self.model.comm):
+            if near is not None:
+                states = self._begin(near.found.state.states - near.where.linear, near.where.reduced, torus)
+            elif guess is not None:
+                states = self._begin(guess.states, guess.reduced, torus)
+        steps, most = torus.period.steps, MOST if settings.steps is None else 1
+        torus, point = _solved(torus, functools.partial(self._torus, torus.reduced), states, most * steps)
+        errors = np.full((1, LOWEST), np.nan)
+        if settings.accuracy is not None:
+            errors = line_error_estimates(torus, point, self._torus)
+        return Told(torus, point, errors)
 
     def _torus(self, reduced: ReducedModel, steps: int) -> Torus:
         """The map in so many steps, if there is room for it."""
@@ -236,29 +227,26 @@ class _TwoTones(NamedTuple):
         require_room("quasi_periodic", reduced, comm, samples=self.samples, steps=steps, orders=orders)
         return Torus(reduced, self.driven, self.frequencies, samples=self.samples, steps=steps, comm=comm)
 
-    def _begin(self, states: np.ndarray, old: ReducedModel, reduced: ReducedModel) -> np.ndarray:
+    def _begin(self, states: np.ndarray, old: ReducedModel, torus: Torus) -> np.ndarray:
         """A curve to begin from at the phases wanted, if it is one of the same model."""
+        reduced = torus.reduced
         if old is not reduced and (reduced.model is None or old.model is not reduced.model):
             raise ValueError(_OTHER.format(len(old.omega), len(reduced.omega)))
         return resampled(in_modes(states, old, reduced), self.samples)
 
 
 def _solved(
-    make: Callable[[int], Torus], states: np.ndarray | None, steps: tuple[int, int]
+    torus: Torus, make: Callable[[int], Torus], states: np.ndarray | None, most: int
 ) -> tuple[Torus, Point]:
-    """The map, of so many steps to begin with and so many at most, and its invariant curve near a guess.
-    Collective.
-    """
-    count, most = steps
+    """The map, of so many steps at most, and its invariant curve near a guess. Collective."""
     while True:
-        torus = make(count)
-        point = torus.solve(states if states is None else states + torus.linear)
+        point, count = torus.solve(states if states is None else states + torus.linear), torus.period.steps
         work = torus.contact_work(point.state.motions)
         times = times_more(work, count, most)
         if times == 1:
             warn_of_contact_work("quasi_periodic", work, count)
             return torus, point
-        states, count = point.state.states - torus.linear, times * count
+        states, torus = point.state.states - torus.linear, make(times * count)
 
 
 def _steps(

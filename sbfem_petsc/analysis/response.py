@@ -6,22 +6,26 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..continuation.accuracy import Accuracy, TooInaccurate
+from ..continuation.accuracy import Accuracy, Told
 from ..continuation.branch import Branch
-from ..continuation.branch_following import HARMONICS, BranchSettings, follow_response, linear_branch
+from ..continuation.branch_following import (
+    HARMONICS,
+    BranchSettings,
+    Followed,
+    follow_response,
+    linear_branch,
+)
 from ..continuation.harmonic_errors import begun
 from ..continuation.line_file import LineFile, conditions_of
 from ..continuation.orbit import Orbit, require_at
 from ..continuation.problems.driven_orbits import Orbits, ParameterRange
 from ..continuation.problems.unreduced import UnreducedOrbits, UnreducedSteady
 from ..continuation.search import find_steady_state
-from ..errors import PetscFailure, SolveError
 from ..motion.contact_work import MOST, StepsTooLong
 from ..motion.loading import amplitudes_only, communicator
 from ..motion.period_map import Period
@@ -33,7 +37,6 @@ from ..motion.preparation import (
     following,
     prepare,
     require_unreduced,
-    restarted,
     tells_stability,
 )
 from ..motion.unreduced.period import UnreducedPeriod, prepare_unreduced
@@ -51,6 +54,9 @@ from .options import FrequencyResponseOptions, LoadResponseOptions
 DOUBLED = "period doubling"
 # Instants a period at which a linear response is evaluated.
 INSTANTS = 256
+# Linear responses, and curves, with what is told of their errors.
+_Linear: TypeAlias = Told[Period, Branch]
+_Told: TypeAlias = Told[Period, Followed]
 
 
 @analysis(FrequencyResponseOptions, rubs=True)
@@ -139,16 +145,20 @@ def frequency_response(
     settings = PeriodSettings(periods, steps, modes, contact, band=highest, accuracy=accuracy)
     if not contact:
         settings = replace(following(settings, model), steps=INSTANTS, periods=periods or 1)
-        aim = None if settings.accuracy is None else Accuracy(over.owner, model, settings)
-        while True:
-            try:
-                period = prepare(over.owner, model, load, highest, settings=settings)
-                return linear_branch(period, start, stop, aim)
-            except TooInaccurate as error:
-                settings = error.settings
+        aim = Accuracy(over.owner, model, settings)
+
+        def prepared(settings: PeriodSettings, near: _Linear | None) -> Period:
+            return prepare(over.owner, model, load, highest, settings=settings)
+
+        def found(period: Period, near: _Linear | None) -> _Linear:
+            return Told(period, *linear_branch(period, start, stop))
+
+        period, branch, errors = aim.reached(prepared, found)
+        aim.tell(period, errors)
+        return branch
     asked = BranchSettings(points, largest_step or math.inf, stability is not False)
-    run = _Run(model, load, settings, guess, asked, file, resume, progress)
-    return run.followed(over, reduction, stability)
+    run = _Run(model, load, over, settings, guess, asked, file, resume, progress)
+    return run.followed(reduction, stability)
 
 
 @analysis(LoadResponseOptions, rubs=True)
@@ -193,8 +203,8 @@ def load_response(
     over = ParameterRange(parameter, start, stop, frequency)
     settings = PeriodSettings(periods, steps, modes, accuracy=accuracy)
     asked = BranchSettings(points, largest_step or math.inf, stability is not False)
-    run = _Run(model, load, settings, guess, asked, file, resume, progress)
-    return run.followed(over, reduction, stability)
+    run = _Run(model, load, over, settings, guess, asked, file, resume, progress)
+    return run.followed(reduction, stability)
 
 
 @dataclass(frozen=True)
@@ -203,6 +213,7 @@ class _Run:
 
     model: Model | ReducedModel
     load: Any
+    over: ParameterRange
     settings: PeriodSettings
     guess: Orbit | None
     asked: BranchSettings
@@ -215,14 +226,19 @@ class _Run:
         """The model's ranks."""
         return communicator(self.model)
 
-    def _file(self, over: ParameterRange) -> LineFile:
+    @property
+    def begins(self) -> float:
+        """The forcing frequency of its first motion, Hz."""
+        return self.over.frequency or self.over.start
+
+    def kept(self) -> LineFile:
         """Where it is kept, and whom it tells."""
-        shown: dict[str, Any] = {"task": f"{over.name} response", "progress": self.progress}
+        shown: dict[str, Any] = {"task": f"{self.over.name} response", "progress": self.progress}
         return LineFile(self.comm, self.file, "branch", resume=self.resume, **shown)
 
-    def _conditions(self, over: ParameterRange) -> dict[str, Any]:
+    def conditions(self) -> dict[str, Any]:
         """What a run must have been begun with to be gone on with."""
-        step, accuracy = self.asked.largest_step, self.settings.accuracy
+        step, accuracy, over = self.asked.largest_step, self.settings.accuracy, self.over
         return {
             **({} if accuracy is None else {"accuracy": accuracy}),
             "parameter": over.name,
@@ -232,8 +248,8 @@ class _Run:
             "fixed_frequency": over.frequency or 0.0,
         }
 
-    def _begins(self, owner: str) -> tuple[PeriodSettings, BranchSettings]:
-        """What a curve begins in and is asked for: an orbit's periods and steps, an accuracy by default."""
+    def _begun(self) -> _Run:
+        """With what it begins in and is asked for: an orbit's periods and steps, an accuracy by default."""
         settings, asked = replace(self.settings, periods=self.settings.periods or 1), self.asked
         guess = self.guess
         leaves = guess is not None and guess.path == DOUBLED  # which more modes might lose
@@ -244,77 +260,27 @@ class _Run:
             if settings.accuracy is None:
                 settings = replace(settings, steps=settings.steps or own)
             asked = replace(asked, leave=leaves)
-        if settings.accuracy is not None:
-            asked = replace(asked, accuracy=Accuracy(owner, self.model, settings))
-        return settings, asked
+        return replace(self, settings=settings, asked=asked)
 
-    def followed(self, over: ParameterRange, reduction: object, stability: bool | None) -> Branch:
-        """Over a parameter, of the model as it is or of a reduced one."""
+    def followed(self, reduction: object, stability: bool | None) -> Branch:
+        """Of the model as it is or of a reduced one."""
         if reduction is None:
-            return self._unreduced(over, stability)
-        what, guess, most = over.owner, self.guess, MOST if self.settings.steps is None else 1
-        begins = over.frequency or over.start
+            return self._unreduced(stability)
+        what = self.over.owner
         with collective(self.comm):
             check_reduction(what, reduction)
-            require_at(what, "guess", guess, begins, self.settings.periods)
-        settings, asked = self._begins(what)
+            require_at(what, "guess", self.guess, self.begins, self.settings.periods)
+        begun = self._begun()
+        accuracy = Accuracy(what, self.model, begun.settings)
+        with self.kept() as file:
+            curve = _Curve(begun, self.conditions(), stability, accuracy, file)
+            period, followed, errors = accuracy.reached(curve.prepared, curve.found)
+            if period is not curve.period:  # it was lost in another
+                curve.anew(period)
+            return followed.ended(file, accuracy.tell(period, errors))
 
-        def prepared(settings: PeriodSettings) -> Period:
-            return prepare(what, self.model, self.load, begins, settings=settings, guess=guess)
-
-        with self._file(over) as run:
-            period = self._begun(over, asked.accuracy, prepared, settings, run)
-            asked = replace(asked, stability=tells_stability(what, period, stability))
-            asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
-            # in the steps of the file where none are asked for
-            any_steps, begin = asked.most_steps > period.steps, np.array([over.start])
-            period, _ = run.begin_period(period, self._conditions(over), begin, any_steps)
-            followed: Period | None = None  # that was told to be less accurate
-            while True:
-                first = functools.partial(_first, period, over, guess)
-                try:
-                    return follow_response(Orbits(period, over), first, settings=asked, run=run)
-                except StepsTooLong as error:
-                    period = run.anew(what, finer(what, period, error.times))
-                    continue
-                except TooInaccurate as error:
-                    assert asked.accuracy is not None  # that raised it
-                    followed, period = period, asked.accuracy.more(over, error, prepared)
-                except PetscFailure:
-                    raise
-                except SolveError:
-                    again = restarted(settings, period.reduced)
-                    if again is not None:
-                        period = prepared(again)
-                    elif followed is None or asked.accuracy is None:
-                        raise
-                    else:
-                        asked.accuracy.stays(asked.accuracy.lost(period))
-                        period, followed = followed, None
-                asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
-                period = run.anew(what, period)
-
-    def _begun(
-        self,
-        over: ParameterRange,
-        accuracy: Accuracy | None,
-        prepared: Callable[[PeriodSettings], Period],
-        settings: PeriodSettings,
-        run: LineFile,
-    ) -> Period:
-        """The map to begin with: of a run that is gone on with in its modes, else as an accuracy asks for."""
-        if accuracy is None:
-            return prepared(settings)
-        modes = run.modes()
-        if modes is not None and settings.modes is None and isinstance(self.model, Model):
-            settings = replace(settings, modes=modes)
-        period = prepared(settings)
-        return (
-            period if modes is not None or self.guess is not None else accuracy.tried(over, period, prepared)
-        )
-
-    def _unreduced(self, over: ParameterRange, stability: bool | None) -> Branch:
-        what = over.owner
+    def _unreduced(self, stability: bool | None) -> Branch:
+        what, over = self.over.owner, self.over
         with collective(self.comm):
             # damping and gaps are in the model's matrices
             given = {"parameter": over.name} if over.name in ("damping", "gap") else {}
@@ -330,21 +296,90 @@ class _Run:
             )
         assert isinstance(self.model, Model)
         settings = replace(self.settings, periods=self.settings.periods or 1)
-        begins = over.frequency or over.start
         with (
-            self._file(over) as run,
-            prepare_unreduced(what, self.model, self.load, begins, settings=settings) as period,
+            self.kept() as run,
+            prepare_unreduced(what, self.model, self.load, self.begins, settings=settings) as period,
         ):
             if self.file is not None:
-                march = period.march(begins)
-                told = {**self._conditions(over), "contact": period.contact, "steps": period.steps}
+                march = period.march(self.begins)
+                told = {**self.conditions(), "contact": period.contact, "steps": period.steps}
                 told |= {"fingerprint": march.fingerprint(), **conditions_of(period.excitation)}
                 run.begin(None, told, np.array([over.start]), period.pencil)
             asked = replace(_with_room(what, period, self.asked), stability=False)
             orbits = UnreducedOrbits(period, over)
-            return follow_response(
+            followed = follow_response(
                 orbits, lambda: UnreducedSteady(orbits, over.start).state, settings=asked, run=run
             )
+            return followed.ended(run)
+
+
+@dataclass
+class _Curve:
+    """A curve of a reduced model, whose modes and steps may grow; `period` is the map of its file."""
+
+    run: _Run
+    conditions: dict[str, Any]
+    stability: bool | None
+    accuracy: Accuracy
+    file: LineFile
+    period: Period | None = None
+
+    @property
+    def what(self) -> str:
+        """The analysis, for messages."""
+        return self.run.over.owner
+
+    def _mapped(self, settings: PeriodSettings) -> Period:
+        run = self.run
+        return prepare(self.what, run.model, run.load, run.begins, settings=settings, guess=run.guess)
+
+    def prepared(self, settings: PeriodSettings, near: _Told | None) -> Period:
+        """The map in which the worst point of a curve is accurate; the first one is that of a run that is
+        gone on with, in its modes, else as an accuracy asks for.
+        """
+        over = self.run.over
+        if near is not None:
+            worst = near.found.worst
+            point = Told(near.where, worst.state, near.errors)
+            return self.accuracy.enough(over, worst.value, point, self._mapped, settings)
+        if settings.accuracy is None or self.period is not None:
+            return self._mapped(settings)
+        modes = self.file.modes()
+        if modes is not None and settings.modes is None and isinstance(self.run.model, Model):
+            settings = replace(settings, modes=modes)
+        period = self._mapped(settings)
+        if modes is not None or self.run.guess is not None:
+            return period
+        return self.accuracy.tried(over, period, self._mapped)
+
+    def found(self, period: Period, near: _Told | None) -> _Told:
+        """The curve in a map, and the errors of its worst point."""
+        run, what = self.run, self.what
+        if near is not None and period is near.where:  # there is no memory for more
+            return near
+        asked = replace(run.asked, stability=tells_stability(what, period, self.stability))
+        most = MOST if run.settings.steps is None else 1
+        asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
+        if self.period is None:  # in the steps of the file where none are asked for
+            begin, any_steps = np.array([run.over.start]), most > 1
+            self.period, _ = self.file.begin_period(period, self.conditions, begin, any_steps)
+        else:
+            self.anew(period)
+        while True:
+            period = self.period
+            first = functools.partial(_first, period, run.over, run.guess)
+            try:
+                curve = follow_response(Orbits(period, run.over), first, settings=asked, run=self.file)
+                break
+            except StepsTooLong as error:
+                self.anew(finer(what, period, error.times))
+        if curve.stops and self.accuracy.further(period.reduced, period.told_steps, curve.told) is None:
+            curve.ended(self.file, self.accuracy.tell(period, curve.told))  # raises what has stopped it
+        return Told(period, curve, curve.told)
+
+    def anew(self, period: Period) -> None:
+        """Begin its file again, in another map."""
+        self.period = self.file.anew(self.what, period)
 
 
 def _first(period: Period, over: ParameterRange, guess: Orbit | None) -> np.ndarray:

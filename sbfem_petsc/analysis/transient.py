@@ -17,7 +17,7 @@ import numpy as np
 from meshing.warnings import StepWarning
 
 from ..checks import choice, flag, real_array, shown
-from ..continuation.accuracy import Accuracy, Words
+from ..continuation.accuracy import Accuracy, Told, Words
 from ..continuation.harmonic_errors import beyond
 from ..continuation.orbit import LOWEST
 from ..errors import warn
@@ -47,7 +47,17 @@ from .options import TransientOptions
 # it is told.
 WORKED = 1e-4
 # What an accuracy is of, in sentences.
-WORDS = Words("displacements over time", "", "give a shorter step")
+WORDS = Words("displacements over time", "", "give a shorter step", "the history fails")
+
+
+class _Stepped(NamedTuple):
+    """Modes of a history and its steps; 0: by default."""
+
+    reduced: ReducedModel
+    told_steps: int
+
+
+_Told = Told[_Stepped, History]
 
 
 @analysis(TransientOptions, rubs=True)
@@ -218,27 +228,36 @@ def _accurate(
         Of a reduced model, with `step` (s; None: the default) and `decimation`.
     """
     accuracy, modes, step = asked
-    count, wanted = modes, None
+    count, duration = modes or 0, loads.duration
     if modes is None and isinstance(model, Model):
         # loads that jump move all modes
         count = modes_for(model, 0.0 if loads.sudden else loads.highest_frequency, accuracy)
-    while True:
-        r = model if isinstance(model, ReducedModel) else reduced(model, loads.units, count or 0)
-        found = history(r, step=step, decimation=recorded["decimation"])
-        steps = round(loads.duration / found.step)
-        if wanted is None:
-            given = None if asked[2] is None else steps
-            settings = PeriodSettings(steps=given, modes=modes, accuracy=accuracy, least=steps)
-            wanted = Accuracy("transient", model, settings, WORDS)
+
+    def stepped(count: int | None, steps: int = 0) -> _Stepped:
+        return _Stepped(
+            model if isinstance(model, ReducedModel) else reduced(model, loads.units, count or 0), steps
+        )
+
+    def found(where: _Stepped, near: _Told | None) -> _Told:
+        own = step if near is None else duration / where.told_steps
+        found = history(where.reduced, step=own, decimation=recorded["decimation"])
         errors = np.zeros((2, LOWEST))
-        errors[:, 1] = _errors(r, found, history)
-        if (more := wanted.further(r, steps, errors)) is None:
-            break
-        count, step = more[0] or count, loads.duration / more[1]
-    wanted.tell(r, steps, errors)
+        errors[:, 1] = _errors(where.reduced, found, history)
+        return Told(where._replace(told_steps=round(duration / found.step)), found, errors)
+
+    first = found(stepped(count), None)
+    steps = first.where.told_steps
+    settings = PeriodSettings(
+        steps=None if step is None else steps, modes=modes, accuracy=accuracy, least=steps
+    )
+    aim = Accuracy("transient", model, settings, WORDS)
+    where, result, errors = aim.reached(
+        lambda settings, _: stepped(settings.modes, settings.least), found, first
+    )
+    aim.tell(where, errors)
     if recorded["file"] is not None:
-        found = history(r, step=found.step, **recorded)
-    return replace(found, mode_error=float(errors.sum()))
+        result = history(where.reduced, step=result.step, **recorded)
+    return replace(result, mode_error=float(errors.sum()))
 
 
 def _errors(own: ReducedModel, found: History, history: Callable[..., History]) -> tuple[float, float]:

@@ -5,17 +5,18 @@ what is said where these cannot be had.
 from __future__ import annotations
 
 import contextlib
+import functools
 import math
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from meshing.warnings import AccuracyWarning
 
-from ..errors import SolveError, caller_level
+from ..errors import PetscFailure, SolveError, caller_level
 from ..motion.contact_work import MOST
 from ..motion.period_map import FixedPoint, Period
 from ..motion.preparation import PeriodSettings
@@ -23,6 +24,7 @@ from ..reduction.build import LEAST_MODES, MOST_MODES, modes_beyond, most_modes
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 from .harmonic_errors import added, harmonic_error_estimates
+from .newton import attempt
 from .orbit import LOWEST, largest_error
 from .problems.driven_orbits import ParameterRange
 from .search import NEWTON_ALONE, find_steady_state
@@ -34,43 +36,52 @@ LEAST_MORE, MOST_MORE, LEFT, OF_STEPS, FASTEST = 1.25, 2.5, 0.25, 0.6, 4.0
 UNASKED = 4
 
 
-class TooInaccurate(Exception):
-    """Motions are told to be less accurate than was asked for, and may have more modes or steps.
+Found = TypeVar("Found")
 
-    Attributes
-    ----------
-    fixed : FixedPoint
-        The one that is worst.
-    errors : array
-        What is told of it.
-    settings : PeriodSettings
-        For the next attempt.
-    value : float
-        Of a curve's parameter.
+
+class Map(Protocol):
+    """What a solution is found in, such as a `Period`."""
+
+    @property
+    def reduced(self) -> ReducedModel:
+        """Its modes."""
+
+    @property
+    def told_steps(self) -> int:
+        """Its steps, as `Words.each` counts them."""
+
+
+Where = TypeVar("Where", bound=Map)
+
+
+class Told(NamedTuple, Generic[Where, Found]):
+    """A solution, where it was found, and (3, n) what is told of its errors, as by
+    `harmonic_error_estimates`.
     """
 
-    def __init__(self, fixed: FixedPoint, errors: np.ndarray, settings: PeriodSettings, value: float):
-        super().__init__("harmonics are less accurate than was asked for")
-        self.fixed, self.errors, self.settings, self.value = fixed, errors, settings, value
+    where: Where
+    found: Found
+    errors: np.ndarray
 
 
 class Words(NamedTuple):
-    """What is said of results that are less accurate: what has the error, what steps are counted in and what
-    helps against theirs.
+    """What is said of results that are less accurate: what has the error, what steps are counted in, what
+    helps against theirs, and what becomes of one that is lost.
     """
 
     subject: str = "harmonics 1 to 4"
     each: str = " a forcing period"
     remedy: str = "give more than steps = {}"
+    lost: str = "no motion is found near it"
 
 
 HARMONICS = Words()
 
 
 class Accuracy:
-    """What is asked of harmonics 1 to 4, and which of modes and steps may grow: those that were not given, to
-    `PeriodSettings.most` and `MOST` times the first steps. Where `MOST_MODES`
-    are far from enough there are the usual ones.
+    """What is asked of harmonics 1 to 4, if anything, and which of modes and steps may grow: those that were
+    not given, to `PeriodSettings.most` and `MOST` times the first steps. Where `MOST_MODES` are far from
+    enough there are the usual ones.
 
     Parameters
     ----------
@@ -78,7 +89,7 @@ class Accuracy:
         The analysis, for messages.
     system : Model or ReducedModel
     settings : PeriodSettings
-        With an accuracy, a user's or the default (`preparation.following`).
+        With an accuracy, a user's or the default (`preparation.following`), or none.
     words : Words
     """
 
@@ -89,21 +100,88 @@ class Accuracy:
         settings: PeriodSettings,
         words: Words = HARMONICS,
     ):
-        assert settings.accuracy is not None  # the caller has asked
-        self.owner, self.value, self.settings = owner, settings.accuracy, settings
-        self.words, self.asked, self._vain = words, settings.most >= MOST_MODES, ""
+        self.owner, self.settings, self.words = owner, settings, words
+        self.value = math.inf if settings.accuracy is None else settings.accuracy
+        self.asked, self._vain = settings.most >= MOST_MODES, ""
         self._model = system if isinstance(system, Model) and settings.modes is None else None
         times = MOST if self.asked else UNASKED
         self._most_steps = times * settings.least if settings.steps is None else 0
 
     def met(self, errors: np.ndarray) -> bool:
         """Whether told errors, see `harmonic_error_estimates`, are within it."""
-        return largest_error(errors.sum(axis=0)) <= self.value
+        return self.settings.accuracy is None or largest_error(errors.sum(axis=0)) <= self.value
+
+    def reached(
+        self,
+        prepare: Callable[[PeriodSettings, Told[Where, Found] | None], Where],
+        find: Callable[[Where, Told[Where, Found] | None], Told[Where, Found]],
+        told: Told[Where, Found] | None = None,
+        settings: PeriodSettings | None = None,
+    ) -> Told[Where, Found]:
+        """The solution in modes and steps in which it is accurate, or which may not grow. Where it is lost in
+        fewer than the usual modes it is looked for in these; where it is lost, or has no memory, in more than
+        it was found in, that one is kept, and the reason.
+
+        Parameters
+        ----------
+        prepare : callable
+            Where settings have it looked for, near one that is not accurate enough, if any; ValueError where
+            there is no memory.
+        find : callable
+            The solution there, near that one.
+        told : Told, optional
+            The first one, if it is known.
+        settings : PeriodSettings, optional
+            To begin with. Default: those that are asked for, or what a first one calls for.
+        """
+        settings = settings or (self.settings if told is None else self._next(told))
+        while settings is not None:
+            where: Where | None = None
+            try:
+                where = prepare(settings, told)
+                told = find(where, told)
+            except PetscFailure:
+                raise
+            except (SolveError, ValueError) as error:
+                lost = where if isinstance(error, SolveError) else None
+                usual = None if lost is None else self._usual(lost)
+                if usual is not None:
+                    settings = replace(settings, modes=usual)
+                    continue
+                if told is None:
+                    raise
+                self._stays(str(error) if lost is None else self._lost(lost))
+            settings = self._next(told)
+        assert told is not None  # there are settings to begin with where none is known
+        return told
+
+    def _next(self, told: Told[Where, Found]) -> PeriodSettings | None:
+        """Settings of the next attempt, None where there is to be none."""
+        more = self.further(told.where.reduced, told.where.told_steps, told.errors)
+        return None if more is None else replace(self.settings, modes=more[0], least=more[1])
+
+    def _usual(self, where: Map) -> int | None:
+        """The usual modes, None where modes are given or are not fewer."""
+        if self.settings.accuracy is None or self._model is None:
+            return None
+        usual = min(LEAST_MODES, most_modes(self._model))
+        return usual if len(where.reduced.omega) < usual else None
+
+    def _stays(self, why: str) -> None:
+        """Further modes and steps are of no use, and why: they do not grow any more."""
+        self._model, self._most_steps, self._vain = None, 0, why
+
+    def _lost(self, where: Map) -> str:
+        """What is said of a solution that is not found again."""
+        modes, steps = len(where.reduced.omega), where.told_steps
+        return f"{self.words.lost} in {modes} modes and {steps} steps{self.words.each}"
 
     def further(self, reduced: ReducedModel, steps: int, errors: np.ndarray) -> tuple[int | None, int] | None:
         """Modes, None where they were given, and steps a forcing period of the next attempt; None where told
         errors are within it or nothing may grow.
         """
+        if self.settings.accuracy is None:
+            return None
         modes = more = len(reduced.omega)
         most = self._most_modes(modes)
         by_steps, late = largest_error(errors[1]), largest_error(errors[2:].sum(axis=0))
@@ -148,63 +226,6 @@ class Accuracy:
         """How many there may be, where there are so many."""
         return modes if self._model is None else min(most_modes(self._model), max(MOST_MODES, modes))
 
-    def require(self, fixed: FixedPoint, errors: np.ndarray, value: float = math.nan) -> None:
-        """Raise TooInaccurate where a motion's told errors are above it and modes or steps may grow."""
-        period = fixed.driven.period
-        periods = period.excitation.periods
-        more = self.further(period.reduced, period.steps // periods, errors)
-        if more is not None:
-            settings = replace(self.settings, modes=more[0], periods=periods)
-            if self._most_steps:
-                settings = replace(settings, least=more[1])
-            raise TooInaccurate(fixed, errors, settings, value)
-
-    def reached(
-        self,
-        prepared: Callable[[PeriodSettings], Period],
-        error: TooInaccurate,
-        found: Callable[[Period, FixedPoint], FixedPoint | None],
-    ) -> tuple[FixedPoint, np.ndarray]:
-        """From a motion that is not accurate enough the same one in modes and steps in which it is, or which
-        may not grow, and its told errors.
-
-        Parameters
-        ----------
-        prepared : callable
-            The map of settings.
-        error : TooInaccurate
-        found : callable
-            A motion of a map near one of another map; None where it is lost there.
-        """
-        while True:
-            try:
-                period = prepared(error.settings)
-            except ValueError as refused:  # for which there is no memory
-                return self._last(error, str(refused))
-            fixed = found(period, error.fixed)
-            if fixed is None:
-                return self._last(error, self.lost(period))
-            errors = harmonic_error_estimates(fixed)
-            try:
-                self.require(fixed, errors)
-                return fixed, errors
-            except TooInaccurate as further:
-                error = further
-
-    def _last(self, error: TooInaccurate, why: str) -> tuple[FixedPoint, np.ndarray]:
-        """The motion that more modes and steps cannot follow, which do not grow any more."""
-        self.stays(why)
-        return error.fixed, error.errors
-
-    def stays(self, why: str) -> None:
-        """Further modes and steps are of no use, and why: they do not grow any more."""
-        self._model, self._most_steps, self._vain = None, 0, why
-
-    def lost(self, period: Period) -> str:
-        """What is said of a motion that is not found again in a map."""
-        modes, steps = len(period.reduced.omega), period.steps // period.excitation.periods
-        return f"no motion is found near it in {modes} modes and {steps} steps{self.words.each}"
-
     def tried(
         self, over: ParameterRange, period: Period, prepared: Callable[[PeriodSettings], Period]
     ) -> Period:
@@ -213,11 +234,7 @@ class Accuracy:
         """
         for place in _places(over, period):
             with contextlib.suppress(SolveError):
-                fixed, errors = _told(over, period, place)
-                try:
-                    self.require(fixed, errors, place)
-                except TooInaccurate as error:
-                    period = self.more(over, error, prepared)
+                period = self.enough(over, place, _told(over, period, place), prepared)
         return period
 
     def told(self, over: ParameterRange, period: Period) -> float:
@@ -227,42 +244,42 @@ class Accuracy:
         found = []
         for place in _places(over, period):
             with contextlib.suppress(SolveError):
-                found.append(_told(over, period, place)[1])
+                found.append(_told(over, period, place).errors)
         worst = max(
             found or [np.full((3, LOWEST), np.inf)], key=lambda errors: largest_error(errors.sum(axis=0))
         )
-        self.tell(period.reduced, period.steps // period.excitation.periods, worst)
+        self.tell(period, worst)
         return largest_error(worst.sum(axis=0))
 
-    def more(
+    def enough(
         self,
         over: ParameterRange,
-        error: TooInaccurate,
+        value: float,
+        told: Told[Period, FixedPoint],
         prepared: Callable[[PeriodSettings], Period],
+        settings: PeriodSettings | None = None,
     ) -> Period:
-        """The map in whose modes and steps a point of a curve is accurate; where Newton's method loses that
-        point, the last one.
+        """The map in whose modes and steps, of some settings to begin with, a point of a curve is accurate;
+        where Newton's method loses that point, the last one.
         """
-        maps = [error.fixed.driven.period]
 
-        def kept(settings: PeriodSettings) -> Period:
-            maps.append(prepared(settings))
-            return maps[-1]
+        def found(period: Period, former: Told[Period, FixedPoint] | None) -> Told[Period, FixedPoint]:
+            assert former is not None  # it grows from one
+            driven, fixed = over.at(period, value), former.found
+            state = driven.linear_state + added(fixed, period)
+            newton = functools.partial(find_steady_state, driven, state, multiples=False, search=NEWTON_ALONE)
+            again = attempt(newton, SolveError)
+            if again is None:
+                return Told(period, fixed, np.zeros_like(former.errors))
+            return Told(period, again[0], harmonic_error_estimates(again[0]))
 
-        def found(period: Period, former: FixedPoint) -> FixedPoint:
-            driven = over.at(period, error.value)
-            state = driven.linear_state + added(former, period)
-            return find_steady_state(driven, state, multiples=False, search=NEWTON_ALONE)[0]
-
-        with contextlib.suppress(SolveError):
-            self.reached(kept, error, found)
-        return maps[-1]
+        return self.reached(lambda settings, _: prepared(settings), found, told, settings).where
 
     def missing(self, reduced: ReducedModel, steps: int, errors: np.ndarray) -> str:
         """What told errors above it, or none, mean; "" where they are within it."""
-        by_modes, by_steps = (largest_error(part) for part in errors[:2])
         if self.met(errors):
             return ""
+        by_modes, by_steps = (largest_error(part) for part in errors[:2])
         if math.isnan(by_modes + by_steps):
             return (
                 f"the error of {self.words.subject} is not told, as no point is named, the model was read "
@@ -293,9 +310,9 @@ class Accuracy:
         asked = f"not within accuracy = {self.value:g}{'' if self.asked else ', the default'}"
         return f"{self.words.subject} are {off}, {asked}, most by what is {cause}{why}; {remedy}"
 
-    def tell(self, reduced: ReducedModel, steps: int, errors: np.ndarray) -> str:
+    def tell(self, where: Map, errors: np.ndarray) -> str:
         """Warn the owner's caller of told errors above it; what is missing of what was asked is returned."""
-        missing = self.missing(reduced, steps, errors)
+        missing = self.missing(where.reduced, where.told_steps, errors)
         if missing:
             warnings.warn(f"{self.owner}: {missing}", AccuracyWarning, stacklevel=caller_level())
         return missing if self.asked else ""
@@ -310,8 +327,8 @@ def _places(over: ParameterRange, period: Period) -> list[float]:
     return list(filter(None, places))
 
 
-def _told(over: ParameterRange, period: Period, place: float) -> tuple[FixedPoint, np.ndarray]:
-    """The motion that Newton's method finds at once there, and its told errors."""
+def _told(over: ParameterRange, period: Period, place: float) -> Told[Period, FixedPoint]:
+    """The motion that Newton's method finds at once there."""
     driven = over.at(period, place)
     fixed, _ = find_steady_state(driven, driven.linear_state, multiples=False, search=NEWTON_ALONE)
-    return fixed, harmonic_error_estimates(fixed)
+    return Told(period, fixed, harmonic_error_estimates(fixed))

@@ -15,7 +15,6 @@ from ..errors import SolveError, on_all_ranks, warn, wrong_input
 from ..motion.contact_work import StepsTooLong, times_more, warn_of_contact_work
 from ..motion.excitation import one_sided
 from ..motion.period_map import Period
-from .accuracy import Accuracy
 from .bifurcations import Bifurcation, by_steps, locate, unlocated
 from .branch import Branch
 from .events import Way, insert, refine, turns_twice
@@ -67,8 +66,6 @@ class BranchSettings:
         Steps of the period which may be halved up to these, for the whole branch, where contact does work.
     more : str
         How there could be more points, for the warning of a branch that ends after so many.
-    accuracy : Accuracy, optional
-        Of the harmonics.
     """
 
     points: int = 400
@@ -77,7 +74,90 @@ class BranchSettings:
     leave: bool = False
     most_steps: int = 0
     more: str = "raise points"
-    accuracy: Accuracy | None = None
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A branch that has been followed.
+
+    Attributes
+    ----------
+    problem : Orbits or UnreducedOrbits
+    settings : BranchSettings
+    line : Line
+    new : bool
+        Whether it is not one that a former run has come to the end of.
+    worst : Point
+        The least accurate of those that are judged.
+    told : (3, 5) array
+        What is told of its errors.
+    errors : (5,) array
+        The largest errors of harmonics of any of them.
+    """
+
+    problem: Orbits | UnreducedOrbits
+    settings: BranchSettings
+    line: Line
+    new: bool
+    worst: Point
+    told: np.ndarray
+    errors: np.ndarray
+
+    @property
+    def stops(self) -> bool:
+        """Whether it has come to a stop within the range."""
+        line = self.line
+        return not (line.complete or line.full or line.reason.startswith("back"))
+
+    def ended(self, run: LineFile, missing: str = "") -> Branch:
+        """The branch with what is told of it as a whole; bifurcations are not located where that is missing
+        of its accuracy.
+
+        Raises
+        ------
+        SolveError
+            If it comes to a stop within the range; the points so far are the error's attribute `branch`.
+
+        Warns
+        -----
+        BranchWarning
+            If it ends after the most points that are allowed.
+        StepWarning
+            If contact does much work all the same.
+        """
+        line, problem, settings = self.line, self.problem, self.settings
+        if self.new and settings.stability and not missing:
+            _separate(line, functools.partial(_tell, settings))
+        result = _branch(line, problem, self.errors, missing, settings.stability)
+        work = max(point.state.contact_work for point in line.points)
+        warn_of_contact_work(problem.parameter.owner, work, problem.period.told_steps)
+        run.update(lambda: result, [line], last=True)
+        self._warn(result)
+        return result
+
+    def _warn(self, result: Branch) -> None:
+        """Warn of, or raise, why a branch has not come to the end of its range."""
+        what, last = self.problem.parameter.owner, float(result.value[-1])
+        line, settings, stop = self.line, self.settings, self.problem.parameter.stop
+        if line.full and result.complete:
+            warn(
+                f"{what}: the curve has all the {settings.points} points that it may have, and would have "
+                f"more where it bends or multipliers pass the unit circle; {settings.more}",
+                BranchWarning,
+            )
+        elif line.full:
+            warn(
+                f"{what}: the curve ends at {last:.8g} after {settings.points} points, before {stop:.8g}; "
+                f"{settings.more}, or take more steps a period if it zigzags",
+                BranchWarning,
+            )
+        elif line.reason.startswith("back"):
+            warn(f"{what}: the curve is {line.reason}", BranchWarning)
+        elif self.stops:
+            why = "; ".join(filter(None, (line.reason, line.advice)))
+            error = SolveError(f"{what}: the curve stops at {last:.8g} after {points_of(len(result))}: {why}")
+            error.branch = result  # type: ignore[attr-defined]
+            raise on_all_ranks(error)
 
 
 def follow_response(
@@ -86,7 +166,7 @@ def follow_response(
     *,
     settings: BranchSettings,
     run: LineFile,
-) -> Branch:
+) -> Followed:
     """Follow a branch over a range of its parameter.
 
     Parameters
@@ -99,25 +179,12 @@ def follow_response(
 
     Raises
     ------
-    SolveError
-        If the branch comes to a stop within the range; the points so far are the error's attribute `branch`.
     StepsTooLong
         If contact does too much work at a point, and there may be more steps.
-    TooInaccurate
-        If harmonics are less accurate than was asked for, and there may be more modes or steps.
-
-    Warns
-    -----
-    AccuracyWarning
-        If they are, and there may not; bifurcations are not located then.
-    BranchWarning
-        If it ends after the most points that are allowed.
-    StepWarning
-        If contact does much work all the same.
     """
-    period, parameter = problem.period, problem.parameter
+    parameter = problem.parameter
     what = parameter.owner
-    if not period.excitation.orders.any():
+    if not problem.period.excitation.orders.any():
         raise wrong_input(f"{what}: no load oscillates; give a number, the amplitude of sin(2 pi f t)")
     line = run.line(problem) or Line([Point.known(problem, np.append(first(), parameter.start))])
     within, new = parameter.range, not line.complete
@@ -137,39 +204,7 @@ def follow_response(
     new &= line.complete or not within.holds(line.points[-1].value)
     if new:
         refine(line, lambda: line.values / within.extent, lambda: line.told("point_amplitudes").T, tell)
-    errors, missing = _judged(line, settings.accuracy)
-    if new and settings.stability and not missing:
-        _separate(line, tell)
-    result = _branch(line, problem, errors, missing, settings.stability)
-    work = max(point.state.contact_work for point in line.points)
-    warn_of_contact_work(what, work, period.steps // period.excitation.periods)
-    run.update(lambda: result, [line], last=True)
-    _warn(line, parameter, settings, result)
-    return result
-
-
-def _warn(line: Line, parameter: ParameterRange, settings: BranchSettings, result: Branch) -> None:
-    """Warn of, or raise, why a branch has not come to the end of its range."""
-    what, last = parameter.owner, float(result.value[-1])
-    if line.full and result.complete:
-        warn(
-            f"{what}: the curve has all the {settings.points} points that it may have, and would have more "
-            f"where it bends or multipliers pass the unit circle; {settings.more}",
-            BranchWarning,
-        )
-    elif len(result) >= settings.points and not result.complete:
-        warn(
-            f"{what}: the curve ends at {last:.8g} after {settings.points} points, before "
-            f"{parameter.stop:.8g}; {settings.more}, or take more steps a period if it zigzags",
-            BranchWarning,
-        )
-    elif line.reason.startswith("back"):
-        warn(f"{what}: the curve is {line.reason}", BranchWarning)
-    elif not line.complete:
-        why = "; ".join(filter(None, (line.reason, line.advice)))
-        error = SolveError(f"{what}: the curve stops at {last:.8g} after {points_of(len(result))}: {why}")
-        error.branch = result  # type: ignore[attr-defined]
-        raise on_all_ranks(error)
+    return Followed(problem, settings, line, new, *_judged(line))
 
 
 def led_away(line: Line, within: Range) -> Range:
@@ -222,35 +257,20 @@ def _tell(settings: BranchSettings, point: Point) -> None:
     }
 
 
-def _judged(line: Line, accuracy: Accuracy | None) -> tuple[np.ndarray, str]:
-    """(5,): the largest errors of harmonics, at the ends and where the amplitude and harmonics 2 to 4 are
-    largest, see `harmonic_error_estimates`; what they mean where they are above the accuracy, or "".
-
-    Raises
-    ------
-    TooInaccurate
-        If they are above the accuracy, and there may be more modes or steps.
-
-    Warns
-    -----
-    AccuracyWarning
-        If they are, and there may not.
+def _judged(line: Line) -> tuple[Point, np.ndarray, np.ndarray]:
+    """Of the ends and where the amplitude and harmonics 2 to 4 are largest: the point whose told errors are
+    largest, (3, 5) these, see `harmonic_error_estimates`, and (5,) the largest of all of them.
     """
-    period, missing = line.points[0].problem.period, ""
-    if not isinstance(period, Period):
-        return NOT_TOLD, ""
+    if not isinstance(line.points[0].problem.period, Period):
+        return line.points[0], NOT_TOLD[None], NOT_TOLD
     spectra = np.abs(line.told("point_harmonics"))
     sizes = np.linalg.norm(spectra.reshape(len(spectra), -1, spectra.shape[-1]), axis=1)
     peaks = {int(np.linalg.norm(line.told("point_amplitudes"), axis=1).argmax())}
     peaks |= {int(np.argmax(size)) for size in sizes[:, 2:LOWEST].T}
     points = [line.points[k] for k in sorted({0, *peaks, len(line.points) - 1})]
     found = [harmonic_error_estimates(point.state) for point in points]
-    if accuracy is not None:
-        worst = int(np.argmax([largest_error(errors.sum(axis=0)) for errors in found]))
-        accuracy.require(points[worst].state, found[worst], points[worst].value)
-        steps = period.steps // period.excitation.periods
-        missing = accuracy.tell(period.reduced, steps, found[worst])
-    return np.max([errors.sum(axis=0) for errors in found], axis=0), missing
+    worst = int(np.argmax([largest_error(errors.sum(axis=0)) for errors in found]))
+    return points[worst], found[worst], np.max([errors.sum(axis=0) for errors in found], axis=0)
 
 
 def _branch(
@@ -347,14 +367,8 @@ def _uncertainty(line: Line, bifurcations: tuple[Bifurcation, ...]) -> np.ndarra
     return result
 
 
-def linear_branch(period: Period, start: float, stop: float, accuracy: Accuracy | None = None) -> Branch:
-    """The response without contact, closed form.
-
-    Raises
-    ------
-    TooInaccurate
-        If it is less accurate than was asked for, and there may be more modes.
-    """
+def linear_branch(period: Period, start: float, stop: float) -> tuple[Branch, np.ndarray]:
+    """The response without contact, closed form, and (3, 5) what is told of the errors of its worst point."""
     r = period.reduced
     lower, upper = min(start, stop), max(start, stop)
     inside = [(f, z) for f, z in zip(r.frequencies, r.damping) if lower < f < upper]
@@ -371,4 +385,5 @@ def linear_branch(period: Period, start: float, stop: float, accuracy: Accuracy 
     for value in values.tolist():
         line.points.append(Point.known(orbits, np.append(period.at(value).linear_state, value)))
         _tell(BranchSettings(stability=False), line.points[-1])
-    return _branch(line, orbits, *_judged(line, accuracy))
+    _, told, errors = _judged(line)
+    return _branch(line, orbits, errors), told

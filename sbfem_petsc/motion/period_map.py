@@ -81,6 +81,11 @@ class Period:
         return self.reduced.points.names
 
     @property
+    def told_steps(self) -> int:
+        """Steps a forcing period."""
+        return self.steps // self.excitation.periods
+
+    @property
     def unknowns(self) -> int:
         """Of a state."""
         return 2 * self.modes + len(self.slip_units)

@@ -12,7 +12,7 @@ from ..contact.friction import Friction
 from ..errors import wrong_input
 from ..ranks.capacity import require_compiler, require_memory
 from ..ranks.parallel import collective
-from ..reduction.build import ACCURATE, LEAST_MODES, MOST_MODES, modes_for, most_modes
+from ..reduction.build import ACCURATE, LEAST_MODES, MOST_MODES, modes_for
 from ..reduction.reduced_model import ReducedModel
 from ..signals.waves import Harmonic
 from ..system.model import Model
@@ -114,16 +114,6 @@ def beginning(settings: PeriodSettings, guess: Begun | None) -> PeriodSettings:
     if settings.first is not None or guess is None or guess.reduced is None:
         return settings
     return replace(settings, first=len(guess.reduced.omega))
-
-
-def restarted(settings: PeriodSettings, reduced: ReducedModel) -> PeriodSettings | None:
-    """Settings with the usual modes to begin with, where no motion is found in fewer that an accuracy has
-    chosen; None where they are given or there are no fewer.
-    """
-    if settings.accuracy is None or settings.modes is not None or reduced.model is None:
-        return None
-    usual = min(LEAST_MODES, most_modes(reduced.model))
-    return replace(settings, first=usual) if len(reduced.omega) < usual else None
 
 
 def expected(

@@ -131,15 +131,19 @@ def test_usual_modes_where_a_few_find_no_motion(monkeypatch):
     assert len(found.reduced.omega) == 80 and len(found.time) == 512
     curve = sb.frequency_response(coarse_beam(0.002), PUSH, 431.0, 431.1, stability=False)
     assert curve.complete and len(curve.reduced.omega) == 80
-    with pytest.raises(sb.SolveError, match="lost"):
-        sb.periodic(coarse_beam(0.002), PUSH, 433.0, modes=20, stability=False)
-    with pytest.raises(sb.SolveError, match="lost"):
-        sb.frequency_response(coarse_beam(0.002), PUSH, 431.0, 431.1, modes=20, stability=False)
+    few = sb.reduce(coarse_beam(0.002), PUSH, modes=20)  # has no others
+    for system, asked in (coarse_beam(0.002), {"modes": 20}), (few, {"accuracy": 1e-3}):
+        load = PUSH if asked.keys() == {"modes"} else 300.0
+        with pytest.raises(sb.SolveError, match="lost"):
+            sb.periodic(system, load, 433.0, stability=False, **asked)
+        with pytest.raises(sb.SolveError, match="lost"):
+            sb.frequency_response(system, load, 431.0, 431.1, stability=False, **asked)
 
 
 def test_curves_in_few_modes_by_default(tmp_path, monkeypatch):
     """A slow curve, and gone on with from its file in its modes; peak and error beside 50. Where these are
-    told not to do it is followed anew in more, which is said; where it is lost in these, in the former ones.
+    told not to do it is followed anew in more, which is said; where it is lost in these, or they have no
+    memory, it stays in the former ones and is not followed again.
     """
     beam, file = coarse_beam(0.002), str(tmp_path / "curve.journal")
     found = sb.frequency_response(beam, PUSH, 431.0, 431.2, file=file, stability=False)
@@ -169,7 +173,26 @@ def test_curves_in_few_modes_by_default(tmp_path, monkeypatch):
         "beyond 2. modes .no motion is found near it in 80 modes and 512 steps a forcing period.; give a few"
     )
     with pytest.warns(sb.AccuracyWarning, match=why):
-        kept = sb.frequency_response(beam, PUSH, 431.0, 431.2, stability=False)
+        kept = sb.frequency_response(beam, PUSH, 431.0, 431.2, file=file, stability=False)
+    np.testing.assert_array_equal(sb.read(file).point_amplitudes, kept.point_amplitudes)
+    np.testing.assert_allclose(kept.point_amplitudes, found.point_amplitudes, rtol=1e-6)
+    count, original = [], response.prepare
+
+    def counted(*args, **options):
+        count.append(args)
+        return follow(*args, **options)
+
+    def refused(*args, settings, **options):
+        if (settings.modes or 0) > 40:
+            raise ValueError("46 modes take more memory than is free")
+        return original(*args, settings=settings, **options)
+
+    monkeypatch.setattr(response, "follow_response", counted)
+    monkeypatch.setattr(response, "prepare", refused)
+    with pytest.warns(sb.AccuracyWarning, match="beyond 2. modes .46 modes take more memory than is free."):
+        kept = sb.frequency_response(beam, PUSH, 431.0, 431.2, file=file, stability=False)
+    assert len(count) == 1
+    np.testing.assert_array_equal(sb.read(file).point_amplitudes, kept.point_amplitudes)
     np.testing.assert_allclose(kept.point_amplitudes, found.point_amplitudes, rtol=1e-6)
 
 
@@ -370,17 +393,20 @@ def test_two_tones(monkeypatch):
     assert 40 < len(more.reduced.omega) < 80
     np.testing.assert_allclose(more.line(1, 1, "A"), fine.line(1, 1, "A"), rtol=1e-4)
     solve = quasi_periodic._solved
-    for lost in sb.SolveError("it does not converge"), ValueError("it takes more memory than is free"):
+    nowhere = r"no motion is found near it in 80 modes and \d+ steps a period of the faster tone"
+    for lost, why in (
+        (sb.SolveError("it does not converge"), nowhere),
+        (ValueError("it takes more memory than is free"), "it takes more memory than is free"),
+    ):
 
-        def refused(make, states, steps, lost=lost):
-            if len(make(steps[0]).reduced.omega) > 40:
+        def refused(torus, *given, lost=lost):
+            if len(torus.reduced.omega) > 40:
                 raise lost
-            return solve(make, states, steps)
+            return solve(torus, *given)
 
         monkeypatch.setattr(quasi_periodic, "_solved", refused)
-        with pytest.warns(
-            sb.AccuracyWarning, match=rf"beyond .. modes \({lost}\); give a few more than modes"
-        ):
+        words = rf"lines m f1 \+ n f2 .* beyond .. modes \({why}\); give a few more than modes"
+        with pytest.warns(sb.AccuracyWarning, match=words):
             kept = sb.quasi_periodic(beam, load, frequencies, guess=few, stability=False)
         np.testing.assert_allclose(kept.line(1, 1, "A"), few.line(1, 1, "A"), rtol=1e-3)
     monkeypatch.undo()

@@ -92,6 +92,11 @@ class Torus(InvariantCurves):
         self.linear = p.begun(np.zeros(2 * p.modes))
         self._units = np.append(np.full(p.unknowns * samples, self.unit), 1.0)
 
+    @property
+    def told_steps(self) -> int:
+        """Steps a period of the first tone."""
+        return self.period.steps
+
     def split(self, u: np.ndarray) -> tuple[np.ndarray, float, float]:
         """See `InvariantCurves`."""
         return u[:-1].reshape(self.samples, -1), self.rotation, float(u[-1])

@@ -123,6 +123,11 @@ class UnreducedPeriod:
         """The period at a forcing frequency (Hz) and a factor on the oscillating loads."""
         return UnreducedDriven(self, frequency, load)
 
+    @property
+    def told_steps(self) -> int:
+        """Steps a forcing period."""
+        return self.steps // self.excitation.periods
+
     def march(self, frequency: float) -> UnreducedSteps:
         """The steps of a forcing frequency (Hz), of which the last ones are kept. Collective."""
         march = self._marches.pop(frequency, None)
