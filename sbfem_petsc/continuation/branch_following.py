@@ -121,7 +121,7 @@ class Followed:
         Warns
         -----
         BranchWarning
-            If it ends after the most points that are allowed.
+            If it ends after the most points that are allowed, or where it began.
         StepWarning
             If contact does much work all the same.
         """
@@ -143,6 +143,14 @@ class Followed:
             warn(
                 f"{what}: the curve has all the {settings.points} points that it may have, and would have "
                 f"more where it bends or multipliers pass the unit circle; {settings.more}",
+                BranchWarning,
+            )
+        elif line.complete and not result.complete:
+            turn = max(result.value, key=lambda value: abs(value - last))
+            warn(
+                f"{what}: the curve has turned about at {turn:.8g} and come back to {last:.8g}, where it "
+                f"began, on other motions: it does not lead to {stop:.8g}; begin there, or from another "
+                "motion (guess)",
                 BranchWarning,
             )
         elif line.full:

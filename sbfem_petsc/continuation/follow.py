@@ -316,7 +316,14 @@ class Follower:
         slope = problem.value(self.points[-1].u)[1] * self.metric.units
         pace, last = abs(problem.sum(float(slope @ tangent))), self.points[-1]
         self.why = f"no further point within a step of {self.settings.smallest:g} at {last.value:.8g}"
-        length = min(self.line.length, self.settings.largest_step / max(pace, 1e-300))
+        longest = self.settings.largest_step / max(pace, 1e-300)
+        if longest < self.settings.smallest:
+            self.why = (
+                f"largest_step = {self.settings.largest_step:g} is less than the shortest step there is, "
+                f"{self.settings.smallest * pace:.2g} at {last.value:.8g}; give more than that"
+            )
+            self.line.advice = ""
+        length = min(self.line.length, longest)
         while length >= max(self.settings.smallest, least):
             point = attempt(functools.partial(self._step, problem, tangent, length))
             if point is None and length < CORNER and problem.corners:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from meshing.warnings import BranchWarning
 from sbfem_petsc.continuation import events, follow
 from sbfem_petsc.continuation.branch import find_peak
 from sbfem_petsc.continuation.events import Way, between
@@ -611,6 +612,34 @@ def test_a_curve_that_stops(monkeypatch):
         and curve.stable.any()
     )
     assert "no further point" in repr(curve)
+
+
+def test_a_curve_that_comes_back():
+    """From the middle one of three motions through a fold back to where it began, on the upper ones: it was
+    no warning that the end of the range is not met.
+    """
+    system = two_masses()
+    whole = sb.frequency_response(system, [0.1], 0.5 / TURN, 0.9 / TURN, steps=512, stability=False)
+    falling = np.flatnonzero((np.diff(whole.value) < 0.0) & (TURN * whole.value[1:] < 0.72))
+    middle = whole.orbit(int(falling[0]))
+    with pytest.warns(BranchWarning, match="turned about at .* and come back to .* does not lead to 0.14"):
+        found = sb.frequency_response(
+            system, [0.1], middle.frequency, 0.9 / TURN, steps=512, stability=False, guess=middle
+        )
+    assert not found.complete and found.value[-1] == found.value[0] == middle.frequency
+    assert found.value.max() == pytest.approx(whole.value[: falling[0]].max(), rel=1e-3)
+    assert found.amplitude("2")[-1] > 1.2 * found.amplitude("2")[0]
+
+
+def test_a_largest_step_that_is_none():
+    """The message says what is short, and not that steps of time are few."""
+    with pytest.raises(
+        sb.SolveError, match=r"largest_step = 1e-12 is less than the shortest step .*; give"
+    ) as e:
+        sb.frequency_response(
+            two_masses(), [0.1], 0.5 / TURN, 0.9 / TURN, steps=256, stability=False, largest_step=1e-12
+        )
+    assert "steps a period" not in str(e.value)
 
 
 def test_points_at_most():
