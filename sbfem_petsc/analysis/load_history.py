@@ -23,7 +23,7 @@ from ..motion.states import ModalStates, Point
 from ..ranks.capacity import require_memory
 from ..ranks.parallel import agreed, collective
 from ..record.record import Derived, Record, derived, described, entries, quantity
-from ..reduction.reduced_model import ReducedModel
+from ..reduction.reduced_model import SYSTEM, ReducedModel
 from ..signals.signal import Signal
 from ..system.fields.places import checked_line
 from ..system.fields.tip_facts import together
@@ -235,7 +235,7 @@ def load_history(
         found = reduced_states("load_history", model, over, contact)
         lost = None if model.friction is None else np.cumsum(found.lost)
         return ReducedLoadHistory(times, found.motion, lost)
-    instance("load_history", "model", model, Model, "a Model or ReducedModel")
+    instance("load_history", "model", model, Model, SYSTEM)
     with collective(model.comm):
         times = _checked(time)
         loads = model.checked_loads(load, constant=False)

@@ -8,10 +8,10 @@ from typing import overload
 import numpy as np
 
 from ..bodies.finite_element_model import FiniteElementModel
-from ..checks import integer, shown
+from ..checks import instance, integer
 from ..errors import SolveError, at_point, listed, warn, wrong_input
 from ..record.record import Record, described, quantity
-from ..reduction.reduced_model import ReducedModel, require_rows
+from ..reduction.reduced_model import SYSTEM, ReducedModel, require_rows
 from ..system.fields.resolution import warn_of_modes
 from ..system.model import Model
 from ..system.solve.modal_result import Modal
@@ -139,8 +139,7 @@ def modal(
         if accuracy is not None:
             raise ValueError("modal: accuracy is of a Model, whose mesh can be made finer; leave it out")
         return _kept_modes(model, count, band)
-    if not isinstance(model, Model):
-        raise TypeError(f"modal: model = {shown(model)} is not a Model or ReducedModel")
+    instance("modal", "model", model, Model, SYSTEM)
     most = model.boundary_unknowns // 2
     if count is not None and count > most:
         raise wrong_input(

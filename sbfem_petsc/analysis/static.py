@@ -12,7 +12,7 @@ from scipy.sparse import csgraph
 
 from meshing.warnings import MeshWarning, RoundOffWarning, StepWarning
 
-from ..checks import shown
+from ..checks import instance
 from ..contact.complementarity import Complementarity
 from ..contact.friction import STICKS, Memory
 from ..contact.law import FREE
@@ -22,7 +22,7 @@ from ..motion.loading import loading
 from ..motion.rest import Rest
 from ..motion.states import ModalStates
 from ..ranks.parallel import collective
-from ..reduction.reduced_model import ReducedModel, require_rows
+from ..reduction.reduced_model import SYSTEM, ReducedModel, require_rows
 from ..signals.signal import Constant
 from ..system.fields.fracture import contact_nodal_forces, energy_release_rates, notes, t_stresses
 from ..system.fields.resolution import warn_of_tips
@@ -99,8 +99,7 @@ def static(
     """
     if isinstance(model, ReducedModel):
         return _of_rows(model, load, contact, accuracy)
-    if not isinstance(model, Model):
-        raise TypeError(f"static: model = {shown(model)} is not a Model or ReducedModel")
+    instance("static", "model", model, Model, SYSTEM)
     if accuracy is None:
         return state(model, load, contact)
     _prepare(model, load)

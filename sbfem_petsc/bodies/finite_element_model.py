@@ -87,6 +87,8 @@ class FiniteElementModel:
         self.places = length * real_array(OWNER, "nodes", list(nodes.values()), (len(nodes), 3))
         self._node = {label: k for k, label in enumerate(self.labels.tolist())}
         rows = self._pairs("unknowns", unknowns, self.mass.shape[0])
+        if np.unique(rows[:, 1]).tolist() == [1, 2, 3] and np.ptp(self.places[rows[:, 0], 0]) > 0.0:
+            raise ValueError(f"{OWNER}: unknowns has directions 1, 2 and 3; give 0, 1 and 2 for x, y and z")
         self.sets = self._sets({} if sets is None else sets)
         self.elements = checked_cells(OWNER, {} if elements is None else elements, self._node)
         instance(OWNER, "fixed", fixed, (list, tuple, set, frozenset, np.ndarray), "pairs (node, direction)")
@@ -404,7 +406,8 @@ def _matrix(name: str, value: Any, factor: float) -> sparse.csr_matrix:
 def _vector(owner: str, name: str, given: Any) -> np.ndarray:
     if isinstance(given, str):
         return np.eye(3)[AXES.index(choice(owner, name, given, tuple(AXES)))]
-    vector = real_array(owner, name, given, 1)
-    if len(vector) != 3 or not vector.any():
-        raise ValueError(f"{owner}: {name} = {shown(given)} must be three numbers that are not all zero")
+    wanted = "'x', 'y', 'z' or three numbers that are not all zero"
+    vector = np.array(numbers_of(owner, name, given, 3, wanted))
+    if not vector.any():
+        raise ValueError(f"{owner}: {name} = {shown(given)} must be {wanted}")
     return vector / np.linalg.norm(vector)

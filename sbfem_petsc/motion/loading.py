@@ -16,7 +16,7 @@ from ..loads import EdgeMotion, Load, Loads, as_loads, separate
 from ..petsc import MPI
 from ..ranks.parallel import collective
 from ..reduction.build import MOST_MODES, default_modes, modes_for, reduced
-from ..reduction.reduced_model import ReducedModel
+from ..reduction.reduced_model import SYSTEM, ReducedModel
 from ..signals.sampling import known
 from ..signals.signal import Constant, Signal, as_signal
 from ..system.fields.resolution import warn_of_band, warn_of_jumps
@@ -37,7 +37,7 @@ def communicator(system: Model | ReducedModel) -> MPI.Comm:
         If it is neither a model nor a reduced one.
     """
     if not isinstance(system, (Model, ReducedModel)):
-        raise TypeError(f"model = {shown(system)} must be a Model or a ReducedModel")
+        raise TypeError(f"model = {shown(system)} must be {SYSTEM}")
     return system.comm
 
 
@@ -161,7 +161,7 @@ def _loading(
         edges = tuple(k for k, unit in enumerate(units) if isinstance(unit, EdgeMotion))
         return Loading(tuple(units), tuple(signals), edges=edges)
     count, edges = system.load_modes.shape[1], tuple(system.edges.tolist())
-    values: Any = load if isinstance(load, (list, tuple)) else (load,)
+    values = _values(load)
     if all(isinstance(value, (Real, Signal)) for value in values):
         if len(values) != count:
             raise ValueError(
@@ -219,9 +219,14 @@ def _refuse_ambiguous(owner: str, load: Any) -> None:
                 )
 
 
+def _values(load: Any) -> Any:
+    """Loads of a sequence, or of a (k,) array, or the only one."""
+    return load if isinstance(load, (list, tuple)) or getattr(load, "ndim", 0) == 1 else (load,)
+
+
 def _named(load: Any) -> list[tuple[str, Any]]:
     """Numbers and signals of loads, with their names; of anything else none."""
-    values = load if isinstance(load, (list, tuple)) else (load,)
+    values = _values(load)
     if all(isinstance(value, (Real, Signal)) for value in values):
         return [(f"load[{k}]", value) for k, value in enumerate(values)]
     if not all(isinstance(value, (Load, Loads)) for value in values):

@@ -27,6 +27,8 @@ from ..system.solve.modal_result import Modal
 from .outputs import LinearOutput
 from .supports import Supports
 
+# What an analysis is of.
+SYSTEM = "a Model, or a ReducedModel, which reduce makes of a body and reduce_matrices of M and K"
 # Modes, and two more, of the model that tells what those do which are left out.
 WIDER = 1.5
 

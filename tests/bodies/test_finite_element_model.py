@@ -109,6 +109,19 @@ def test_static_beside_dense(parts, cracked, load):
     assert linear.displacement("mouth") == pytest.approx((rows @ np.linalg.solve(k, f)).mean(), rel=1e-7)
 
 
+def test_loads_of_an_array(cracked):
+    """As a list of the same numbers; one that does not fit is told as such."""
+    for load in (np.array([900.0, -2e4]), np.array([900, -20000])):
+        found, same = sb.static(cracked, load), sb.static(cracked, load.tolist())
+        assert found.displacement("tip") == same.displacement("tip") != 0.0
+    orbits = [sb.periodic(cracked, load, 900.0).harmonics("tip") for load in (load, load.tolist())]
+    assert (orbits[0] == orbits[1]).all()
+    with pytest.raises(ValueError, match="has 2 unit loads, the load has 3"):
+        sb.static(cracked, np.ones(3))
+    with pytest.raises(TypeError, match="must be a number or signal for each of the 2 unit loads"):
+        sb.static(cracked, np.ones((1, 2)))
+
+
 def test_load_history_is_statics_in_time(cracked):
     times, push = [0.0, 0.1, 0.25], [sb.Harmonic(900.0, 1.0), -2e4]
     found = sb.load_history(cracked, push, times)
@@ -256,6 +269,16 @@ def test_wrong_models(parts, change, sentence):
         sb.FiniteElementModel(**{**parts, **change})
 
 
+def test_directions_that_count_from_1(parts):
+    """As CalculiX and Abaqus number them; a frame in the plane of y and z has no others."""
+    unknowns = parts["unknowns"] + [0, 1]
+    with pytest.raises(ValueError, match="directions 1, 2 and 3; give 0, 1 and 2 for x, y and z"):
+        sb.FiniteElementModel(**{**parts, "unknowns": unknowns, "fixed": ()})
+    plane = {label: (0.0, y, x + z) for label, (x, y, z) in parts["nodes"].items()}
+    frame = {**parts, "unknowns": unknowns, "nodes": plane, "fixed": (), "elements": {}}
+    assert len(sb.FiniteElementModel(**frame).unknowns) == len(unknowns)
+
+
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
@@ -269,6 +292,13 @@ def test_wrong_models(parts, change, sentence):
             r"loads\['F'\] = Row.* is zero whatever moves",
         ),
         (lambda b: b.at("LEFT", "w"), "direction = 'w' must be one of 'x', 'y', 'z'"),
+        (lambda b: b.at("LEFT", 2), "direction = 2 must be 'x', 'y', 'z' or three numbers that are not all"),
+        (
+            lambda b: b.at("LEFT", (0, 0, 0)),
+            r"direction = \(0, 0, 0\) must be 'x', 'y', 'z' or three numbers",
+        ),
+        (lambda b: sb.static(b, 1.0), "must be a Model, or a ReducedModel, which reduce makes of a body"),
+        (lambda b: sb.periodic(b, 1.0, 9.0), "must be a Model, or a ReducedModel, which reduce makes of"),
         (lambda b: b.at((0, 0, 0), "z"), "is held along"),
         (lambda b: b.at((0.04, 0.0, 0.01), "z"), "2 nodes lie at"),
         (lambda b: b.contact("LEFT", "RIGHT"), "do not tell their side"),

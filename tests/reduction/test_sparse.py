@@ -317,6 +317,23 @@ def test_most_of_all_modes(count):
     np.testing.assert_allclose(np.sort(found.omega) ** 2, expected, rtol=1e-11)
 
 
+@pytest.mark.parametrize("count", [6, 8, 20])
+def test_a_load_that_left_out_modes_have_no_part_in(count):
+    """The highest mode of a chain of an even number is one side against the other, which equal forces at both
+    ends do not move: all modes but that one are kept, statics are those of the whole chain.
+    """
+    ones = np.ones(count - 1)
+    stiffness = 1e6 * scipy.sparse.diags([2.0 * np.ones(count), -ones, -ones], [0, 1, -1]).tocsr()
+    load = np.zeros((count, 1))
+    load[[0, -1]] = 1.0
+    none = {"contact_rows": np.zeros((0, count)), "gap": []}
+    rom = sb.reduce_matrices(
+        scipy.sparse.identity(count), stiffness, **none, loads=load, sensors={"a": 1}, modes=count - 1
+    )
+    right = np.linalg.solve(stiffness.toarray(), load)[1, 0]
+    assert sb.static(rom, 1.0).displacement("a") == pytest.approx(right, rel=1e-12)
+
+
 def test_rigid_motions_take_no_digits():
     """Four chains that nothing holds beside w^2 = 2 k / m (1 - cos(pi j / n)); fewer modes than chains are
     refused, the four motions of all of them are modes.
