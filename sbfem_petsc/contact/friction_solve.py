@@ -32,8 +32,7 @@ def solve_friction(
     sets: Sets | None = None,
 ) -> Complementarity:
     """Contact with friction of normal rows (c) and tangential ones (k) behind them, by the compiled exchanges
-    of states (`rubbing`), and where these find none from the states of Lemke's method. What lands in these is
-    held where it stood.
+    of states (`rubbing`), and where these find none from the states of Lemke's method.
 
     Parameters
     ----------
@@ -57,14 +56,20 @@ def solve_friction(
     count, force = len(laws), np.zeros(len(free_gap))
     flexibility, rubbing = np.ascontiguousarray(flexibility), rubbing_of(friction, flexibility, count)
     sets = empty_sets(len(free_gap)) if sets is None else sets
-    state = np.concatenate([memory.normal, memory.tangential])
-    given = (free_gap, np.concatenate([memory.gap, memory.slip])), (laws.table, rubbing, state), sets, force
+    state, before = np.append(memory.normal, memory.tangential), np.append(memory.gap, memory.slip)
+    given = (free_gap, before), (laws.table, rubbing, state), sets, force
     exchanges = rubbing_forces(flexibility, *given)
-    if exchanges < 0:
+    for _ in range(2):  # without the rows that wait, and with them
+        if exchanges >= 0:
+            break
         sets.members[-1] = -1
-        if (found := pivoted(flexibility, free_gap, laws, rubbing, memory.slip)) is not None:
-            state[:], given[0][1][:count] = found, 0.0
-            exchanges = rubbing_forces(flexibility, *given)
+        if not sets.waits.any():  # it is told where rows land
+            before[:count], before[count:] = 0.0, sets.kept[count:]
+        basic = pivoted(flexibility, free_gap, laws, rubbing, before[count:], sets.waits[:count] != 0)
+        if basic is None:
+            break
+        state[:] = basic
+        exchanges = rubbing_forces(flexibility, *given)
     if exchanges < 0:
         sets.members[-1] = -1
         raise on_all_ranks(
@@ -81,21 +86,26 @@ def solve_friction(
 
 
 def pivoted(
-    flexibility: np.ndarray, free_gap: np.ndarray, laws: RowLaws, rubbing: Rubbing, slip: np.ndarray
+    flexibility: np.ndarray,
+    free_gap: np.ndarray,
+    laws: RowLaws,
+    rubbing: Rubbing,
+    slip: np.ndarray,
+    apart: np.ndarray,
 ) -> np.ndarray | None:
-    """States (c + k,) after slips (k,) by Lemke's method: unknowns are what presses rows, what pulls those
-    that may be pulled, friction along and against t, and speeds of slip, under what holds rows that are never
-    free. None where it does not end.
+    """States (c + k,) after slips (k,) by Lemke's method, of some normal rows (c,) FREE: unknowns are what
+    presses rows, what pulls those that may be pulled, friction along and against t, and speeds of slip, under
+    what holds rows that are never free. None where it does not end.
     """
     c, table, own = len(laws), laws.table, np.diag(flexibility)
     with np.errstate(divide="ignore"):
         weight = np.where(own > 0.0, 1.0 / np.sqrt(own), 0.0)
-    moves, held = (own[:c] > 0.0) & ~laws.fixed, np.flatnonzero(laws.fixed & (own[:c] > 0.0))
+    moves, held = (own[:c] > 0.0) & ~laws.fixed & ~apart, np.flatnonzero(laws.fixed & (own[:c] > 0.0))
     pressed, pulled = np.flatnonzero(moves), np.flatnonzero(moves & np.isfinite(table.most[FREE]))
     holding = np.linalg.lstsq(flexibility[np.ix_(held, held)], flexibility[held], rcond=None)[0].T
     w = flexibility - holding @ flexibility[held]
     free = free_gap + holding @ (table.place[PRESSED, held] - free_gap[held])
-    rubs = np.flatnonzero(rubbing.static > 0.0)
+    rubs = np.flatnonzero((rubbing.static > 0.0) & ~apart[rubbing.rows])
     rows = np.concatenate([pressed, pulled, c + rubs, c + rubs])
     sign = np.repeat([1.0, -1.0, 1.0, -1.0], [len(pressed), len(pulled), len(rubs), len(rubs)])
     place = np.concatenate([table.place[PRESSED, pressed], table.place[PULLED, pulled], *[slip[rubs]] * 2])

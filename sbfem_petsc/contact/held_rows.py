@@ -74,10 +74,10 @@ class Sets(NamedTuple):
     landed : (n, 3) array
         Of tangential rows that land: the share of the way to the next slip after which they do, less what the
         gap before adds to the kept slip, and what the next gap adds; zero of others. Told only if any do.
-    begun : (n,) int8 array
-        States before.
+    waits : (n,) int8 array
+        Whether a normal row that stood apart waits until the others have settled without it.
     told : (n + 1,) int8 array
-        Those from which it is told where rows land; the last entry tells whether any do.
+        States then, from which it is told where rows land; the last entry tells whether any do.
     aside : (n,) array
         Forces there.
     seen : (MAXIMUM,) int array
@@ -98,7 +98,7 @@ class Sets(NamedTuple):
     swept: np.ndarray
     kept: np.ndarray
     landed: np.ndarray
-    begun: np.ndarray
+    waits: np.ndarray
     told: np.ndarray
     aside: np.ndarray
     seen: np.ndarray
@@ -134,10 +134,10 @@ def extent_of(rubbing: Rubbing, state: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 def rubbing_room(rows: int) -> tuple[np.ndarray, ...]:
     """Room of `Sets` that sets of any step share: from `right` on."""
-    following, begun, told = (np.zeros(n, dtype=np.int8) for n in (rows, rows, rows + 1))
+    following, waits, told = (np.zeros(n, dtype=np.int8) for n in (rows, rows, rows + 1))
     right, solved, free, swept, kept = (np.empty(n) for n in (rows + 1, *[rows] * 4))
     seen, landed, aside = np.zeros(MAXIMUM, dtype=np.int64), np.empty((rows, 3)), np.zeros(rows)
-    return right, solved, free, following, swept, kept, landed, begun, told, aside, seen, np.arange(rows)
+    return right, solved, free, following, swept, kept, landed, waits, told, aside, seen, np.arange(rows)
 
 
 # Where nothing rubs.

@@ -198,7 +198,7 @@ def _sets(room: Room, level: int) -> Sets:
     held, at = room.members[level], room.places[level]
     found = of.sharp, inverse, known, held, at, of.right, own.solved, own.free
     return Sets(
-        *found, of.following, of.swept, of.kept, of.landed, of.begun, of.told, of.aside, of.seen, own.every
+        *found, of.following, of.swept, of.kept, of.landed, of.waits, of.told, of.aside, of.seen, own.every
     )
 
 

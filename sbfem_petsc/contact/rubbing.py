@@ -16,9 +16,8 @@ from .held_rows import MAXIMUM, Rubbing, Sets, follow, pull_of
 from .law import FREE, PRESSED, PULLED, ROUND_OFF, Table
 from .pivoting import Factor, add_rows, caught, contact_forces, products
 
-# Rounding of forces, of the largest. Sweeps of Gauss-Seidel before the next exchanges, and how often. How
-# often it is told where rows land, from the states that this leads to.
-ROUNDING, SWEEPS, ROUNDS, LANDINGS = 1e-12, 20, 20, 3
+# Rounding of forces, of the largest. Sweeps of Gauss-Seidel before the next exchanges, and how often.
+ROUNDING, SWEEPS, ROUNDS = 1e-12, 20, 20
 # What may be left of the gaps that are kept, relative to the largest gap without forces or by a row's own
 # force, and how often it is solved for again.
 _LEFT, _REFINED = 1e-13, 4
@@ -124,7 +123,7 @@ def _normal(
         pull = sets.right[sets.right.size - 1]
         let = force[row] < laws.least[now, row] - pull or force[row] > laws.most[now, row] + pull
         return FREE if let else now
-    if not flexibility[row, row] > 0.0:
+    if not flexibility[row, row] > 0.0 or sets.waits[row] != 0:
         return FREE
     found = caught(laws, row, sets.free[row])
     if found == FREE:
@@ -171,7 +170,8 @@ def _tangential(
     force: np.ndarray,
 ) -> int:
     """State that a tangential row, `of` a state and with a number, goes on to: of a pair that closes what it
-    would be in alone. What both sticking and slipping meet by rounding stays.
+    would be in alone, but that where friction falls as a slip begins it has not begun to. What both sticking
+    and slipping meet by rounding stays.
     """
     now, row = of
     number = row - rubbing.beside.size
@@ -182,6 +182,8 @@ def _tangential(
     moved = sets.free[row] - before[row]
     if now == FREE:
         bounds = (rubbing.kinetic[number], rubbing.static[number])
+        if bounds[1] > bounds[0]:
+            return STICKS
         return max(_alone(flexibility, (normal, row), (sets.free[normal], moved), bounds, sets), STICKS)
     if now == STICKS:
         bound = rubbing.static[number] * max(force[normal], 0.0) + sets.right[sets.right.size - 1]
@@ -243,7 +245,7 @@ def _sweep(
     (laws, rubbing, state), free, swept = held, sets.free, sets.swept
     n, count = free.size, rubbing.beside.size
     for i in range(count):
-        if not flexibility[i, i] > 0.0:
+        if not flexibility[i, i] > 0.0 or sets.waits[i] != 0:
             continue
         t, more = rubbing.beside[i], 0.0
         if t >= 0 and rubbing.static[t - count] > 0.0:
@@ -270,70 +272,37 @@ def _sweep(
 
 
 @inner_loops
-def _lands(
-    gap: tuple[np.ndarray, np.ndarray], rubbing: Rubbing, state: np.ndarray, of: int, sets: Sets
-) -> bool:
-    """Whether the normal row beside a tangential one, `of` a number, was apart and touches."""
-    i = rubbing.rows[of]
-    return sets.begun[i] == FREE and state[i] != FREE and gap[1][i] > 0.0 and rubbing.static[of] > 0.0
-
-
-@inner_loops
-def _tell(
+def _land(
     flexibility: np.ndarray,
     gap: tuple[np.ndarray, np.ndarray],
     held: tuple[Table, Rubbing, np.ndarray],
     sets: Sets,
     force: np.ndarray,
-    attempt: int,
-) -> None:
-    """Where rows land that are apart in the set that has been solved: gap and slip go linearly from those
-    before to those there. What lands is kept there, and at the first attempts sticks where friction falls as
-    a slip begins: under less than would hold it, it slips only if it has begun to.
+) -> int:
+    """Tell where the rows that wait land, and let them: gap and slip go linearly from those before to those
+    of the solution without them, of rows that land only because others do at its end. How many change their
+    states, -1 where none lands.
     """
-    (_, rubbing, state), count, new = held, held[1].beside.size, False
-    for k in range(rubbing.rows.size):
-        i, t = rubbing.rows[k], count + k
-        if sets.known[i] != FREE or not _lands(gap, rubbing, state, k, sets):
-            continue
-        if sets.told[state.size] == 0:
-            for j in range(count, state.size):
-                sets.landed[j, 0], sets.landed[j, 1], sets.landed[j, 2] = 0.0, 0.0, 0.0
-            sets.told[state.size] = 1
-        reached, slipped = min(sets.free[i], 0.0), sets.free[t] - gap[1][t]
-        share = 1.0 / (gap[1][i] - reached)
-        sets.landed[t, 0] = share * gap[1][i]
-        sets.landed[t, 1] = slipped * share**2 * reached
-        # without these rows it may not land at all: it is told at the end, whatever the gap there
-        sets.landed[t, 2] = slipped * share**2 * gap[1][i] if reached < 0.0 else 0.0
-        sets.kept[t], new = gap[1][t] + sets.landed[t, 0] * slipped, True
-        bounds = rubbing.kinetic[k], rubbing.static[k]
-        if bounds[1] > bounds[0]:
-            state[t] = STICKS if attempt < 2 else state[t]
-        elif attempt == 0:
-            rest = sets.free[i], sets.free[t] - sets.kept[t]
-            state[t] = max(_alone(flexibility, (i, t), rest, bounds, sets), STICKS)
-    if new:
-        for i in range(state.size):
-            sets.told[i], sets.aside[i] = sets.known[i], force[i]
-
-
-@inner_loops
-def _told(gap: tuple[np.ndarray, np.ndarray], held: tuple[Table, Rubbing, np.ndarray], sets: Sets) -> bool:
-    """Whether it is told where each row lands that does, from the set without them, or none do."""
-    (_, rubbing, state), count, lands, differ = held, held[1].beside.size, False, False
-    for k in range(rubbing.rows.size):
-        i, t = rubbing.rows[k], count + k
-        if _lands(gap, rubbing, state, k, sets):
-            lands = True
-            differ |= sets.told[i] != FREE or sets.told[t] != FREE or not sets.landed[t, 0] > 0.0
-        else:
-            differ |= sets.told[t] != state[t]
+    (laws, rubbing, state), count, lands = held, held[1].beside.size, False
     for i in range(count):
-        t = rubbing.beside[i]
-        if t < 0 or not _lands(gap, rubbing, state, t - count, sets):
-            differ |= sets.told[i] != state[i]
-    return not (lands and (differ or sets.told[state.size] == 0))
+        lands |= sets.waits[i] != 0 and caught(laws, i, sets.free[i]) != FREE
+    if not lands:
+        return -1
+    for i in range(state.size):
+        sets.told[i], sets.aside[i] = state[i], force[i]
+        sets.landed[i, 0], sets.landed[i, 1], sets.landed[i, 2] = 0.0, 0.0, 0.0
+    for k in range(rubbing.rows.size):
+        i, t = rubbing.rows[k], count + k
+        if sets.waits[i] != 0 and rubbing.static[k] > 0.0:
+            reached, slipped = min(sets.free[i], 0.0), sets.free[t] - gap[1][t]
+            share = 1.0 / (gap[1][i] - reached)
+            sets.landed[t, 0] = share * gap[1][i]
+            sets.landed[t, 1] = slipped * share**2 * reached
+            sets.landed[t, 2] = slipped * share**2 * gap[1][i] if reached < 0.0 else 0.0
+            sets.kept[t] = gap[1][t] + sets.landed[t, 0] * slipped
+    for i in range(count):
+        sets.waits[i] = 0
+    return _exchange(flexibility, (gap[0], sets.kept), held, sets, force)
 
 
 @inner_loops
@@ -343,11 +312,8 @@ def _settle(
     held: tuple[Table, Rubbing, np.ndarray],
     sets: Sets,
     force: np.ndarray,
-    tells: bool,
 ) -> int:
-    """Forces, gaps and states that fit together; how many exchanges they take, -1 if none are found. `tells`:
-    where rows land, as they do.
-    """
+    """Forces, gaps and states that fit together; how many exchanges they take, -1 if none are found."""
     laws, rubbing, state = held
     n, exchanges, without = gap[0].size, 0, (gap[0], sets.kept)
     slipping = Rubbing(rubbing.rows, rubbing.beside, rubbing.kinetic, rubbing.kinetic)
@@ -357,7 +323,6 @@ def _settle(
         # what sticks under what holds a row that slips sticks under more
         bounds = rubbing if attempt <= ROUNDS // 2 else slipping
         if attempt > 0:
-            sets.told[0] = -1  # what a sweep lets land is not told
             for i in range(n):
                 sets.free[i] = gap[0][i]
                 for j in range(n):
@@ -371,36 +336,8 @@ def _settle(
                 break
             if _exchange(flexibility, without, (laws, bounds, state), sets, force) == 0:
                 return exchanges
-            if tells:
-                _tell(flexibility, gap, held, sets, force, 0)
             exchanges += 1
     return -1
-
-
-@inner_loops
-def _land(
-    flexibility: np.ndarray,
-    gap: tuple[np.ndarray, np.ndarray],
-    held: tuple[Table, Rubbing, np.ndarray],
-    sets: Sets,
-    force: np.ndarray,
-    attempt: int,
-) -> bool:
-    """Tell where rows land from a solution without them, whether there is one."""
-    (_, rubbing, state), count = held, held[1].beside.size
-    for i in range(state.size):
-        sets.following[i] = state[i]
-    for k in range(rubbing.rows.size):
-        if _lands(gap, rubbing, sets.following, k, sets):
-            state[rubbing.rows[k]], state[count + k] = FREE, FREE
-    found = _solve(flexibility, gap, held, sets, force)
-    for i in range(state.size):
-        state[i] = sets.following[i]
-    if found:
-        for t in range(count, state.size):  # what has been told from other sets counts no more
-            sets.kept[t], sets.landed[t, 0], sets.landed[t, 1], sets.landed[t, 2] = gap[1][t], 0.0, 0.0, 0.0
-        _tell(flexibility, gap, held, sets, force, attempt)
-    return found
 
 
 @compiled_apart
@@ -415,31 +352,33 @@ def rubbing_forces(
 
     `gap` are the free gaps and slips, and those of the step before, whose slips rows that stick keep, those
     that land the slips where they do (of gaps of zero before those of the step before); `held` are the laws,
-    what rubs, and the states of the step before, which are written anew. `sets.free` is left with gaps and
-    slips, `sets.kept` with the slips that are kept. Returns the exchanges of states, -1 if no solution is
-    found.
+    what rubs, and the states of the step before, which are written anew. Rows that stood apart wait until the
+    others have settled. `sets.free` is left with gaps and slips, `sets.kept` with the slips that are kept.
+    Returns the exchanges of states, -1 if no solution is found.
     """
-    (laws, rubbing, state), exchanges = held, 0
+    (laws, _, state), count, waits, changed, landed = held, held[1].beside.size, False, -1, False
     for i in range(state.size):
-        sets.begun[i], sets.kept[i] = state[i], gap[1][i]
-    sets.told[state.size] = 0
-    for attempt in range(LANDINGS + 1):
-        if attempt > 0 and not _land(flexibility, gap, held, sets, force, attempt):
-            break
-        more = _settle(flexibility, gap, held, sets, force, attempt == 0)
-        if more < 0:
-            return -1
-        exchanges += more
-        if more == 0 or _told(gap, held, sets):
-            break
-    for i in range(rubbing.beside.size):
+        sets.kept[i] = gap[1][i]
+    for i in range(count):
+        sets.waits[i] = 1 if state[i] == FREE and gap[1][i] > 0.0 else 0
+        waits |= sets.waits[i] != 0
+    exchanges = _settle(flexibility, gap, held, sets, force)
+    if waits and exchanges >= 0:
+        changed = _land(flexibility, gap, held, sets, force)
+    if changed > 0:
+        more = _settle(flexibility, gap, held, sets, force)
+        exchanges = exchanges + more + 1 if more >= 0 else -1
+    if exchanges < 0:
+        return -1
+    for i in range(count):
         if state[i] != FREE:
             force[i] = min(max(force[i], laws.least[state[i], i]), laws.most[state[i], i])
-    if sets.told[state.size] != 0:
-        for i in range(rubbing.beside.size, state.size):
-            if state[i] == FREE:
-                sets.kept[i] = gap[1][i]
-                sets.landed[i, 0], sets.landed[i, 1], sets.landed[i, 2] = 0.0, 0.0, 0.0
+    for t in range(count, state.size if changed >= 0 else count):
+        if state[t] == FREE:
+            sets.kept[t] = gap[1][t]
+            sets.landed[t, 0], sets.landed[t, 1], sets.landed[t, 2] = 0.0, 0.0, 0.0
+        landed |= sets.landed[t, 0] > 0.0
+    sets.told[state.size] = landed
     return exchanges
 
 
