@@ -162,7 +162,7 @@ def _unknowns(file: str, nodes: dict[int, list[float]]) -> np.ndarray:
     return np.array(found, dtype=int).reshape(-1, 2)
 
 
-def _matrix(file: str, count: int) -> sparse.coo_matrix:
+def _matrix(file: str, count: int) -> sparse.csr_matrix:
     """The triangle that is stored, row, column and value a line, rows from 1."""
     lines = _read(file).splitlines()
     try:
@@ -175,7 +175,10 @@ def _matrix(file: str, count: int) -> sparse.coo_matrix:
             f"{OWNER}: {file} has rows {place.min():g} to {place.max():g}, whole numbers from 1 to {count} "
             "were expected, the unknowns of .dof; it is cut, or of another run"
         )
-    return sparse.coo_matrix((value, place.astype(np.int64) - 1), (count, count))
+    matrix = sparse.csr_matrix((value, place.astype(np.int64) - 1), (count, count))
+    if matrix.nnz < len(value):
+        raise ValueError(f"{OWNER}: {file} has {len(value) - matrix.nnz} entries twice; is it of two runs?")
+    return matrix
 
 
 def _require_one_run(stem: str, body: FiniteElementModel) -> None:

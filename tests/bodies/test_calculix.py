@@ -134,6 +134,7 @@ WRONG = [
     ("sti", r"\A1 1", "x 1", r"blocks.sti is cut, or no matrix"),
     ("sti", r"\A1 1 .*", "1 1 nan", r"stiffness.data"),
     ("sti", r"\A1 1 .*", "1 1 -1.0", r"stiffness of node 3, direction 0 is -1000"),
+    ("sti", r"\A", "1 1 5.0\n", "blocks.sti has 1 entries twice; is it of two runs"),
     ("dof", r"\A3.1\n", "", r"78, whole numbers from 1 to 77 were expected"),
     ("dof", r"\A3.1", "3.7", r"'3.7' is no node.direction"),
     ("dof", r"\A3.1", "999.1", r"'999.1' is no node.direction of the deck.* elements that CalculiX expands"),
