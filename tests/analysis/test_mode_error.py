@@ -213,8 +213,9 @@ def test_told_of_viscosity_of_a_model():
 
 
 def test_told_where_updates_hardly_gain():
-    """Of a plate with tied cracks, beside its response in 200 modes in closed form: a derivative of another
-    number of steps did not lead to the motion in more of them, which was told as not found.
+    """Of a plate with tied cracks, beside its response in 100 modes in closed form, 5e-6 from that in 200: a
+    derivative of another number of steps did not lead to the motion in more of them, which was told as not
+    found.
     """
     lines = [
         [(0.0225, 0.0302), (0.0463, 0.0377), (0.0649, 0.0619)],
@@ -236,7 +237,7 @@ def test_told_where_updates_hardly_gain():
             sb.PointForce("S", fx=late(-1.3e4, 0.0), fy=late(-2.7e4, 0.0)),
         ]
         found = sb.periodic(model, load, frequency, modes=10, steps=160, stability=False)
-        r, omega = sb.reduce(model, load, modes=200), TURN * frequency
+        r, omega = sb.reduce(model, load, modes=100), TURN * frequency
     sizes = {
         "tx": 1.2e6 - 0.23e6 * np.exp(0.7j),
         "ty": 1.2e6 - 0.18e6 * np.exp(0.7j),

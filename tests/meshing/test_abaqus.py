@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from meshing import GmshWarning, read_gmsh
+from meshing.gmsh.confined import Refusal
+from meshing.gmsh.foreign import abaqus
 
 ROOT = Path(__file__).resolve().parents[2]
 INP = """*HEADING
@@ -313,53 +315,64 @@ def test_random_decks(tmp_path, seed):
 
 
 @pytest.mark.parametrize(
-    ("change", "options", "says"),
+    ("change", "says"),
     [
-        (("*NSET, NSET=P", "*INCLUDE, INPUT=/etc/passwd\n*NSET, NSET=P"), {}, "*INCLUDE in line 16"),
-        (("*NODE\n", "*NODE, INPUT=nodes.txt\n"), {}, "*NODE in line 3 reads the file 'nodes.txt'"),
-        (("CPS4", "C3D4"), {}, "*ELEMENT in line 10 has elements of type C3D4; a plane mesh"),
-        (("CPS4", "CAX4"), {}, "type CAX4"),
-        (("2, 2, 3, 6, 5", "2, 2, 3, 66, 5"), {}, "*ELEMENT in line 13 has node 66 in element 2"),
-        (("2, 2, 3, 6, 5", "2, 2, 3, 6"), {}, "has 3 nodes of element 2, not 4"),
-        (("2, 2, 3, 6, 5", "2, 2, 3, 6,"), {}, "ends within element 2"),
-        (("2, 2, 3, 6, 5", "1, 2, 3, 6, 5"), {}, "holds element 1, which there is already"),
-        (("2, 2, 3, 6, 5", "2, 2, 3, 6, x"), {}, "does not hold whole numbers: 2, 2, 3, 6, x"),
-        (("2, 2, 3, 6, 5", "9" * 19 + ", 2, 3, 6, 5"), {}, "does not hold whole numbers: 999"),
-        (("6, 2., 1.", "6, 2., one"), {}, "*NODE in line 9 does not hold a number and coordinates"),
-        (("6, 2., 1.", "6, 2., 1.\n5, 2., 1."), {}, "holds node 5, which stands elsewhere already"),
-        ((", ELSET=brass", ""), {}, "element 2 is in no set, whose name is the material's"),
-        (("*NSET, NSET=P", "*ELSET, ELSET=b\n1\n*NSET, NSET=P"), {}, "is in the sets 'steel' and 'b'"),
-        (("*NSET, NSET=P\n6", "*ELSET, ELSET=b\n7"), {}, "has element 7, which does not exist"),
-        (("*NSET, NSET=P\n6", "*ELSET, ELSET=b\nnone"), {}, "names the set 'none'"),
-        (("*NSET, NSET=P\n6", "*ELSET, ELSET=b, GENERATE\n1"), {}, "first and a last number"),
-        (("*NSET, NSET=P\n6", "*SOLID SECTION, ELSET=steel, MATERIAL=s"), {}, "2 is in no *SOLID SECTION"),
-        (("*NSET, NSET=P", "*NGEN\n1, 2\n*NSET, NSET=P"), {}, "*NGEN in line 16 makes nodes"),
-        ((", NSET=crack:c\n2, 5", ", NSET=Q\n1, 6"), {}, "'Q' holds no curve"),
-        (("*NSET, NSET=P", "*SURFACE\n1, S1\n*NSET, NSET=P"), {}, "*SURFACE in line 16 has no name"),
+        (("*NSET, NSET=P", "*INCLUDE, INPUT=/etc/passwd\n*NSET, NSET=P"), "*INCLUDE in line 16"),
+        (("CPS4", "C3D4"), "*ELEMENT in line 10 has elements of type C3D4; a plane mesh"),
+        (("CPS4", "CAX4"), "type CAX4"),
+        (("2, 2, 3, 6, 5", "2, 2, 3, 66, 5"), "*ELEMENT in line 13 has node 66 in element 2"),
+        (("2, 2, 3, 6, 5", "2, 2, 3, 6"), "has 3 nodes of element 2, not 4"),
+        (("2, 2, 3, 6, 5", "2, 2, 3, 6,"), "ends within element 2"),
+        (("2, 2, 3, 6, 5", "1, 2, 3, 6, 5"), "holds element 1, which there is already"),
+        (("2, 2, 3, 6, 5", "2, 2, 3, 6, x"), "does not hold whole numbers: 2, 2, 3, 6, x"),
+        (("2, 2, 3, 6, 5", "9" * 19 + ", 2, 3, 6, 5"), "does not hold whole numbers: 999"),
+        (("6, 2., 1.", "6, 2., one"), "*NODE in line 9 does not hold a number and coordinates"),
+        (("6, 2., 1.", "6, 2., 1.\n5, 2., 1."), "holds node 5, which stands elsewhere already"),
+        ((", ELSET=brass", ""), "element 2 is in no set, whose name is the material's"),
+        (("*NSET, NSET=P", "*ELSET, ELSET=b\n1\n*NSET, NSET=P"), "is in the sets 'steel' and 'b'"),
+        (("*NSET, NSET=P\n6", "*ELSET, ELSET=b\n7"), "has element 7, which does not exist"),
+        (("*NSET, NSET=P\n6", "*ELSET, ELSET=b\nnone"), "names the set 'none'"),
+        (("*NSET, NSET=P\n6", "*ELSET, ELSET=b, GENERATE\n1"), "first and a last number"),
+        (("*NSET, NSET=P\n6", "*SOLID SECTION, ELSET=steel, MATERIAL=s"), "2 is in no *SOLID SECTION"),
+        (("*NSET, NSET=P", "*NGEN\n1, 2\n*NSET, NSET=P"), "*NGEN in line 16 makes nodes"),
+        (("*NSET, NSET=P", "*SURFACE\n1, S1\n*NSET, NSET=P"), "*SURFACE in line 16 has no name"),
         (
             ("*NSET, NSET=P", "*SURFACE, TYPE=CYLINDER, NAME=s\n1\n*NSET, NSET=P"),
-            {},
             "made by CYLINDER; give its elements",
         ),
-        (("*NSET, NSET=P", "*SURFACE, NAME=s\n1, S5\n*NSET, NSET=P"), {}, "side 'S5' of element 1"),
+        (("*NSET, NSET=P", "*SURFACE, NAME=s\n1, S5\n*NSET, NSET=P"), "side 'S5' of element 1"),
         (
             ("*NSET, NSET=P", "*SURFACE, NAME=s\n9, S1\n*NSET, NSET=P"),
-            {},
             "has element 9, which does not exist",
         ),
-        (("*NSET, NSET=P", "*SURFACE, NAME=s\nx, S1\n*NSET, NSET=P"), {}, "names the set 'x'"),
-        (("*NSET, NSET=P", "*SURFACE, NAME=s\n*NSET, NSET=P"), {}, "holds no side of the outline"),
+        (("*NSET, NSET=P", "*SURFACE, NAME=s\nx, S1\n*NSET, NSET=P"), "names the set 'x'"),
+        (("*NSET, NSET=P", "*SURFACE, NAME=s\n*NSET, NSET=P"), "holds no side of the outline"),
         (
             ("*NSET, NSET=P", "*SURFACE, NAME=s\n1, S1\n*SURFACE, NAME=S\n1, S4\n*NSET, NSET=P"),
-            {},
             "makes the curve 'S', which there is already",
         ),
+    ],
+)
+def test_wrong_decks(tmp_path, change, says):
+    """As it is refused in the child process, whose sentence `test_wrong_meshes` sees arrive."""
+    assert change[0] in INP
+    (tmp_path / "model.inp").write_text(INP.replace(*change))
+    with pytest.raises(Refusal) as caught:
+        abaqus.extract(file=str(tmp_path / "model.inp"), order=1, size=None, most_unknowns=1000)
+    assert says in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "options", "says"),
+    [
+        (("*NODE\n", "*NODE, INPUT=nodes.txt\n"), {}, "*NODE in line 3 reads the file 'nodes.txt'"),
         (("*HEADING", "*HEADING"), {"size": 0.1}, "size has no meaning"),
         (("*HEADING", "*HEADING"), {"order": 20, "max_unknowns": 100}, "more than max_unknowns = 100"),
         (("*HEADING", "*HEADING"), {}, "'crack:c' holds no curve"),
+        ((", NSET=crack:c\n2, 5", ", NSET=Q\n1, 6"), {}, "'Q' holds no curve"),
     ],
 )
-def test_wrong_decks(tmp_path, change, options, says):
+def test_wrong_meshes(tmp_path, change, options, says):
     assert change[0] in INP
     with pytest.raises(ValueError) as caught:
         read(tmp_path, INP.replace(*change), **options)

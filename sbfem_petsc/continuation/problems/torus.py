@@ -15,7 +15,6 @@ from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
-from scipy.signal import lfilter
 
 from ...errors import SolveError
 from ...motion.excitation import Excitation, modal_forces
@@ -231,6 +230,8 @@ def followed(values: np.ndarray, delay: float) -> np.ndarray:
     """Values (n, ...) that follow others, linear in each step, as y + b y' = x from the first one on, b in
     steps.
     """
+    from scipy.signal import lfilter  # slow to load, for all that know two tones
+
     fade = math.exp(-1.0 / delay)
     before, behind = delay * (1.0 - fade) - fade, 1.0 - delay * (1.0 - fade)
     steps = before * values[:-1] + behind * values[1:]
