@@ -5,6 +5,7 @@ removed, and no link leads out of it.
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import stat
@@ -13,7 +14,8 @@ import stat
 INDEX = ".sbfem-index"
 # Folders above a file in which an index is looked for.
 UP = 4
-NOT_OURS = "move it away, or name another folder with --output"
+ELSEWHERE = "name another folder with --output"
+NOT_OURS = f"move it away, or {ELSEWHERE}"
 
 
 def open_regular(path: str, flags: int) -> int:
@@ -107,10 +109,22 @@ def _inside(name: str) -> bool:
 
 
 def enter(folder: str, name: str) -> None:
-    """Add a name to an index; it is on the disk when this returns."""
-    handle = open_regular(os.path.join(folder, INDEX), os.O_WRONLY | os.O_APPEND)
+    """Add a name to an index; it is on the disk when this returns.
+
+    Raises
+    ------
+    ValueError
+        If the system refuses, as on a full disk.
+    """
+    line = f"\n{json.dumps(name)}\n".encode()
     try:
-        os.write(handle, f"\n{json.dumps(name)}\n".encode())
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+        handle = open_regular(os.path.join(folder, INDEX), os.O_WRONLY | os.O_APPEND)
+        try:
+            if os.write(handle, line) < len(line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+    except OSError as error:
+        place = os.path.join(folder, name)
+        raise ValueError(f"{place!r} cannot be made ({error.strerror}); make room, or {ELSEWHERE}") from None

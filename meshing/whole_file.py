@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import re
 import shutil
 import stat
 import tempfile
@@ -65,9 +64,8 @@ def destination(path: Any, what: str) -> str:
 
 
 def reason(error: Exception) -> str:
-    """What the system says of a failure, also through HDF5's messages."""
-    told = re.search(r"error message = '([^']*)'", str(error))
-    return told[1] if told else getattr(error, "strerror", None) or str(error)
+    """What the system says of a failure."""
+    return getattr(error, "strerror", None) or str(error)
 
 
 @contextlib.contextmanager

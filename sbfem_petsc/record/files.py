@@ -17,7 +17,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from meshing.whole_file import reason, replaced
+from meshing.whole_file import replaced
 
 from ..checks import flag, shown
 from ..checks import path as checked_path
@@ -198,10 +198,10 @@ def _kept(path: str, in_memory: bool) -> Any:
 
 def image(record: Record, model: Record | None = None) -> np.ndarray:
     """A record as the compressed bytes of a file, for a journal; without the model, which its head has."""
-    with _new_file("image", in_memory=True) as file:
+    target = io.BytesIO()
+    with _new_file(target) as file:
         write(file, record, seen={} if model is None else {id(model): MODEL})
-        file.flush()
-        return np.frombuffer(zlib.compress(file.id.get_file_image(), SPARE), dtype=np.uint8)
+    return np.frombuffer(zlib.compress(target.getbuffer(), SPARE), dtype=np.uint8)
 
 
 def from_image(data: np.ndarray, beside: Mapping[str, Record] = {}) -> Any:
@@ -226,25 +226,65 @@ def written(path: Any, what: str = WHAT) -> Iterator[h5py.File]:
     TypeError, ValueError
         See `writing.replaced`.
     """
-    with replaced(path, what) as temporary:
+    with replaced(path, what) as temporary, for_hdf5(temporary) as target, _new_file(target) as file:
+        file.attrs["sbfem_petsc"] = text_of(_version())
+        file.attrs["schema"] = SCHEMA
+        yield file
+
+
+class _Target(io.FileIO):
+    """A file for HDF5, which ends the process sooner or later where it could not write all that it has: it is
+    told of no failure.
+    """
+
+    failure: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        """Write it all, or nothing any more."""
+        rest = memoryview(data).cast("B")
+        with self._kept():
+            while self.failure is None and len(rest):
+                rest = rest[super().write(rest) :]
+        return len(data)
+
+    def truncate(self, size: int | None = None) -> int:
+        """Cut it, or add to it."""
+        with self._kept():
+            super().truncate(size)
+        return self.tell() if size is None else size
+
+    @contextlib.contextmanager
+    def _kept(self) -> Iterator[None]:
         try:
-            with _new_file(temporary) as file:
-                file.attrs["sbfem_petsc"] = text_of(_version())
-                file.attrs["schema"] = SCHEMA
-                yield file
-        except RuntimeError as error:  # HDF5's failures of writing are errors of the system
-            raise OSError(reason(error)) if type(error) is RuntimeError else error from None
+            yield
+        except OSError as error:
+            self.failure = self.failure or error
 
 
-def _new_file(path: str, in_memory: bool = False) -> h5py.File:
+@contextlib.contextmanager
+def for_hdf5(path: str) -> Iterator[io.FileIO]:
+    """A new file for `h5py.File` to write; what the system has refused is raised when that is closed.
+
+    Raises
+    ------
+    OSError
+    """
+    with _Target(path, "w+") as target:
+        try:
+            yield target
+        finally:
+            if target.failure is not None:
+                raise target.failure
+
+
+def _new_file(target: io.RawIOBase | io.BytesIO) -> h5py.File:
     """An empty file, in which links keep their order."""
     access, made = (h5py.h5p.create(kind) for kind in (h5py.h5p.FILE_ACCESS, h5py.h5p.FILE_CREATE))
     access.set_libver_bounds(h5py.h5f.LIBVER_V110, h5py.h5f.LIBVER_V110)
     access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
-    if in_memory:
-        access.set_fapl_core(backing_store=False)
+    access.set_fileobj_driver(h5py.h5fd.fileobj_driver, target)
     made.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED)  # an index of it takes a tenth of a small file
-    return h5py.File(h5py.h5f.create(os.fsencode(path), h5py.h5f.ACC_TRUNC, fcpl=made, fapl=access))
+    return h5py.File(h5py.h5f.create(b"new", h5py.h5f.ACC_TRUNC, fcpl=made, fapl=access))
 
 
 @contextlib.contextmanager

@@ -12,6 +12,8 @@ import numpy as np
 
 from meshing.whole_file import replaced
 
+from ..record.files import for_hdf5
+
 # VTK's numbers of cells.
 _TYPES = {"quad": 9, "triangle": 5}
 
@@ -27,7 +29,11 @@ def write_series(path: str, times: np.ndarray, meshes: Iterator[dict[str, Any]])
     meshes : iterator of n dict
         Arguments of a meshio mesh, of one grid.
     """
-    with replaced(path, "VTKHDF file") as temporary, h5py.File(temporary, "w") as file:
+    with (
+        replaced(path, "VTKHDF file") as temporary,
+        for_hdf5(temporary) as target,
+        h5py.File(target, "w") as file,
+    ):
         root = file.create_group("VTKHDF")
         root.attrs["Version"] = np.array([2, 0])
         root.attrs.create("Type", b"UnstructuredGrid", dtype=h5py.string_dtype("ascii", 16))

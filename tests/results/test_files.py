@@ -9,6 +9,7 @@ import dataclasses
 import json
 import os
 import shutil
+import subprocess
 import sys
 
 import h5py
@@ -22,6 +23,7 @@ from sbfem_petsc.record.layout import bare
 from sbfem_petsc.record.record import Record, described, entries, quantity
 from sbfem_petsc.writing import check_output_folder
 from tests.fuzz import examples
+from tests.parallel import ROOT
 from tests.results.results_case import LOADS, on_ranks
 from tests.results.same import inverted, same
 
@@ -246,6 +248,40 @@ def test_a_failed_write_leaves_the_old_file(solved, tmp_path, monkeypatch):
     with pytest.raises(ValueError, match="cannot be written: No space left on device"):
         sb.save(path, solved[2])
     assert path.read_text() == "old" and os.listdir(tmp_path) == ["results.h5"]
+
+
+# Saves results again on a disk that is full after so many bytes, and once more when it is not any more.
+FULL = """
+import gc, resource, signal, sys
+import sbfem_petsc as sb
+
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+found = sb.read(sys.argv[1])
+for size in map(int, sys.argv[3:]):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+    try:
+        sb.save(sys.argv[2], found)
+    except ValueError as error:
+        print(error)
+    gc.collect()
+resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+sb.save(sys.argv[2], found)
+print(sb.read(sys.argv[2])["closing"])
+"""
+
+
+def test_a_full_disk_does_not_end_the_process(solved, saved, tmp_path):
+    """As it did where HDF5 could not write what it still had: its files did not close."""
+    sb.save(tmp_path / "again.h5", sb.read(saved))
+    whole = os.path.getsize(tmp_path / "again.h5")
+    sizes = [0, 1, 600, 5000, *(share * whole // 8 for share in range(1, 8)), whole - 2000, whole - 1]
+    command = [sys.executable, "-B", "-c", FULL, saved, str(tmp_path / "again.h5"), *map(str, sizes)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
+    *told, last = done.stdout.splitlines()
+    sentence = f"result file {str(tmp_path / 'again.h5')!r} cannot be written: File too large"
+    assert told == [sentence] * len(sizes) and last == repr(solved[3]["closing"])
+    assert os.listdir(tmp_path) == ["again.h5"]
 
 
 @pytest.mark.long

@@ -11,11 +11,12 @@ import pytest
 
 from meshing import Beam
 from meshing.folder_index import INDEX, listed
-from sbfem_petsc.output_folder import HeldFolder
+from sbfem_petsc.output_folder import HeldFolder, make_output_folder
 from sbfem_petsc.record.found import Found
 from sbfem_petsc.record.journal import Journal
 from sbfem_petsc.study import rows
 from sbfem_petsc.study.storage import new_results, results_in
+from sbfem_petsc.writing import write_table
 from tests.study.small_case import CASE, sbfem, written
 
 # One analysis, with a picture and a table.
@@ -414,3 +415,14 @@ def test_failed_rows_are_tried_again(tmp_path, monkeypatch):
     assert done.code == 3 and done.answer["failed"] == 1 and asked == [1.0, 2.0]
     done = sbfem("sweep", path, "--output", out, "--json", "--quiet")
     assert done.code == 0 and done.answer["failed"] == 0 and asked == [1.0, 2.0, 2.0]
+
+
+def test_an_index_that_cannot_grow(tmp_path, monkeypatch):
+    """What is not listed is not made: a line that a full disk cuts is told like one that it refuses."""
+    make_output_folder(str(tmp_path / "out"))
+    write = os.write
+    monkeypatch.setattr(os, "write", lambda handle, data: write(handle, data[:-3]))
+    place = str(tmp_path / "out" / "a.csv")
+    with pytest.raises(ValueError, match=r"a\.csv' cannot be made \(No space left on device\); make room"):
+        write_table(place, {"x": [1.0]})
+    assert os.listdir(tmp_path / "out") == [INDEX] and not listed(str(tmp_path / "out"))
