@@ -16,7 +16,7 @@ from ..motion.loading import communicator
 from ..motion.preparation import period_memory
 from ..motion.step_plan import contact_steps
 from ..progress import Progress
-from ..ranks.capacity import FEW, require_compiler, require_memory, room
+from ..ranks.capacity import points_in_room, require_compiler
 from ..ranks.parallel import collective
 from ..reduction.build import reduced
 from ..reduction.reduced_model import ReducedModel
@@ -165,12 +165,6 @@ def _room_for(reduction: ReducedModel, steps: int, points: int) -> int:
     size, named = 2 * len(reduction.omega), len(reduction.points.names)
     # the monodromy of each, its state, its multipliers and its harmonics
     each = 8.0 * (size**2 + 4 * size + 4 * named * (HARMONICS + 2))
-    few, period = min(points, FEW), period_memory(reduction, steps, 1)
-    require_memory(
-        "backbone",
-        reduction.comm,
-        few * each + period,
-        f"{few} motions of {steps:,d} steps and {len(reduction.omega)} modes",
-        lambda share: "give fewer steps or modes",
-    )
-    return min(points, max(few, room(reduction.comm, each, period)))
+    motions = f"{{}} motions of {steps:,d} steps and {len(reduction.omega)} modes"
+    room = "backbone", reduction.comm, points, each, motions, "give fewer steps or modes"
+    return points_in_room(*room, period_memory(reduction, steps, 1))

@@ -42,7 +42,7 @@ from ..motion.preparation import (
 from ..motion.unreduced.period import UnreducedPeriod, prepare_unreduced
 from ..petsc import MPI
 from ..progress import Progress
-from ..ranks.capacity import FEW, require_memory, room
+from ..ranks.capacity import points_in_room
 from ..ranks.parallel import collective
 from ..reduction.build import MOST_OF_MANY
 from ..reduction.reduced_model import ReducedModel
@@ -391,29 +391,22 @@ def _first(period: Period, over: ParameterRange, guess: Orbit | None) -> np.ndar
     return find_steady_state(driven, state, multiples=False)[0].state
 
 
-def _with_room(what: str, period: Period | UnreducedPeriod, settings: BranchSettings) -> BranchSettings:
+def _with_room(owner: str, period: Period | UnreducedPeriod, settings: BranchSettings) -> BranchSettings:
     """Settings with no more points than there is memory for: few branches take as many as they may.
     Collective.
 
     Raises
     ------
     ValueError
-        If there is no room for `FEW`.
+        If there is no room for `capacity.FEW`.
     """
     # the derivative and the monodromy of each, its state, its multipliers and what it is asked for; of an
     # unreduced model its state, which rank 0 gathers for the file
     size, matrices = period.unknowns, 2 if settings.stability else 1
     known = 3 * size if isinstance(period, UnreducedPeriod) else matrices * size**2 + 3 * size
     each = 8.0 * (known + 4 * len(period.points) * (HARMONICS + 1 + period.excitation.periods))
-    few = min(settings.points, FEW)
-    require_memory(
-        what,
-        period.comm,
-        few * each,
-        f"a branch of {few} points and {size} unknowns",
-        lambda share: "give fewer modes (modes)",
-    )
-    most = max(few, room(period.comm, each))
+    what, remedy = f"a branch of {{}} points and {size} unknowns", "give fewer modes (modes)"
+    most = points_in_room(owner, period.comm, settings.points, each, what, remedy)
     if settings.points <= most:
         return settings
     return replace(settings, points=most, more="there is no memory for more points: give fewer modes")

@@ -182,6 +182,23 @@ def room(comm: MPI.Comm, each: float, beside: float = 0.0) -> int:
     return int(min((free - beside) / each, 1e9))
 
 
+def points_in_room(
+    owner: str, comm: MPI.Comm, points: int, each: float, what: str, remedy: str, beside: float = 0.0
+) -> int:
+    """How many of so many points of a branch, of `each` bytes a rank and `beside` for all of them, there is
+    memory for: few branches take as many as they may. `what` they are has a place for their number, for the
+    message. Collective.
+
+    Raises
+    ------
+    ValueError
+        On all ranks, if there is no room for `FEW`.
+    """
+    few = min(points, FEW)
+    require_memory(owner, comm, few * each + beside, what.format(few), lambda share: remedy)
+    return min(points, max(few, room(comm, each, beside)))
+
+
 class PlannedFile(NamedTuple):
     """A file that a run writes.
 

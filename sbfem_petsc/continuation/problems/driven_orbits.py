@@ -124,10 +124,8 @@ class Family:
         identity = np.eye(len(state))
         if self.parameter == "load":
             return driven.carried(motion, identity, ("frequency", "load"))
-        step = 1e-6 * max(abs(value), 1e-3)
-        ahead = self.at(driven.frequency, value + step).run(state)
-        behind = self.at(driven.frequency, value - step).run(state)
-        rate = (ahead.residual - behind.residual) / (2.0 * step)
+        step = DIFFERENCE * max(abs(value), LEAST)
+        rate = (self.at(driven.frequency, value + step).run(state).residual - motion.residual) / step
         return np.column_stack([driven.carried(motion, identity, ("frequency",)), rate])
 
 
