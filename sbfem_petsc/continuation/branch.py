@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from meshing.warnings import IncompleteBranch
 
 from ..checks import index_of
 from ..errors import warn
-from ..motion.of_period import OfPeriod
 from ..motion.period_map import Period
 from ..motion.states import Point
 from ..record.record import derived, described, quantity
@@ -38,7 +37,7 @@ from .problems.driven_orbits import OverParameter, ParameterRange
 
 
 @described
-class Branch(OfOrbits, OverParameter, ToldError, OfPeriod):
+class Branch(OfOrbits, OverParameter, ToldError):
     """A branch of periodic motions, point by point in order of arc length.
 
     `map` is the period map whose fixed points these are, None for an unreduced model, whose states and
@@ -68,22 +67,13 @@ class Branch(OfOrbits, OverParameter, ToldError, OfPeriod):
     complete: bool = quantity("1", "whether it reached the end of the range, or has closed", row=True)
     periods: int = quantity("1", "forcing periods in the period of the motion", least=1)
     names: tuple[str, ...]
-    map: Period | None = field(repr=False)
+    map: Period | None = quantity(text="the period map", part="Period", detail=True, repr=False)
     fixed_frequency: float | None = quantity("Hz", "if it is not the parameter", default=None, least=0.0)
     mode_error: np.ndarray = told_error(
         "harmonics 0 to 4 of the named points and of the contact resultant",
         ", the largest of both ends, the peak and where harmonics 2 to 4 are largest",
     )
     unlocated: str = quantity(text="where bifurcations are that are not located, and why", default="")
-
-    @property
-    def _map(self) -> Period | None:
-        return self.map
-
-    @classmethod
-    def _revived(cls, found: dict[str, Any]) -> Branch:
-        """From a file: the map anew."""
-        return cls(**found | {"map": cls._map_of(found)})
 
     def check(self) -> None:
         """Raise ValueError unless points, model and loads belong together."""
@@ -142,6 +132,11 @@ class Branch(OfOrbits, OverParameter, ToldError, OfPeriod):
         return ParameterRange(
             self.parameter, float(self.value[0]), float(self.value[-1]), self.fixed_frequency
         )
+
+    @property
+    def contact(self) -> bool:
+        """Whether it is computed with contact."""
+        return self.map is None or self.map.contact
 
     @derived("Hz", "forcing frequency", "point")
     def frequency(self) -> np.ndarray:

@@ -26,6 +26,8 @@ from ..contact.step_data import StepConstants, StepHistory, StepLoads, StepState
 from ..contact.tangent import Derivative
 from ..errors import called, failed_solve
 from ..petsc import MPI
+from ..ranks.capacity import available_memory
+from ..record.record import Record, quantity
 from ..reduction.reduced_model import ReducedModel
 from .excitation import LINES, Excitation, modal_forces
 from .period_motion import PeriodMotion
@@ -34,6 +36,8 @@ from .steps import StepLength, free_resolvent
 
 Key = TypeVar("Key")
 Value = TypeVar("Value")
+# Bytes that a map takes an instant and line of its loads.
+WAVES = 64
 # How often a period is integrated again, for the states that rows begin in.
 _AGAIN = 4
 # Rows up to which switches of those that rub are located wherever those of others are: of more it costs
@@ -41,10 +45,11 @@ _AGAIN = 4
 FEW = 16
 
 
-class Period:
+@dataclass(eq=False, repr=False)
+class Period(Record):
     """The period of a driven reduced model, in equal steps.
 
-    Parameters
+    Attributes
     ----------
     reduced : ReducedModel
     excitation : Excitation
@@ -53,19 +58,30 @@ class Period:
     contact : bool
     """
 
-    def __init__(self, reduced: ReducedModel, excitation: Excitation, steps: int, contact: bool = True):
-        self.reduced, self.steps = reduced, steps
-        r = self._acting = reduced if contact else reduced.open
+    reduced: ReducedModel = quantity(text="the reduced model", part="ReducedModel")
+    excitation: Excitation = quantity(text="the loads", part="Excitation")
+    steps: int = quantity("1", "time steps in the common period of the loads", least=1)
+    contact: bool = quantity("1", "whether it is computed with contact", default=True)
+
+    def __post_init__(self) -> None:
+        r = self._acting = self.reduced if self.contact else self.reduced.open
         self.pairs, self.modes = len(r.initial_gap), len(r.omega)
+        self.contact = self.pairs > 0
         self.laws, self.friction = r.contact_laws, r.friction
         self.slip_units = r.slip_units if self.friction is not None else np.zeros(0)
         (self.left, self.right), self.sets = r.thin_gaps, r.closed_sets
         self.residual_flexibility = self.sets.residual
         # a rigid-body motion has no frequency of its own to be weighed with
         self.weights = np.where(r.omega > 0.0, r.omega, 2.0 * np.pi * r.frequencies.max())
-        self._load(excitation)
+        self._load(self.excitation)
         self._lengths: dict[float, StepLength] = {}
         self._kept: tuple[Room, Address] | None = None
+
+    @classmethod
+    def _revived(cls, found: dict[str, Any]) -> Period:
+        """From a file, if it would fit into memory."""
+        require_waves(found["steps"], len(found["excitation"].orders))
+        return cls(**found)
 
     def __getstate__(self) -> dict[str, Any]:
         """Of what is kept no other process knows the places."""
@@ -204,6 +220,12 @@ class Period:
         if not damping == gap == 1.0:
             return self.scaled(damping=damping, gap=gap).at(frequency, load)
         return _recent(self._prepared, (frequency, load), lambda: DrivenPeriod(self, frequency, load))
+
+
+def require_waves(steps: int, lines: int) -> None:
+    """Raise ValueError if a map of so many steps, from a file, would not fit into memory."""
+    if WAVES * steps * min(lines, LINES) > available_memory():
+        raise ValueError(f"{steps} steps a period need more memory than is free")
 
 
 def _recent(known: dict[Key, Value], key: Key, make: Callable[[], Value], others: int = 4) -> Value:

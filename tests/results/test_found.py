@@ -78,15 +78,15 @@ def test_it_is_read_as_it_was_written(found, tmp_path):
 # What tables and summaries leave out unless details are asked for: what is as long as the motion, or of use
 # to a program alone.
 ROWS = {"gap", "contact_force", "slip", "friction_force"}
-CURVE = {"states", "steps", "excitation", "reduced_model", "multipliers", "point_harmonics"}
+CURVE = {"states", "multipliers", "point_harmonics"}
 DETAILS = {
     "Static": {"tip_facts", "loads"},
     "Modal": {"auxiliary_inertia"},
     "LoadHistory": {*ROWS, "slid", "states"},
     "History": {*ROWS, "states", "energy"},
     "Orbit": {*ROWS, "state", "states"},
-    "Branch": {*CURVE, "contact", "iterations", "multiplier_error", "point_subharmonics"},
-    "Backbone": {*CURVE, "own_frequency"},
+    "Branch": {*CURVE, "map", "iterations", "multiplier_error", "point_subharmonics"},
+    "Backbone": {*CURVE, "steps", "excitation", "reduced_model", "own_frequency"},
     "Bifurcation": {"after", "direction", "state"},
     "Locus": {"states"},
     "QuasiPeriodic": {"states", "lines", "orders", "own", "reduced", "swapped"},

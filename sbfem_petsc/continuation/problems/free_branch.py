@@ -12,7 +12,7 @@ import numpy as np
 from ...checks import index_of
 from ...errors import SolveError, failed_solve, on_all_ranks
 from ...motion.excitation import one_sided
-from ...motion.of_period import require_waves
+from ...motion.period_map import require_waves
 from ...record.record import derived, described, quantity
 from ...reduction.reduced_model import ReducedModel
 from ..events import folds, refine

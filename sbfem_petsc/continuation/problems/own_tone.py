@@ -15,10 +15,9 @@ import numpy as np
 
 from ...errors import SolveError
 from ...motion.excitation import Excitation
-from ...motion.of_period import OfPeriod
 from ...motion.period_map import DrivenPeriod, Period
 from ...petsc import MPI
-from ...record.record import described, quantity
+from ...record.record import Record, described, quantity
 from ..bifurcations import Bifurcation
 from ..newton import attempt, correct
 from ..problem import Lost, Metric, Point
@@ -39,12 +38,12 @@ SHRUNK = 0.1
 
 
 @described
-class OwnTone(OfPeriod):
+class OwnTone(Record):
     """The map of one period of the loads, over a parameter, at N points of a curve, `samples`, an odd number
     that the ranks of `comm` share.
     """
 
-    period: Period
+    period: Period = quantity(text="the period map", part="Period", detail=True)
     parameter: str = quantity(text="what it is over", one_of=("frequency", "load", "damping", "gap"))
     frequency: float | None = quantity("Hz", "forcing frequency, where another one is the parameter", least=0)
     samples: int = quantity("1", "phases of the motion's own tone", least=3)
@@ -55,17 +54,10 @@ class OwnTone(OfPeriod):
     damping: float = quantity("1", "factor on the damping ratios", default=1.0, least=0.0)
     gap: float = quantity("1", "factor on the initial gaps", default=1.0, least=0.0)
 
-    @property
-    def _map(self) -> Period:
-        return self.period
-
     @classmethod
     def _revived(cls, found: dict[str, Any]) -> OwnTone:
-        """From a file: the map anew."""
-        period = cls._map_of(found)
-        if period is None:
-            raise ValueError("the reduced model is missing")
-        return cls(**found | {"period": period, "comm": period.comm})
+        """From a file: with the ranks of its map."""
+        return cls(**found | {"comm": found["period"].comm})
 
     def check(self) -> None:
         """Raise ValueError unless the frequency is known."""
