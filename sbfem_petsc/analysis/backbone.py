@@ -165,6 +165,11 @@ def _room_for(reduction: ReducedModel, steps: int, points: int) -> int:
     size, named = 2 * len(reduction.omega), len(reduction.points.names)
     # the monodromy of each, its state, its multipliers and its harmonics
     each = 8.0 * (size**2 + 4 * size + 4 * named * (HARMONICS + 2))
-    motions = f"{{}} motions of {steps:,d} steps and {len(reduction.omega)} modes"
-    room = "backbone", reduction.comm, points, each, motions, "give fewer steps or modes"
-    return points_in_room(*room, period_memory(reduction, steps, 1))
+    return points_in_room(
+        "backbone",
+        reduction.comm,
+        points,
+        (each, period_memory(reduction, steps, 1)),
+        what=f"{{}} motions of {steps:,d} steps and {len(reduction.omega)} modes",
+        remedy="give fewer steps or modes",
+    )

@@ -405,8 +405,8 @@ def _with_room(owner: str, period: Period | UnreducedPeriod, settings: BranchSet
     size, matrices = period.unknowns, 2 if settings.stability else 1
     known = 3 * size if isinstance(period, UnreducedPeriod) else matrices * size**2 + 3 * size
     each = 8.0 * (known + 4 * len(period.points) * (HARMONICS + 1 + period.excitation.periods))
-    what, remedy = f"a branch of {{}} points and {size} unknowns", "give fewer modes (modes)"
-    most = points_in_room(owner, period.comm, settings.points, each, what, remedy)
+    told = {"what": f"a branch of {{}} points and {size} unknowns", "remedy": "give fewer modes (modes)"}
+    most = points_in_room(owner, period.comm, settings.points, (each, 0.0), **told)
     if settings.points <= most:
         return settings
     return replace(settings, points=most, more="there is no memory for more points: give fewer modes")

@@ -183,10 +183,10 @@ def room(comm: MPI.Comm, each: float, beside: float = 0.0) -> int:
 
 
 def points_in_room(
-    owner: str, comm: MPI.Comm, points: int, each: float, what: str, remedy: str, beside: float = 0.0
+    owner: str, comm: MPI.Comm, points: int, needed: tuple[float, float], *, what: str, remedy: str
 ) -> int:
-    """How many of so many points of a branch, of `each` bytes a rank and `beside` for all of them, there is
-    memory for: few branches take as many as they may. `what` they are has a place for their number, for the
+    """How many of so many points of a branch there is memory for, of which each and all together need so many
+    bytes a rank: few branches take as many as they may. `what` they are has a place for their number, for the
     message. Collective.
 
     Raises
@@ -194,7 +194,7 @@ def points_in_room(
     ValueError
         On all ranks, if there is no room for `FEW`.
     """
-    few = min(points, FEW)
+    few, (each, beside) = min(points, FEW), needed
     require_memory(owner, comm, few * each + beside, what.format(few), lambda share: remedy)
     return min(points, max(few, room(comm, each, beside)))
 
