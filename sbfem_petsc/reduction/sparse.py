@@ -35,8 +35,9 @@ from .krylov import by_columns, lowest, share, whole
 # is told from their round-off; the residual above which a second solve gives digits back.
 RESIDUAL, ZERO, DIGITS = 1e-6, 1e-14, 1e-10
 # Of the squares of the highest frequencies, about: what makes a stiffness definite where 0 is an eigenvalue;
-# and of that, what 0 is told by.
-SHIFT, SAME = 1e-9, 1e-4
+# and of that, what tells other eigenvalues from it. Beside the next frequency's square, that of motions which
+# are soft alone and held like rigid ones, and solves that these take at most.
+SHIFT, SAME, APART, TIMES = 1e-9, 1e-4, 1e-6, 2
 # Parts of a mass that are counted by themselves, at most.
 MANY = 6
 # Unknowns of a node, or half as many of a shell's.
@@ -111,7 +112,8 @@ def _solved(
     shift: float,
 ) -> tuple[int, int | None, tuple[np.ndarray, np.ndarray, np.ndarray]] | None:
     """How many modes are below the last one, how many there are, and what `sparse_modes` gives, by a factor
-    of K + shift M, in whose place eigenvalues are counted; None where a shift of 0 meets rigid-body motions.
+    of K + shift M, in whose place eigenvalues are counted; None where a shift of 0 meets rigid-body motions,
+    or some so soft beside all others that they would take digits of these.
 
     As many vectors of a multiple eigenvalue are found as there are right-hand sides at a time, further ones
     through round-off only.
@@ -130,12 +132,17 @@ def _solved(
     if shift:  # which costs frequencies digits, but quotients of shapes have few errors of these
         values, parts = linalg.eigh(vectors.T @ (stiffness @ vectors), vectors.T @ inertia)
         vectors, inertia = vectors @ parts, inertia @ parts
-    first = np.abs(vectors[:, 0])
-    if not shift and values[0] * (first @ np.abs(inertia[:, 0])) <= ZERO * (first @ (abs(stiffness) @ first)):
+    low = np.flatnonzero(values <= max(shift, values[0]))
+    sizes, pushed = np.abs(vectors[:, low]), np.abs(inertia[:, low])
+    parts = (sizes * (abs(stiffness) @ sizes)).sum(axis=0)
+    energies = values[low] * (sizes * pushed).sum(axis=0)
+    apart = np.flatnonzero(values[:-1] <= APART * values[1:])
+    if not shift and energies[0] <= (SHIFT if len(apart) else ZERO) * parts[0]:
         return None
-    values = np.where(np.abs(values) <= SAME * shift, 0.0, values)
-    own = columns[:, share(comm, columns.shape[1])]
-    answers = _left_out(solver, own, stiffness, (values, vectors, inertia), shift)
+    values[low[energies <= ZERO * parts]] = 0.0
+    own, modes = columns[:, share(comm, columns.shape[1])], (values, vectors, inertia)
+    soft = max((values == 0.0).sum(), (1 + apart[values[apart] <= shift]).max(initial=0))
+    answers = _left_out(solver, own, stiffness, modes, shift=shift, soft=int(soft))
     below, *negative = solver.counted(partial(solver.below, last, mass), *_negative_parts(heavy))
     _require_mass(negative)
     if rigid and below is not None and below > known:
@@ -148,10 +155,13 @@ def _left_out(
     columns: sparse.csr_matrix,
     stiffness: sparse.csr_matrix,
     modes: tuple[np.ndarray, np.ndarray, np.ndarray],
+    *,
     shift: float,
+    soft: int,
 ) -> np.ndarray:
     """P K^-1 P^T of this rank's columns: P K^-1 of these as they are, whose zeros a factor passes over. Where
-    low modes, which P takes out, have taken digits, a solve for what is missed gives them back. Collective.
+    low modes, which P takes out, have taken digits, a solve for what is missed gives them back. With a shift
+    unknowns are held in the place of the `soft` lowest. Collective.
     """
     (values, vectors, inertia), comm = modes, solver.comm
 
@@ -165,12 +175,19 @@ def _left_out(
         answers -= vectors @ (inertia.T @ answers)
         return answers
 
+    def again(solve: Callable[[np.ndarray], np.ndarray], answers: np.ndarray) -> np.ndarray:
+        left = beside(columns.toarray()) - stiffness @ answers
+        return flexible(answers + solve(np.asfortranarray(left)))
+
     mixture = np.random.default_rng(0).uniform(1.0, 2.0, columns.shape[1])  # which tells of any column
     given = columns @ mixture
     forces = beside(given)  # rounding alone, where kept modes take all of them
     largest = comm.allreduce(max(np.abs(forces).max(), RESIDUAL * np.abs(given).max()), MPI.MAX)
     if shift:
-        answers = _pinned(comm, stiffness, vectors[:, values == 0.0], beside(columns.toarray()))
+        with closing(_Pinned(comm, stiffness, vectors[:, :soft])) as held:
+            answers = again(held.own, np.zeros(columns.shape))
+            for _ in range(int(values[:soft].any()) and TIMES):
+                answers = again(held.own, answers)
     else:
         answers = flexible(solver.of_few(columns))
         if missed(answers) <= DIGITS * largest:
@@ -186,21 +203,6 @@ def _left_out(
             SolverWarning,
         )
     return answers
-
-
-def _pinned(comm: MPI.Comm, stiffness: sparse.csr_matrix, rigid: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """A displacement under forces in equilibrium, with as many unknowns held at 0 as there are rigid-body
-    motions: those that tell them apart best.
-    """
-    pins = linalg.qr(rigid.T, pivoting=True, mode="r")[1][: rigid.shape[1]]
-    loose = np.ones(len(rigid))
-    loose[pins] = 0.0
-    held = sparse.diags(loose) @ stiffness @ sparse.diags(loose)
-    held = sparse.csr_matrix(held + sparse.diags((1.0 - loose) * stiffness.diagonal()))
-    with closing(_Columns(comm, held, "modal_pinned_")) as solver:
-        if not solver.factorised(sure=False):  # more motions without energy than modes that show them
-            raise _not_held(rigid.shape[1])
-        return solver.own(np.asfortranarray(loose[:, None] * right))
 
 
 class _Columns:
@@ -267,6 +269,30 @@ class _Columns:
         """Destroy what PETSc has of it."""
         self.ksp.destroy()
         self.matrix.destroy()
+
+
+class _Pinned(_Columns):
+    """Displacements under forces in equilibrium, with as many unknowns held at 0 as there are rigid-body
+    motions: those that tell them apart best. Motions that springs hardly hold are as good as rigid.
+    """
+
+    def __init__(self, comm: MPI.Comm, stiffness: sparse.csr_matrix, motions: np.ndarray):
+        pins = linalg.qr(motions.T, pivoting=True, mode="r")[1][: motions.shape[1]]
+        self.loose = np.ones(len(motions))
+        self.loose[pins] = 0.0
+        held = sparse.diags(self.loose) @ stiffness @ sparse.diags(self.loose)
+        super().__init__(
+            comm,
+            sparse.csr_matrix(held + sparse.diags((1.0 - self.loose) * stiffness.diagonal())),
+            "modal_pinned_",
+        )
+        if not self.factorised(sure=False):  # more motions without energy than modes that show them
+            self.close()
+            raise _not_held(motions.shape[1])
+
+    def own(self, right: np.ndarray) -> np.ndarray:
+        """Solve for (n, k) columns of this rank's. Collective."""
+        return super().own(np.asfortranarray(self.loose[:, None] * right))
 
 
 def _factorised(ksp: PETSc.KSP, sure: bool) -> bool:
