@@ -54,3 +54,27 @@ def lagrange_slopes(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
     at_nodes = weight[None, :] / weight[:, None] / difference
     np.fill_diagonal(at_nodes, -at_nodes.sum(axis=1))
     return lagrange_values(nodes, points) @ at_nodes
+
+
+def shape_functions(order: int, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lagrange polynomials on the GLL nodes and their derivatives.
+
+    Parameters
+    ----------
+    order : int
+    at : (q,) array
+        Points in [-1, 1].
+
+    Returns
+    -------
+    values, derivatives : (q, order + 1) arrays
+    """
+    at = np.atleast_1d(np.asarray(at, dtype=float))
+    return lagrange_values(gll_nodes(order), at), lagrange_slopes(gll_nodes(order), at)
+
+
+@cache
+def tabulated(order: int, points: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Shape functions and derivatives (points, order + 1) at the Gauss points, and the weights (points,)."""
+    at, weights = legendre.leggauss(points)
+    return (*shape_functions(order, at), weights)

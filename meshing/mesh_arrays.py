@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from meshing.gll import gll_nodes, lagrange_slopes, lagrange_values
+from meshing.gll import tabulated
 from meshing.vectors import cross
 
 
@@ -213,11 +213,8 @@ class MeshArrays:
     @property
     def area(self) -> float:
         """Area enclosed by the S-elements, m2; exact for the polynomial edges."""
-        at, weight = np.polynomial.legendre.leggauss(self.order + 1)
-        x, dx = (
-            evaluate(gll_nodes(self.order), at) @ self.nodes[self.edges]
-            for evaluate in (lagrange_values, lagrange_slopes)
-        )
+        *tables, weight = tabulated(self.order, self.order + 1)
+        x, dx = (table @ self.nodes[self.edges] for table in tables)
         swept = (0.5 * cross(x, dx) @ weight)[self.element_edges]
         total = float(np.where(self.element_reversed, -swept, swept).sum())
         # An open element is bounded by two straight faces to its scaling centre as well.

@@ -52,7 +52,8 @@ def distribute(comm: MPI.Comm, mesh: BoundaryMesh | None, supports: tuple[Suppor
             raise ValueError("Model: mesh is None on rank 0; give the mesh on rank 0 at least")
         if mesh is not None and (everywhere or comm.rank == 0):
             numbering = partition.number_unknowns(mesh, _fixed(mesh, supports), comm.size)
-            facts, parts = _facts(mesh, numbering), partition.Parts(mesh, numbering)
+            parts = partition.Parts(mesh, numbering)
+            facts = _facts(mesh, numbering, parts.bodies)
     if everywhere:
         assert parts is not None  # made on every rank
         part = parts.of(comm.rank)
@@ -70,7 +71,7 @@ def _handed_out(comm: MPI.Comm, parts: partition.Parts | None) -> partition.Part
     return parts.of(0)
 
 
-def _facts(mesh: BoundaryMesh, numbering: partition.Numbering) -> dict[str, Any]:
+def _facts(mesh: BoundaryMesh, numbering: partition.Numbering, bodies: np.ndarray) -> dict[str, Any]:
     (area, perimeter), outline = _measures(mesh), mesh.outline_edges()
     return {
         "order": mesh.order,
@@ -89,7 +90,7 @@ def _facts(mesh: BoundaryMesh, numbering: partition.Numbering) -> dict[str, Any]
             for name, n in mesh.points.items()
         },
         "pair_unknowns": numbering.unknowns[mesh.pairs.nodes].reshape(-1, 2, 2),
-        "bodies": _body_middles(mesh),
+        "bodies": _body_middles(mesh, bodies),
         "extent": (mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)),
         "area": area,
         "perimeter": perimeter,
@@ -97,9 +98,8 @@ def _facts(mesh: BoundaryMesh, numbering: partition.Numbering) -> dict[str, Any]
     }
 
 
-def _body_middles(mesh: BoundaryMesh) -> tuple[tuple[float, float], ...]:
-    """Middles of the bodies' extents."""
-    body = partition.bodies(mesh)
+def _body_middles(mesh: BoundaryMesh, body: np.ndarray) -> tuple[tuple[float, float], ...]:
+    """Middles of the bodies' extents, from the body of each node."""
     middles = []
     for number in range(body.max() + 1):
         places = mesh.nodes[body == number]

@@ -173,10 +173,15 @@ class Parts:
     ----------
     mesh : BoundaryMesh
     numbering : Numbering
+
+    Attributes
+    ----------
+    bodies : (nodes,) int array
+        See `bodies`.
     """
 
     def __init__(self, mesh: BoundaryMesh, numbering: Numbering):
-        self._mesh, self._numbering, self._bodies = mesh, numbering, bodies(mesh)
+        self._mesh, self._numbering, self.bodies = mesh, numbering, bodies(mesh)
         self._order = np.argsort(numbering.assignment, kind="stable")
         element_of = np.repeat(np.arange(mesh.elements), np.diff(mesh.element_start))
         # An edge of a set on an interface belongs to the lowest of its elements, which is written last.
@@ -212,7 +217,7 @@ class Parts:
         return Part(
             nodes,
             mesh.nodes[nodes],
-            self._bodies[nodes],
+            self.bodies[nodes],
             self._numbering.unknowns[nodes],
             elements,
             [flat[first:last] for first, last in zip(firsts, lasts)],
