@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import time
+import zlib
 from collections.abc import Iterator
 from typing import Any
 
@@ -82,22 +84,28 @@ class Folder:
             self.held.clear()
         make_folder(self.parts)
         mine["done"] = {}
-        write_json(self.state_file, mine)
+        self._keep(mine)
         return mine
+
+    def _keep(self, state: dict[str, Any]) -> None:
+        write_json(self.state_file, {**state, "checksum": checksum(state)})
 
     def _former(self, mine: dict[str, Any], way: str) -> dict[str, Any]:
         """The state that a former process has left; ValueError unless it was of the same case."""
         former = read_json(self.state_file)
-        if not isinstance(former, dict) or not isinstance(former.get("done"), dict):
-            raise ValueError(f"{self.state_file!r} is not what a run has written; {way} overwrite it")
+        damaged = ValueError(f"{self.state_file!r} is not what a run has written; {way} overwrite it")
+        if not isinstance(former, dict):
+            raise damaged
         if any(former.get(key) != mine[key] for key in ("version", "schema")):
             raise ValueError(
                 f"{self.path!r} has the schema {former.get('schema', 'before 6')}, of version "
                 f"{former.get('version')}, and this program writes {SCHEMA}; {way} compute it again"
             )
-        if former.get("case") != mine["case"]:
+        if former.pop("checksum", None) != checksum(former):
+            raise damaged
+        if former["case"] != mine["case"]:
             what = mine["what"]
-            if former.get("given") in (None, mine["given"]):
+            if former["given"] == mine["given"]:
                 raise ValueError(
                     f"{self.path!r} holds the {what} of a case as an earlier state of version "
                     f"{former['version']} understood it; {way} compute it again"
@@ -121,11 +129,16 @@ class Folder:
             "ended": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
             **further,
         }
-        write_json(self.state_file, self.state)
+        self._keep(self.state)
 
     def close(self) -> None:
         """Leave the folder to others."""
         self.held.close()
+
+
+def checksum(state: dict[str, Any]) -> int:
+    """Of a state, by which changed bytes of its file are told."""
+    return zlib.crc32(json.dumps(state, sort_keys=True).encode())
 
 
 @contextlib.contextmanager

@@ -20,6 +20,7 @@ from sbfem_petsc.record.found import Found
 from sbfem_petsc.study import revive, run
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.problems import CaseError
+from sbfem_petsc.study.folder import Folder, checksum
 from sbfem_petsc.study.kinds.kind import Run
 from sbfem_petsc.study.revive import read_any
 from sbfem_petsc.study.run import run_case
@@ -176,12 +177,34 @@ def test_another_case_is_refused(folder, tmp_path):
         ({"version": "0.0"}, "of version 0.0, and this program writes"),
         ({"given": read_case(other).given}, "of a case as an earlier state of version"),
     ):
-        (out / "run.json").write_text(json.dumps(state | change))
+        changed = state | change
+        del changed["checksum"]
+        (out / "run.json").write_text(json.dumps({**changed, "checksum": checksum(changed)}))
         done = sbfem("run", other, "--output", out)
         assert done.code == 2 and told in done.err and "--replace to compute it again" in done.err
     done = sbfem("run", other, "--output", out, "--replace", "--quiet")
     assert done.code == 0
     assert len(json.loads((out / "summary.json").read_text())["frequencies"]["frequencies"]) == 3
+
+
+def test_changed_bytes_of_a_state_are_told(tmp_path):
+    """Of what is finished, and of facts that a run that has nothing left to do takes over from it."""
+    text = CASE[: CASE.index("[analyses.frequencies]")] + CASE[CASE.index("[analyses.push]") : STEADY]
+    case = case_from_text(text, str(tmp_path / "case.toml"))
+    assert not run_case(case, tmp_path).failed
+    path, told = tmp_path / "run.json", 0
+    data = path.read_bytes()
+    for place in range(len(data)):
+        changed = bytearray(data)
+        changed[place] ^= 1  # stays a text
+        path.write_bytes(changed)
+        try:
+            Folder(str(tmp_path), case, "run").close()
+        except ValueError as error:
+            told += "run.json" in str(error) or "of version" in str(error)
+        else:
+            assert json.loads(changed) == json.loads(data), place
+    assert told > 0.9 * len(data)
 
 
 @pytest.mark.slow
