@@ -22,7 +22,7 @@ from .rows import AXES, NONE
 
 OWNER = "read_calculix"
 # What moves or removes unknowns, or closes contact before this program does.
-REFUSED = {"COUPLING", "EQUATION", "GAP", "INSTANCE", "MPC", "TIE", "TRANSFORM", "CONTACT PAIR", "RIGID BODY"}
+REFUSED = {"COUPLING", "EQUATION", "GAP", "MPC", "TIE", "TRANSFORM", "CONTACT PAIR", "RIGID BODY"}
 REFUSED |= {"CYCLIC SYMMETRY MODEL", "DISTRIBUTING COUPLING"}
 # Solid elements by VTK's names, whose nodes stand in the same order.
 SOLIDS = {"C3D4": "tetra", "C3D10": "tetra10", "C3D6": "wedge", "C3D15": "wedge15"}
@@ -107,6 +107,8 @@ class SolidDeck(Deck):
         """Whether it tells of nodes or solid elements; elements of other kinds do not."""
         if card.keyword in REFUSED:
             card.refuse("changes what moves or touches; leave it out, contact is said by body.contact")
+        if card.keyword == "INSTANCE":
+            card.refuse("numbers nodes anew, which the matrices' labels follow; write the deck without parts")
         return card.keyword != "ELEMENT" or _type(card) in SOLIDS
 
     @property

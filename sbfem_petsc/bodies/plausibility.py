@@ -22,8 +22,9 @@ UNITS = {"SI": (1.0, 1.0, 1.0), "mm-N-t": (1e-3, 1e3, 1e3), "mm-kg-mN": (1e-3, 1
 SLOWEST, FASTEST, HEAVIEST = 10.0, 1e5, 3e4
 # Forces beside their parts that rounding of double precision leaves at most; the least that is divided by.
 EXACT, TINY = 1e-11, 1e-300
-# Forces beside their parts, unknowns of which some are too many, and bodies of which nothing is asked.
-FORCED, NEARLY, FEW = 1e-2, 0.9, 200
+# Forces beside their parts, unknowns of which some are too many, and bodies of whose order, and of whose
+# digits, nothing is asked: the latter may be written by hand.
+FORCED, NEARLY, FEW, SMALL = 1e-2, 0.9, 200, 50
 
 
 def warn_of_units(
@@ -98,7 +99,7 @@ def warn_of_rounding(given: sparse.spmatrix, stiffness: sparse.csr_matrix, direc
     along, part = directions == np.arange(3)[:, None], _rounding(given)
     forces = np.concatenate([np.abs(_forces(stiffness, own.astype(float))[own]) for own in along])
     left = np.median(np.append(0.0, forces[forces < part]))
-    if len(directions) >= FEW and left > EXACT:
+    if len(directions) >= SMALL and left > EXACT:
         warn(
             f"{OWNER}: entries of stiffness are rounded, as in single precision: moved as a whole, the body "
             f"meets forces of {left:.2g} of their parts, low frequencies are further off; write all digits",

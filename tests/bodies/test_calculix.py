@@ -156,6 +156,7 @@ WRONG = [
     ),
     ("inp", r"\*STEP", "*tie, name=a\n*STEP", r"\*TIE in .*blocks.inp, line 20 changes what moves"),
     ("inp", r"\*STEP", "*Rigid  Body, NSET=LEFT\n*STEP", r"\*RIGID BODY in .* changes what moves"),
+    ("inp", r"\*STEP", "*INSTANCE, PART=A\n*STEP", r"\*INSTANCE in .*blocks.inp, line 20 numbers nodes anew"),
     ("inp", r"INPUT=\S+", "INPUT=blocks.inp", r"\*INCLUDE is in itself"),
     ("inp", r"INPUT=\S+", "INPUT=other.inp", r"other.inp: there is no such file"),
     ("inp", r"NSET=left", "ELSET=left", r"\*NSET in .* has no name; give it one, NSET="),

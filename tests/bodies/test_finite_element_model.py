@@ -430,10 +430,12 @@ def test_stiffness_of_few_digits(body, rounded):
 
     both = sb.join(body, body)
     given = both.unknowns, dict(zip(both.labels.tolist(), both.places))
-    with pytest.warns(
-        sb.MeshWarning, match="entries of stiffness are rounded, as in single precision: moved"
-    ):
-        sb.FiniteElementModel(both.mass, few(both.stiffness), *given, fixed=both.fixed)
+    for own in (body, both):
+        places = own.unknowns, dict(zip(own.labels.tolist(), own.places))
+        with pytest.warns(
+            sb.MeshWarning, match="entries of stiffness are rounded, as in single precision: moved"
+        ):
+            sb.FiniteElementModel(own.mass, few(own.stiffness), *places, fixed=own.fixed)
     eye = scipy.sparse.identity(300, format="csr")
     chain = scipy.sparse.diags([-1e6, 2e6, -1e6], [-1, 0, 1], eye.shape) + 0.5 * eye
     with warnings.catch_warnings():
