@@ -10,11 +10,13 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate, VNotch
 from sbfem_petsc.contact import friction_solve
+from sbfem_petsc.contact.compiled import compiled_apart
 from sbfem_petsc.contact.complementarity import Complementarity, solve_complementarity
 from sbfem_petsc.contact.friction import STICKS, Friction, Memory
 from sbfem_petsc.contact.friction_solve import pivoted, solve_friction
-from sbfem_petsc.contact.held_rows import rubbing_of
+from sbfem_petsc.contact.held_rows import empty_sets, rubbing_of
 from sbfem_petsc.contact.law import FREE, RowLaws
+from sbfem_petsc.contact.rubbing import _sweep
 from tests.validation.contact_cases import ray
 
 SIDE = 0.1
@@ -284,6 +286,30 @@ def test_rows_that_hardly_rub_are_rows_that_do_not():
             landed += lands[: count // 2].any() and lands[count // 2 :].any()
             memories = [Memory.of(each, count) for each in found]
     assert landed > 50, landed
+
+
+@compiled_apart
+def swept(flexibility, gap, held, sets, times):
+    for _ in range(times):
+        _sweep(flexibility, gap, held, sets)
+
+
+def test_sweeps_alone_settle_on_the_solution():
+    """Gauss-Seidel, which leads exchanges of states out of a circle, of rows with friction and without."""
+    rng = np.random.default_rng(4)
+    for _ in range(30):
+        count = int(rng.integers(1, 6))
+        flexibility, friction = problem(rng, count, 0.5)
+        flexibility += 1e-9 * count * np.eye(2 * count)
+        friction.kinetic[count // 2 + 1 :] = 0.0  # static is the same array
+        laws, free, sets = RowLaws.unilateral(count), 1e-6 * rng.normal(size=2 * count), empty_sets(2 * count)
+        slip, state = 1e-7 * rng.normal(size=count), np.zeros(2 * count, dtype=np.int8)
+        sets.swept[:], sets.free[:] = 0.0, free
+        held = laws.table, rubbing_of(friction, flexibility, count), state
+        swept(flexibility, (free, np.append(np.zeros(count), slip)), held, sets, 300)
+        found = Complementarity(sets.swept, sets.free, state, 300)
+        check(flexibility, free, friction, Memory.none(laws, friction)._replace(slip=slip), found)
+        assert found.gap == pytest.approx(flexibility @ found.force + free, rel=1e-9, abs=1e-18)
 
 
 def test_static_coefficient():
