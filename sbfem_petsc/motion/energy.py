@@ -29,7 +29,7 @@ class Energy(Record):
     which pairs change sides, where it is the integrator's error, summed over the parts of halved steps.
     """
 
-    kinetic: np.ndarray = quantity("J", "kinetic energy", "time")
+    kinetic: np.ndarray = quantity("J", "kinetic energy, that of a reduced model's modes", "time")
     strain: np.ndarray = quantity(
         "J", "strain energy, a reduced model's residual flexibility included", "time"
     )

@@ -26,7 +26,7 @@ class Matrices(NamedTuple):
         G: changes of the gaps of the contact rows, those of pairs first, then those inside tip elements.
     initial : (c,) array
         Gaps without displacements, m.
-    flexibility : (c, c) array
+    flexibility : (c, c) csr_array
         What forces do to the gaps without moving an unknown, m/N.
     """
 
@@ -34,7 +34,7 @@ class Matrices(NamedTuple):
     mass: sparse.csr_matrix
     gaps: sparse.csr_matrix
     initial: np.ndarray
-    flexibility: np.ndarray
+    flexibility: sparse.csr_array
 
 
 def matrices(stiffness: Stiffness, contact: Contact) -> Matrices:

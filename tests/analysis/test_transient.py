@@ -8,7 +8,7 @@ import pytest
 from scipy import linalg
 
 import sbfem_petsc as sb
-from meshing import Beam, Plate, VNotch
+from meshing import Beam, CrackLine, Plate, VNotch
 from sbfem_petsc.motion.initial import modal_start
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.reference import paper_beam
@@ -609,3 +609,52 @@ def test_start_of_wrong_length():
         sb.transient(
             model, sb.PointForce("A", fy=1.0), 1e-3, step=1e-5, modes=10, initial=(np.zeros(3), np.zeros(3))
         )
+
+
+@pytest.mark.parametrize("law", [sb.Unilateral(), sb.Coulomb(0.3)])
+def test_energies_by_the_matrices(law):
+    """Strain energy of the displacements and kinetic energy of the modes' velocities by SciPy's products with
+    K and M, the loads' work by the trapezoidal rule over the displacements told, which misses by the square
+    of the step, and so does the balance. Velocities of the displacements told, residual flexibility included,
+    have more kinetic energy, of what moves without inertia.
+    """
+    crack = CrackLine([(0.03, 0.04), (0.07, 0.06)])
+    mesh = Plate([(0, 0), (0.1, 0), (0.1, 0.08), (0, 0.08)], cracks=[crack]).mesh(
+        order=2, points={"P": (0.1, 0.08)}, face_edges=3
+    )
+    model = sb.Model(
+        mesh,
+        sb.Material(70e9, 0.33, 2700.0),
+        damping=0.01,
+        clamped="edge4",
+        contact_laws={"crack1": law},
+        continued_fraction=0,
+    )
+    matrices, unknowns = model.matrices(), model.layout.part.unknowns
+    layer, free, tone = matrices.flexibility.toarray(), unknowns >= 0, 2.0 * np.pi * 3000.0
+
+    def whole(field):
+        u = np.zeros(matrices.mass.shape[0])
+        u[unknowns[free]] = field[free]
+        return u
+
+    missed = []
+    for steps in (400, 800):
+        load = sb.PointForce("P", fx=sb.Harmonic(1e4, 3000.0), fy=sb.Harmonic(2e4, 3000.0))
+        found = sb.transient(model, load, 1.2 / 3000.0, 1.2 / 3000.0 / steps, modes=20)
+        states, energy = found.states, found.energy
+        forces = np.outer(np.sin(tone * found.time), [1e4, 2e4])
+        moved = np.diff(found.displacement("P"), axis=0)
+        work = np.append(0.0, np.cumsum((0.5 * (forces[1:] + forces[:-1]) * moved).sum(axis=1)))
+        size = np.abs(work).max()
+        missed.append([np.abs(work - energy.external).max() / size, np.abs(energy.balance).max() / size])
+    for k in (0, 150, 333, 800):
+        u, force = whole(found.field(found.time[k]).nodal), states.contact[k]
+        assert 0.5 * (u @ matrices.stiffness @ u + force @ layer @ force) == pytest.approx(
+            energy.strain[k], rel=1e-9, abs=1e-9 * size
+        )
+        v = whole(states.reduced.field(states.v[k], 0.0 * states.amplitudes[k], 0.0 * force).nodal)
+        assert 0.5 * v @ matrices.mass @ v == pytest.approx(energy.kinetic[k], rel=1e-9, abs=1e-9 * size)
+    rates = np.log2(np.array(missed[0]) / missed[1])
+    assert rates[0] == pytest.approx(2.0, abs=0.2) and rates[1] > 1.3
+    assert missed[1][1] < 1e-4
