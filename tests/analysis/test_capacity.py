@@ -19,7 +19,8 @@ from sbfem_petsc.continuation import harmonic_errors
 from sbfem_petsc.petsc import MPI, PETSc
 from sbfem_petsc.ranks import capacity
 from sbfem_petsc.study.sweep import sweep
-from sbfem_petsc.system.solve.demand import factor_memory, matrix_entries
+from sbfem_petsc.system.solve import demand
+from sbfem_petsc.system.solve.demand import factor_memory, matrix_entries, require_modes
 from tests.parallel import ROOT
 from tests.study.small_case import CASE, SWEEP, sbfem, written
 from tests.systems import two_masses
@@ -144,10 +145,13 @@ def test_structures(case, monkeypatch):
         STRUCTURES[case](model)
 
 
-def test_a_factor_and_what_it_is_made_of():
+def test_a_factor_and_what_it_is_made_of(monkeypatch):
     """A matrix is a value and the number of a column an entry; MUMPS is given a value and two numbers of each
-    entry of one half. What is left goes with N log2 N. PETSc's own matrix has no more entries than are told.
+    entry of one half. What is left goes with N log2 N. PETSc's own matrix has no more entries than are told;
+    modes take two like it, of the stiffness and of the mass, beside the factor and vectors.
     """
+    needed: list[float] = []
+    monkeypatch.setattr(demand, "require_memory", lambda owner, comm, size, *_: needed.append(size))
     value, number = (np.dtype(kind).itemsize for kind in (PETSc.ScalarType, PETSc.IntType))
     given = (value + number) + 0.5 * (value + 2 * number)
     factors = []
@@ -157,6 +161,9 @@ def test_a_factor_and_what_it_is_made_of():
         entries, unknowns = matrix_entries(model.cells), model.boundary_unknowns
         used = model.stiffness.getInfo()["nz_used"]
         assert used <= entries < 2 * used
+        require_modes(model.cells, 4, 10)
+        matrices = needed.pop() - factor_memory(model.cells) - 8 * unknowns * (10 + 4 * 4)
+        assert 2 * used <= matrices / (value + number) < 4 * used
         factors.append((factor_memory(model.cells) - given * entries) / (unknowns * np.log2(unknowns + 1)))
     assert factors[0] == pytest.approx(factors[1], rel=1e-12) and factors[0] > value
 

@@ -10,6 +10,7 @@ from scipy import linalg
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate, VNotch
 from sbfem_petsc.motion.initial import modal_start
+from sbfem_petsc.motion.steps import _newmark
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.reference import paper_beam
 from tests.systems import chain
@@ -125,6 +126,20 @@ def test_period_error_of_newmark(fine):
         for step in (4e-6, 2e-6)
     ]
     assert far[0] / far[1] == pytest.approx(4, rel=0.1) and far[1] > 1e-2
+
+
+def test_average_acceleration_is_the_trapezoidal_rule():
+    """Of damped modes, also of ones that do not oscillate: (1 - A h / 2)^-1 (1 + A h / 2), A of [q, v]' =
+    A [q, v] + [0, p], with the mean of both ends' forces.
+    """
+    omega, damping, step = np.array([3.0, 40.0]), np.array([0.3, 1.2]), 0.05
+    rows = _newmark(omega, damping, step).reshape(2, 5, 2)
+    for k in range(2):
+        half = 0.5 * step * np.array([[0.0, 1.0], [-(omega[k] ** 2), -2.0 * damping[k] * omega[k]]])
+        right = np.hstack([np.eye(2) + half, [[0.0], [0.5 * step]]])
+        expected = np.linalg.solve(np.eye(2) - half, right)
+        np.testing.assert_allclose(rows[:, :3, k], expected, rtol=1e-12)
+        np.testing.assert_array_equal(rows[:, 3, k], rows[:, 2, k])
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ import pytest
 from scipy import linalg, optimize
 
 import sbfem_petsc as sb
+from sbfem_petsc.contact.law import RowLaws
 from tests.contact.test_law import ALPHA, BETA, LAYER, block, dense, rows_of_layer, two_notches
 from tests.event_map import EventMap
 
@@ -138,6 +139,13 @@ def free_frequency(energy, stiffness):
     left = math.sqrt(speed**2 - (own * HALF) ** 2)
     beyond = math.atan2(left / both, HALF - SPRING * HALF / (stiffness + SPRING)) / both
     return 1.0 / (4.0 * (between + beyond))
+
+
+def test_how_far_a_free_row_may_move():
+    """By hand: to either stop, from inside and from beyond."""
+    laws, gap = RowLaws.of([sb.Clearance(width=1.0)] * 3), np.array([0.7, -0.1, 1.2])
+    assert laws.reach(gap, np.ones(3)) == pytest.approx([0.3, 1.1, 0.0])
+    assert laws.reach(gap, -np.ones(3)) == pytest.approx([0.7, 0.0, 1.2])
 
 
 @pytest.mark.long

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from examples.paper.time_scheme import tied_in_one_pass
-from sbfem_petsc.contact.complementarity import solve_complementarity
+from sbfem_petsc.contact.complementarity import Condensed, active_set, solve_complementarity
+from sbfem_petsc.contact.law import FREE, PRESSED, RowLaws
 
 
 def random_problem(n, seed):
@@ -120,3 +121,30 @@ def test_a_pair_that_others_open():
     assert tied[1] < 0
     np.testing.assert_allclose(q + w @ tied, 0, atol=1e-15)
     assert solve_complementarity(w, q).force[1] == 0
+
+
+@pytest.mark.parametrize("touching", [FREE, PRESSED])
+def test_a_solution_is_seen_at_once(touching):
+    """From its own states in the one iteration that is allowed, by hand; a row that touches without a force
+    may be in either.
+    """
+    start = np.array([touching, PRESSED, FREE], dtype=np.int8)
+    found = solve_complementarity(
+        np.diag([2.0, 4.0, 1.0]), np.array([0.0, -1.0, 3.0]), start=start, maximum=1
+    )
+    assert found.iterations == 1 and found.state.tolist() == start.tolist()
+    assert found.force.tolist() == [0.0, 0.25, 0.0] and found.gap.tolist() == [0.0, 0.0, 3.0]
+
+
+def test_what_rounding_may_have_done_opens_no_row():
+    """Of solves that are right to a hundredth of the largest force: by hand, a row that pulls by a thousandth
+    of it stays closed, without force, and one that pulls by a twentieth opens.
+    """
+
+    class Loose(Condensed):
+        rounding = 0.01
+
+    start = np.full(3, PRESSED, dtype=np.int8)
+    found, _ = active_set(Loose(np.eye(3), 10), np.array([-1.0, 0.001, 0.05]), RowLaws.unilateral(3), start)
+    assert found.state.tolist() == [PRESSED, PRESSED, FREE]
+    assert found.force.tolist() == [1.0, 0.0, 0.0]

@@ -9,8 +9,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import nbclient
-import nbformat
 import numpy as np
 import pytest
 from matplotlib.image import imread
@@ -118,6 +116,9 @@ def _stream(output):
 @pytest.mark.parametrize("name", [path.stem for path in sorted((ROOT / "docs").glob("*.ipynb"))])
 def test_notebooks_run(name, tmp_path):
     """From the first cell to the last, with the numbers and as many pictures as stand there."""
+    import nbclient  # slow to load, for all that find tests
+    import nbformat
+
     notebook = nbformat.read(ROOT / f"docs/{name}.ipynb", as_version=4)
     shown = [cell.outputs for cell in notebook.cells if cell.cell_type == "code"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}

@@ -64,7 +64,10 @@ def test_wave_speeds(young, density, speed):
 
 
 def cantilever(**options):
-    return sb.Model(Beam(0.6, 0.02).mesh(order=2), ALUMINIUM, **options)
+    """Far from the origin: a body's size counts, not where it is."""
+    corners = [(10.0, 0.0), (10.6, 0.0), (10.6, 0.02), (10.0, 0.02)]
+    mesh = Plate(corners).mesh(order=2, size=0.02, points={"A": corners[2]})
+    return sb.Model(mesh, ALUMINIUM, clamped="edge4", **options)
 
 
 # m/N of a cantilever's end, slender: L^3 / (3 E I)
