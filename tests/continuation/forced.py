@@ -3,7 +3,7 @@
 import numpy as np
 
 from sbfem_petsc.continuation.events import find_zero, folds
-from sbfem_petsc.continuation.follow import Line, Settings, follow
+from sbfem_petsc.continuation.follow import Line, Settings
 from sbfem_petsc.continuation.line_file import LineFile
 from sbfem_petsc.continuation.newton import correct
 from sbfem_petsc.continuation.problem import Metric
@@ -38,18 +38,18 @@ class Forced(Equations):
         return np.column_stack([monodromy - np.eye(len(end)), (ahead - end) / 1e-6])
 
 
-def follow_forced(problem, first, within, file, resume=False, progress=lambda share: None):
+def follow_forced(problem, first, within, file, resume=False, progress=None):
     """Its line in a file, its folds and its period doublings."""
 
-    def told(line):
-        kept.update(lambda: Values(line.values), [line])
-        progress((line.values[-1] - within.lower) / within.extent)
-
-    with LineFile(MPI.COMM_SELF, file, resume=resume) as kept:
+    with LineFile(MPI.COMM_SELF, file, resume=resume, progress=progress) as kept:
         kept.begin(None, {"lower": within.lower, "upper": within.upper}, first)
         level = Metric(problem, first).level(first, first[-1])
-        line = (kept.lines(problem) or [Line([correct(problem, first, level)])])[0]
-        follow(line, within, Settings(), told)
+        line = kept.line(problem) or Line([correct(problem, first, level)])
+
+        def share(value):
+            return (value - within.lower) / within.extent
+
+        kept.follow([line], within, Settings(), lambda: Values(line.values), share)
         kept.update(lambda: Values(line.values), [line], last=True)
     pairs = [tuple(map(doubled, line.points[k : k + 2])) for k in range(len(line.points) - 1)]
     turns = [point for _, point in folds(line)]
