@@ -323,7 +323,14 @@ def top(u):
 @pytest.mark.long
 @pytest.mark.parametrize(
     "rate, friction, expected",
-    [(0.8, 0.2, 2.711415), (0.8, 0.5, 2.332235), (1.2, 0.3, 2.072384), (1.5, 0.5, 0.553775)],
+    [
+        (0.8, 0.2, 2.711415),
+        (0.8, 0.5, 2.332235),
+        (0.9, 0.7, 2.871226),
+        (1.2, 0.3, 2.072384),
+        (1.2, 0.5, 1.657467),
+        (1.5, 0.5, 0.553775),
+    ],
 )
 def test_den_hartogs_oscillator(rate, friction, expected):
     """Rigid friction without stops: A = sqrt(V^2 - r^2 U^2), V = 1 / (1 - b^2), U = sin(pi / b) / (b (1 +
