@@ -14,6 +14,8 @@ FEWEST_MODES, STEPS, CURVE_POINTS = 80, 512, 60
 # steady state without its multipliers, for the square of the modes and for the pairs, and with them.
 _HISTORY, _ALIKE = 1.5e-8, 26.0
 _SQUARE, _PAIR, MULTIPLIERS = 1.6e-9, 1.5e-7, 2.0
+# Directions of contact that the derivative keeps at an instant.
+_DIRECTIONS = 6
 
 
 @dataclass(frozen=True)
@@ -56,10 +58,11 @@ class Size:
         """Seconds of a step of a history."""
         return _HISTORY * modes * (1.0 + self.pairs / _ALIKE)
 
-    def period(self, modes: int, steps: int) -> tuple[float, float]:
-        """Seconds and bytes of so many steps of a steady state."""
-        seconds = steps * (_SQUARE * modes**2 + _PAIR * self.pairs)
-        return seconds, 8.0 * steps * (6 * modes + 3 * self.pairs)
+    def period(self, modes: int, steps: int, contact: bool = True) -> tuple[float, float]:
+        """Seconds and bytes of so many steps of a steady state; see `motion.preparation.period_memory`."""
+        pairs = self.pairs if contact else 0
+        seconds = steps * (_SQUARE * modes**2 + _PAIR * pairs)
+        return seconds, 8.0 * steps * (6 * modes + 6 * pairs + 3.5 * min(pairs, _DIRECTIONS) * modes)
 
 
 @dataclass(frozen=True)

@@ -332,6 +332,7 @@ def test_two_ranks(summary, tmp_path):
     [
         ("run", "order = 3", "ordre = 3", "did you mean 'order'?"),
         ("check", "count = 5", "count = 5000", "count = 5000 asks for 5,000 modes, and there are"),
+        ("check", "duration = 0.003", "duration = 0.003\nstep = 1e-12", "3e+09 steps of 1e-12 s"),
     ],
 )
 def test_wrong_case_on_two_ranks(command, old, new, words, tmp_path):

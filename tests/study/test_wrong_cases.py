@@ -713,7 +713,7 @@ def test_too_little_memory_is_told_before_any_is_solved(analysis, tmp_path, monk
         with pytest.raises(ValueError, match="of memory, .* are free") as refused:
             solve(structure, case, "later")
     sizes = [float(re.search(r"([\d.]+) GB of memory", str(one.value))[1]) for one in (told, refused)]
-    assert sizes[0] <= sizes[1]
+    assert sizes[0] <= sizes[1] <= 5.0 * sizes[0]
 
 
 def test_all_that_is_wrong_is_told_at_once(tmp_path):

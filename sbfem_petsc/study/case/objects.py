@@ -12,6 +12,7 @@ import sbfem_petsc as sb
 from meshing.boundary_mesh import BoundaryMesh
 
 from ...checks import integer, shown
+from ...errors import on_all_ranks
 from ...loads import separate
 from ...options import one_of
 from ...signals.signal import as_signal
@@ -33,7 +34,8 @@ def located(case: Given, *path: str | int) -> Iterator[None]:
         raise
     except (ValueError, TypeError, KeyError) as error:
         text = str(error).rstrip(".")
-        raise case.problem(_continued(case, path, text), f"is refused: {text}") from None
+        found = case.problem(_continued(case, path, text), f"is refused: {text}")
+        raise on_all_ranks(found) if getattr(error, "on_all_ranks", False) else found from None
 
 
 def _continued(case: Given, path: Path, text: str) -> Path:

@@ -154,4 +154,4 @@ class Basins(BasinsOptions, Loaded):
         starts = math.prod(len(grid(axis.values)) for axis in self.starts)
         # about a hundred periods a history
         seconds = 100 * starts * (self.steps or STEPS) * size.stepping(modes)
-        return Cost(size.extracting(modes), seconds, 16.0 * starts * modes, 32.0 * starts)
+        return Cost(size.extracting(modes), seconds, 64.0 * starts * modes, 32.0 * starts)

@@ -166,7 +166,7 @@ def symbol(found: Found, point: str) -> str:
 def steady_cost(size: Size, table: Any, steps: int, modes: int | None = None) -> Cost:
     """Of one motion of so many steps and modes."""
     modes = modes or size.modes(table.modes)
-    seconds, memory = size.period(modes, steps)
+    seconds, memory = size.period(modes, steps, table.contact)
     disk = 8.0 * steps * (3 * modes + size.pairs + 2 * size.points)
     return Cost(
         size.extracting(modes, errors=True), seconds * (MULTIPLIERS if table.stability else 1.0), memory, disk
