@@ -113,10 +113,11 @@ def periodic(
         L2 over the period; the change is `step_error`.
     accuracy : float, optional
         Of harmonics 1 to 4 of the named points and of the contact resultant, `largest_mode_error`: modes and
-        steps that are not given are as many as that needs. To begin with those of `guess`, or modes up to 16
-        sqrt(1e-3 / accuracy) times the loads' highest frequency, at least 12 (80 where that is not known), in
-        64 ceil(8 sqrt(1e-3 / accuracy)) steps or what modes and loads ask for; more of them, from the motion
-        found on, where its told error is above, to 320 modes, or no more than the 80 where 320 would be far
+        steps that are not given are as many as that needs. To begin with those of `guess`, or modes up to 12
+        sqrt(1e-3 / accuracy) times the loads' highest frequency, at least 12 (80 where that is not known),
+        and some ten vectors that stand for all others, in 64 ceil(8 sqrt(1e-3 / accuracy)) steps or what
+        modes and loads ask for; more of them, from the motion found on, where its told error is above, to
+        320 modes, or no more than the 80 where 320 would be far
         from enough. Default: 1e-3 of a Model with named points where neither modes nor steps nor `tolerance`
         is given and `segments` is 1, else none.
     search : continuation.search.Search, optional

@@ -195,7 +195,7 @@ class _TwoTones(NamedTuple):
         what, fastest = "quasi_periodic", highest(self.driven, self.frequencies)
         first = settings.first or None if isinstance(self.model, Model) else None
         modes = first if settings.modes is None else settings.modes
-        wanted = Wanted(modes, settings.accuracy, settings.most)
+        wanted = Wanted(modes, settings.accuracy, settings.most, bool(settings.vectors))
         reduced = serving(what, self.model, self.loads, wanted, fastest)
         refuse_falling(what, reduced.friction)
         steps = _steps(reduced, self.driven, self.frequencies, self.samples, settings)
@@ -231,7 +231,7 @@ class _TwoTones(NamedTuple):
         """A curve to begin from at the phases wanted, if it is one of the same model."""
         reduced = torus.reduced
         if old is not reduced and (reduced.model is None or old.model is not reduced.model):
-            raise ValueError(_OTHER.format(len(old.omega), len(reduced.omega)))
+            raise ValueError(_OTHER.format(old.in_words, reduced.in_words))
         return resampled(in_modes(states, old, reduced), self.samples)
 
 
@@ -318,12 +318,12 @@ def _with_own_tone(
     periods = old.excitation.periods
     settings = replace(settings, periods=periods, steps=settings.steps or old.steps // periods)
     if settings.modes is None and isinstance(model, Model):
-        settings = replace(settings, modes=len(begin.reduced.omega))
+        settings = replace(settings, modes=begin.reduced.natural, vectors=begin.reduced.vectors > 0)
     period = prepare("quasi_periodic", model, load, first * periods, settings=settings)
     refuse_falling("quasi_periodic", period.friction)
     with collective(comm):
         if period.unknowns != begin.states.shape[1]:
-            raise ValueError(_OTHER.format(len(begin.reduced.omega), period.modes))
+            raise ValueError(_OTHER.format(begin.reduced.in_words, period.reduced.in_words))
     own = OwnTone(period, "frequency", None, samples, comm)
     known = resampled(begin.states + begin.own.driven(own_curve(begin)[-1]).linear_state, samples)
     u = np.append(known.ravel(), [begin.frequencies[1] / begin.frequencies[0], first * periods])

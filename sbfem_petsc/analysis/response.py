@@ -142,7 +142,7 @@ def frequency_response(
             )
         amplitudes_only("frequency_response", load)
     highest = max(start, stop)
-    settings = PeriodSettings(periods, steps, modes, contact, band=highest, accuracy=accuracy)
+    settings = PeriodSettings(periods, steps, modes, contact, band=highest, accuracy=accuracy, vectors=False)
     if not contact:
         settings = replace(following(settings, model), steps=INSTANTS, periods=periods or 1)
         aim = Accuracy(over.owner, model, settings)
@@ -201,7 +201,7 @@ def load_response(
         See `frequency_response`; `guess` is an orbit at the factor `start`.
     """
     over = ParameterRange(parameter, start, stop, frequency)
-    settings = PeriodSettings(periods, steps, modes, accuracy=accuracy)
+    settings = PeriodSettings(periods, steps, modes, accuracy=accuracy, vectors=False)
     asked = BranchSettings(points, largest_step or math.inf, stability is not False)
     run = _Run(model, load, over, settings, guess, asked, file, resume, progress)
     return run.followed(reduction, stability)

@@ -22,6 +22,7 @@ from ..motion.swept import SweptResponse, cycle_ends, directions, over_cycles, s
 from ..progress import Progress, progress_bar
 from ..ranks.capacity import require_memory
 from ..ranks.parallel import collective
+from ..reduction import build
 from ..reduction.build import MOST_OF_MANY
 from ..reduction.reduced_model import ReducedModel
 from ..signals.waves import Chirp
@@ -105,9 +106,8 @@ def swept_response(
             raise ValueError(f"{what}: no load oscillates; give a number, the amplitude of the swept sine")
     highest = max(start, stop)
     told, least = math.nan, STEPS
-    settings = following(
-        PeriodSettings(1, steps, modes, band=highest, accuracy=accuracy), model, MOST_OF_MANY
-    )
+    settings = PeriodSettings(1, steps, modes, band=highest, accuracy=accuracy, vectors=False)
+    settings = following(settings, model, MOST_OF_MANY)
     if settings.accuracy is None:
         reduced = serving(what, model, loads, Wanted(modes), highest)
     else:
@@ -174,7 +174,7 @@ def _steady(initial: Orbit, reduced: ReducedModel, load) -> Orbit:
     with collective(communicator(reduced)):
         check_guess(what, initial, reduced, carried=True)
     assert own is not None  # checked
-    modes = None if len(own.omega) == len(reduced.omega) else len(own.omega)
+    same = reduced.shares_modes(own)
     find = functools.partial(
         periodic,
         load=load,
@@ -185,10 +185,13 @@ def _steady(initial: Orbit, reduced: ReducedModel, load) -> Orbit:
         progress=None,
     )
     # under this load and with this damping, which are not those that it was reduced for
-    system = reduced if modes is None or reduced.model is None else reduced.model
-    found = find(system, modes=modes, steps=len(initial.time) // initial.periods)
-    if np.linalg.norm(found.state - initial.state) > SAME * np.linalg.norm(found.state):
+    system = reduced
+    if not same and reduced.model is not None:
+        system = build.reduced(reduced.model, reduced.loads, own.natural, own.vectors > 0)
+    found = find(system, steps=len(initial.time) // initial.periods)
+    alike = found.state.shape == initial.state.shape  # vectors are those of other loads
+    if not alike or np.linalg.norm(found.state - initial.state) > SAME * np.linalg.norm(found.state):
         raise wrong_input(
             f"{what}: initial = {initial!r} is no steady state under this load; leave it out, or give one"
         )
-    return initial if modes is None else find(reduced)
+    return initial if same else find(reduced)

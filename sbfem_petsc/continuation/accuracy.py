@@ -165,7 +165,7 @@ class Accuracy:
         if self.settings.accuracy is None or self._model is None:
             return None
         usual = min(LEAST_MODES, most_modes(self._model))
-        return usual if len(where.reduced.omega) < usual else None
+        return usual if where.reduced.natural < usual else None
 
     def _stays(self, why: str) -> None:
         """Further modes and steps are of no use, and why: they do not grow any more."""
@@ -173,8 +173,8 @@ class Accuracy:
 
     def _lost(self, where: Map) -> str:
         """What is said of a solution that is not found again."""
-        modes, steps = len(where.reduced.omega), where.told_steps
-        return f"{self.words.lost} in {modes} modes and {steps} steps{self.words.each}"
+        modes, steps = where.reduced.in_words, where.told_steps
+        return f"{self.words.lost} in {modes} and {steps} steps{self.words.each}"
 
     def further(self, reduced: ReducedModel, steps: int, errors: np.ndarray) -> tuple[int | None, int] | None:
         """Modes, None where they were given, and steps a forcing period of the next attempt; None where told
@@ -182,7 +182,7 @@ class Accuracy:
         """
         if self.settings.accuracy is None:
             return None
-        modes = more = len(reduced.omega)
+        modes = more = reduced.natural
         most = self._most_modes(modes)
         by_steps, late = largest_error(errors[1]), largest_error(errors[2:].sum(axis=0))
         # viscosity goes with what is left out, about as 1 / modes: where the most of them would leave too
@@ -198,10 +198,9 @@ class Accuracy:
             return None
         times, left = 1, wanted
         if self._model is not None and by_modes > (1.0 - OF_STEPS) * wanted:
-            share = min(max(math.sqrt(2.0 * by_modes / wanted), LEAST_MORE), MOST_MORE)
-            beyond = modes_beyond(
-                self._model, share * reduced.frequencies.max(), math.ceil(LEAST_MORE * modes)
-            )
+            top, power = float(reduced.frequencies[:modes].max()), 0.25 if reduced.vectors else 0.5
+            share = min(max((2.0 * by_modes / wanted) ** power, LEAST_MORE), MOST_MORE)
+            beyond = modes_beyond(self._model, share * top, math.ceil(LEAST_MORE * modes))
             more = min(most, max(modes, min(self.settings.most, beyond)))
         if more == modes:
             left = min(wanted, max(2.0 * (wanted - by_modes), LEFT * wanted))
@@ -286,12 +285,12 @@ class Accuracy:
                 "from a file or there is no memory for more modes; name points of the mesh, or reduce the "
                 "model again"
             )
-        modes, late = len(reduced.omega), largest_error(errors[2:].sum(axis=0))
+        modes, late = reduced.natural, largest_error(errors[2:].sum(axis=0))
         if late > max(by_modes, by_steps):
-            cause = f"viscous by Rayleigh's b of what is left out beyond {modes} modes"
+            cause = f"viscous by Rayleigh's b of what is left out beyond {reduced.in_words}"
             remedy = "damp the modes, as damping does, or ask for less"
         elif by_modes >= by_steps:
-            cause, remedy = f"left out beyond {modes} modes", f"give more than modes = {modes}"
+            cause, remedy = f"left out beyond {reduced.in_words}", f"give more than modes = {modes}"
             if self._model is not None and modes >= most_modes(self._model):
                 remedy = "refine the mesh, which has no further ones, or ask for less"
             elif modes < (most := self._most_modes(modes)) and not by_modes <= self._hoped(self.value, modes):

@@ -181,7 +181,9 @@ def carried_derivative(fixed: FixedPoint, beside: DrivenPeriod, state: np.ndarra
         return coarse.carried(coarse.run(state), np.eye(p.unknowns), rough=True)
     result = free_motion((r.omega, r.damping), beside.duration, p.weights, p.unknowns)
     signs, places = _shared(driven.period.reduced, r)
-    result[np.ix_(places, places)] = signs[:, None] * fixed.monodromy * signs
+    m, count = len(driven.period.reduced.omega), len(places) // 2
+    known = np.r_[:count, m : m + count]
+    result[np.ix_(places, places)] = signs[:, None] * fixed.monodromy[np.ix_(known, known)] * signs
     return result
 
 
@@ -219,7 +221,7 @@ def added(fixed: FixedPoint, period: Period) -> np.ndarray:
     """
     old, new, force = fixed.driven.period.reduced, period.reduced, fixed.motion.forces[0]
     result = in_modes(fixed.state - fixed.driven.linear_state, old, new)
-    further = slice(len(old.omega), len(new.omega))
+    further = slice(alike(old, new), len(new.omega))
     pushed = new.gap.modes[: len(force), further].T @ force
     result[further] += period.weights[further] * pushed / new.omega[further] ** 2
     return result
@@ -227,10 +229,10 @@ def added(fixed: FixedPoint, period: Period) -> np.ndarray:
 
 def in_modes(states: np.ndarray, old: ReducedModel, new: ReducedModel) -> np.ndarray:
     """(..., 2 m + k) differences of states in the modes of another model of the same structure: those are the
-    same but for their signs, further ones rest, and slips have units of their own.
+    same but for their signs, further ones and vectors rest, and slips have units of their own.
     """
     (signs, places), m, n = _shared(old, new), len(old.omega), len(new.omega)
-    count, slips = min(m, n), states[..., 2 * m :]
+    count, slips = alike(old, new), states[..., 2 * m :]
     result = np.zeros((*states.shape[:-1], 2 * n + slips.shape[-1]))
     result[..., places] = signs * states[..., np.r_[:count, m : m + count]]
     result[..., 2 * n :] = slips * (old.slip_units / new.slip_units)[: slips.shape[-1]]
@@ -240,7 +242,7 @@ def in_modes(states: np.ndarray, old: ReducedModel, new: ReducedModel) -> np.nda
 def begun(state: np.ndarray, old: ReducedModel, driven: DrivenPeriod) -> np.ndarray:
     """A motion's state in the modes of a period to begin with: further ones move as without contact."""
     new = driven.period.reduced
-    if len(old.omega) == len(new.omega):
+    if old.shares_modes(new):
         return driven.period.begun(state)
     result, (_, places) = driven.linear_state.copy(), _shared(old, new)
     result[places] = in_modes(state, old, new)[places]
@@ -251,9 +253,14 @@ def _shared(old: ReducedModel, new: ReducedModel) -> tuple[np.ndarray, np.ndarra
     """Signs of the coordinates and velocities of the modes that two models share, and their places in a state
     of the new one.
     """
-    n, count = len(new.omega), min(len(old.omega), len(new.omega))
+    n, count = len(new.omega), alike(old, new)
     rows = [(r.gap.modes, r.points.modes.reshape(-1, len(r.omega)), r.load_modes.T) for r in (old, new)]
-    alike = [pair for pair in zip(*rows) if len(pair[0]) == len(pair[1])]
-    seen = [np.concatenate([part[:, :count] for part in parts]) for parts in zip(*alike)]
+    common = [pair for pair in zip(*rows) if len(pair[0]) == len(pair[1])]
+    seen = [np.concatenate([part[:, :count] for part in parts]) for parts in zip(*common)]
     signs = np.where((seen[0] * seen[1]).sum(axis=0) < 0.0, -1.0, 1.0)
     return np.tile(signs, 2), np.r_[:count, n : n + count]
+
+
+def alike(old: ReducedModel, new: ReducedModel) -> int:
+    """Modes that two models share: vectors behind them are others, unless all are the same."""
+    return len(old.omega) if old.shares_modes(new) else min(old.natural, new.natural)

@@ -152,7 +152,7 @@ class LineFile(RunFile):
         if (modes := self.modes()) is not None:
             warnings.warn(
                 f"{owner}: the points in {self.path!r}, in {modes} modes, are not accurate enough or lead to "
-                f"no further one; the curve is followed anew in {len(period.reduced.omega)} modes and "
+                f"no further one; the curve is followed anew in {period.reduced.in_words} and "
                 f"{period.steps} steps a period",
                 BranchWarning,
                 stacklevel=caller_level(),

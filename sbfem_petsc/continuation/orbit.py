@@ -206,7 +206,7 @@ class Orbit(Motion, ToldError):
         if len(self.multipliers):
             verdict = {True: "stable", False: "unstable", None: "stability undecided"}[self.stable]
             verdict += f" (largest multiplier {np.abs(self.multipliers[0]):.7f})"
-        model = f"{len(self.reduced.omega)} modes" if self.reduced is not None else "unreduced model"
+        model = self.reduced.in_words if self.reduced is not None else "unreduced model"
         if self.friction_loss is not None:
             verdict += f", {self.friction_loss:.6g} J lost to friction a period"
         if self.sticking:

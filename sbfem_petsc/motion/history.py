@@ -276,7 +276,7 @@ class History(Motion):
             )
 
     def __repr__(self) -> str:
-        kind = f"{len(self.reduced.omega)} modes" if self.reduced is not None else "unreduced model"
+        kind = self.reduced.in_words if self.reduced is not None else "unreduced model"
         told = "" if math.isnan(self.mode_error) else f"error of displacements {self.mode_error:.2g}, "
         return (
             f"History({len(self.time)} instants to {self.time[-1]:.6g} s, step {self.step:.3g} s, {kind}, "

@@ -164,7 +164,7 @@ def full_shapes(pencil: Pencil, found: Modes | Modal) -> np.ndarray:
 
 def modal_start(reduced: ReducedModel, initial: tuple) -> tuple[np.ndarray, np.ndarray]:
     """Modal coordinates and velocities of functions of position: integrals of density times mode times
-    function, over the inside of the S-elements as well.
+    function, over the inside of the S-elements as well; what stands for further modes rests.
 
     Raises
     ------
@@ -181,7 +181,7 @@ def modal_start(reduced: ReducedModel, initial: tuple) -> tuple[np.ndarray, np.n
         for function, what in zip(initial, ("displacement", "velocity")):
             q = shapes.T @ momentum(pencil, function, what)
             model.comm.Allreduce(MPI.IN_PLACE, q)
-            result.append(q)
+            result.append(np.pad(q, (0, reduced.vectors)))
     return result[0], result[1]
 
 

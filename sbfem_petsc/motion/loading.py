@@ -253,11 +253,14 @@ class Wanted(NamedTuple):
         Of the lowest harmonics, which then tells the default number of modes.
     most : int
         Modes by default for an accuracy, unless those up to 8 times the frequency are more.
+    vectors : bool
+        Whether vectors behind them stand for further ones.
     """
 
     modes: int | None
     accuracy: float | None = None
     most: int = MOST_MODES
+    vectors: bool = False
 
 
 def serving(
@@ -276,7 +279,7 @@ def serving(
     highest : float
         Highest load frequency, Hz.
     """
-    modes, accuracy, most = wanted
+    modes, accuracy, most, vectors = wanted
     if isinstance(system, ReducedModel):
         if modes is not None:
             raise wrong_input(
@@ -288,10 +291,12 @@ def serving(
     with collective(system.comm):
         modes = optional_integer(owner, "modes", modes, least=1, most=system.boundary_unknowns // 2)
     system.require_support(f"{owner} of the reduced model")
+    # what has no known band shakes vectors as well, which answer as modes do below their own band alone
+    known = all(signal.highest_frequency is not None for signal in loads.signals)
+    vectors = vectors and known
     if modes is None and accuracy is not None:
-        known = all(signal.highest_frequency is not None for signal in loads.signals)
-        modes = modes_for(system, highest if known else 0.0, accuracy, most)
-    result = reduced(system, loads.units, modes or default_modes(system, highest))
+        modes = modes_for(system, highest if known else 0.0, accuracy, most, vectors)
+    result = reduced(system, loads.units, modes or default_modes(system, highest), vectors)
     _warn_of_reduced(owner, result, loads, highest)
     return result
 
@@ -301,11 +306,12 @@ def _warn_of_reduced(owner: str, reduced: ReducedModel, loads: Loading, highest:
     r = reduced
     if r.modal is None:
         return
-    warn_of_band(owner, r.modal, r.damping, highest)
+    warn_of_band(owner, r.modal, r.damping[: r.natural], highest)
     with collective(r.comm):  # functions of a user
         sudden = loads.sudden
     forces, above = r.load_modes[:, sudden], r.load_flexibility[sudden, sudden]
-    warn_of_jumps(owner, r.modal, r.damping, _shares(r.omega, forces, above), loads.duration)
+    shares = _shares(r.omega, forces, above)[: r.natural]
+    warn_of_jumps(owner, r.modal, r.damping[: r.natural], shares, loads.duration)
 
 
 def moved_up_to(reduced: ReducedModel, loads: Loading) -> float:

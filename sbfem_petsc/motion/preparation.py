@@ -13,6 +13,7 @@ from ..errors import wrong_input
 from ..ranks.capacity import require_compiler, require_memory
 from ..ranks.parallel import collective
 from ..reduction.build import ACCURATE, LEAST_MODES, MOST_MODES, modes_for
+from ..reduction.left_out import BEHIND
 from ..reduction.reduced_model import ReducedModel
 from ..signals.waves import Harmonic
 from ..system.model import Model
@@ -74,6 +75,10 @@ class PeriodSettings:
         nothing.
     least : int
         Steps a forcing period at least where they are not given; 0: by default or as the accuracy asks for.
+    vectors : bool or None
+        Whether vectors behind the modes stand for further ones; None: where an accuracy chooses these. Along
+        curves none do: they ring at each change of contact, which bends the curve; nor in sweeps, whose steps
+        would follow them.
     """
 
     periods: int | None = None
@@ -88,8 +93,11 @@ class PeriodSettings:
     most: int = MOST_MODES
     least: int = 0
     first: int | None = None
+    vectors: bool | None = None
 
     def __post_init__(self) -> None:
+        if self.vectors is None and self.accuracy is not None:
+            object.__setattr__(self, "vectors", self.modes is None)
         if not self.least:
             least = STEPS if self.accuracy is None else accurate_steps(self.accuracy)
             object.__setattr__(self, "least", least)
@@ -113,23 +121,27 @@ def beginning(settings: PeriodSettings, guess: Begun | None) -> PeriodSettings:
     """Settings with the modes of a motion to begin from, where none are given."""
     if settings.first is not None or guess is None or guess.reduced is None:
         return settings
-    return replace(settings, first=len(guess.reduced.omega))
+    own = settings.accuracy is None and settings.modes is None
+    vectors = guess.reduced.vectors > 0 if own else settings.vectors
+    return replace(settings, first=guess.reduced.natural, vectors=vectors)
 
 
 def expected(
-    model: Model, frequency: float, highest: float, accuracy: float | None = None
+    model: Model, frequency: float, highest: float, accuracy: float | None = None, vectors: bool = True
 ) -> tuple[int, int]:
-    """Modes, and steps a forcing period (its frequency in Hz), that a steady state begins with by default, or
-    for an accuracy, under loads up to a frequency (Hz). As many as the usual modes are not computed for it,
-    and their steps are those of an upper estimate of their highest frequency. Collective.
+    """Modes, with vectors behind them or without, and steps a forcing period (its frequency in Hz), that a
+    steady state begins with by default, or for an accuracy, under loads up to a frequency (Hz). As many as
+    the usual modes are not computed for it, and their steps are those of an upper estimate of their highest
+    frequency. Collective.
     """
     settings = PeriodSettings(accuracy=accuracy) if accuracy else following(PeriodSettings(), model)
     accuracy = settings.accuracy or ACCURATE
-    modes = modes_for(model, highest, accuracy, settings.most)
+    modes = modes_for(model, highest, accuracy, settings.most, vectors)
     if modes < LEAST_MODES:
         top = float(model.modes(modes).frequencies[-1])
     else:
         top = top_of_band(model.statics.elements, modes) / (2.0 * math.pi)
+    top *= BEHIND.top if vectors else 1.0
     contact = top / (CONTACT_STEP * frequency) if len(model.contact) else 0.0
     return modes, max(
         accurate_steps(accuracy), math.ceil(contact), math.ceil(FAST_STEPS * highest / frequency)
@@ -169,7 +181,8 @@ def prepare(
     highest *= (settings.band or frequency) / frequency
     first = settings.first or None if isinstance(system, Model) else None
     modes = first if settings.modes is None else settings.modes
-    reduced = serving(owner, system, loads, Wanted(modes, settings.accuracy, settings.most), highest)
+    wanted = Wanted(modes, settings.accuracy, settings.most, bool(settings.vectors))
+    reduced = serving(owner, system, loads, wanted, highest)
     with collective(communicator(system)):
         if guess is not None:
             check_guess(owner, guess, reduced, carried=True)
@@ -239,7 +252,7 @@ def require_period(
         owner,
         reduced.comm,
         period_memory(reduced, steps, orders, contact) + further,
-        f"{steps:,d} steps a period of {len(reduced.omega)} modes",
+        f"{steps:,d} steps a period of {reduced.in_words}",
         lambda share: "give fewer steps or modes, or use static for so slow a load",
     )
 
@@ -317,11 +330,11 @@ def check_guess(owner: str, guess: Begun, reduced: ReducedModel, carried: bool =
     same = guess.reduced is reduced or (
         guess.reduced.model is not None
         and guess.reduced.model is reduced.model
-        and (carried or len(guess.reduced.omega) == len(reduced.omega))
+        and (carried or guess.reduced.shares_modes(reduced))
     )
     if not same:
         raise ValueError(
             f"{owner}: the motion to begin from belongs to another model or another number of modes "
-            f"({len(guess.reduced.omega)}, not {len(reduced.omega)}); give one of the same model, modes = "
-            f"{len(guess.reduced.omega)}, or its reduced model in the place of the model"
+            f"({guess.reduced.in_words}, not {reduced.in_words}); give one of the same model, modes = "
+            f"{guess.reduced.natural}, or its reduced model in the place of the model"
         )

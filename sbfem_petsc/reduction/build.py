@@ -26,7 +26,7 @@ from ..system.model import Model, count_below, known_modes
 from ..system.solve.modal_result import Modal
 from ..system.solve.pencil import top_of_band
 from ..system.solve.static_solver import block_width
-from .left_out import left_out, unit_accelerations
+from .left_out import BEHIND, OF_BOTH, OF_MODES, Space, left_out, unit_accelerations
 from .matrices import reduce_matrices
 from .outputs import LinearOutput
 from .reduced_model import Lag, ReducedModel, wider_count
@@ -34,9 +34,10 @@ from .supports import Supports
 
 # Modes by default: all up to this multiple of the highest load frequency, and at least so many.
 BAND, LEAST_MODES = 8.0, 80
-# The same for an accuracy of 1e-3 of the lowest harmonics, and one mode more; of loads of no known band the
-# default is the least. The error falls as the square of the band: 15 motions of beams, plates, bimaterials.
-ACCURATE_BAND, ACCURATE_LEAST, ACCURATE = 16.0, 12, 1e-3
+# The same for an accuracy of 1e-3 of the lowest harmonics, and one mode more, and where vectors stand behind
+# them; of loads of no known band the default is the least. The error falls as the square of the band, with
+# vectors faster: 15 motions of beams, plates, bimaterials.
+ACCURATE_BAND, BAND_BESIDE, ACCURATE_LEAST, ACCURATE = 16.0, 12.0, 12, 1e-3
 # Most modes that it begins with, unless the usual ones are more, and that it grows to; the same by default
 # of what computes many motions or cycles: twice as many take eight times as long.
 MOST_MODES, MOST_OF_MANY = 320, 2 * LEAST_MODES
@@ -213,11 +214,14 @@ def most_modes(model: Model) -> int:
     return max(model.boundary_unknowns // 4, 1)
 
 
-def modes_for(model: Model, highest: float, accuracy: float, most: int = MOST_MODES) -> int:
+def modes_for(
+    model: Model, highest: float, accuracy: float, most: int = MOST_MODES, vectors: bool = False
+) -> int:
     """Number of modes that an accuracy of harmonics asks for, by the highest load frequency (Hz), to begin
-    with; so many at most, or those up to `BAND` times that frequency.
+    with, with vectors behind them or without; so many at most, or those up to `BAND` times that frequency.
     """
-    band = ACCURATE_BAND * math.sqrt(ACCURATE / accuracy) * highest
+    band = BAND_BESIDE if vectors else ACCURATE_BAND
+    band *= math.sqrt(ACCURATE / accuracy) * highest
     modes = modes_beyond(model, band, ACCURATE_LEAST if highest > 0.0 else LEAST_MODES)
     return modes if modes <= most else modes_beyond(model, BAND * highest, most)
 
@@ -269,47 +273,73 @@ def modes_up_to(model: Model, frequency: float, least: int) -> int:
     return count
 
 
-def reduced(model: Model, units: tuple[Load, ...], modes: int) -> ReducedModel:
-    """The reduced model for some unit loads and a number of modes, made once. Collective."""
+def reduced(model: Model, units: tuple[Load, ...], modes: int, vectors: bool = False) -> ReducedModel:
+    """The reduced model for some unit loads and a number of modes, made once; with vectors behind them that
+    stand for those that are left out, if there are any. Collective.
+    """
     warn_of_idle_loads("reduce", model, units)
     warn_of_tips("reduce", model.tips)
-    return _kept(model, units, modes)
+    own = _kept(model, units, modes)
+    if not vectors:
+        return own
+    return model.keep(("behind", units, modes), lambda: _beside(own, BEHIND)) or own
 
 
 def wider(system: ReducedModel) -> ReducedModel | None:
     """The same structure in further modes, and the same signs of those it has: what is found in it tells what
-    modes that are left out do. Of a Model a few vectors stand for all of them, see `left_out`; of matrices
-    they are those of `in_further_modes`. The system itself where none are left out; None where nothing is
-    known of them or there is no room for them. Collective.
+    modes that are left out do. Of a Model a few vectors stand for all of them, see `left_out`, more of them
+    where it has some; of matrices they are those of `in_further_modes`. The system itself where none are left
+    out; None where nothing is known of them or there is no room for them. Collective.
     """
-    own, model = len(system.omega), system.model
+    own, model = system.natural, system.model
     if model is None or model.layout.freed or own >= model.boundary_unknowns // 2:
         return in_further_modes(system)
+    if not system.vectors:
+        return _beside(system, OF_MODES)
+    more = _beside(_as(system, _kept(model, system.loads, own)), OF_BOTH)
+    return system if more is not None and more.vectors == system.vectors else more
+
+
+def _beside(own: ReducedModel, space: Space) -> ReducedModel | None:
+    """A model with vectors behind its modes; itself where there are none, None where there is no memory for
+    them. Collective.
+    """
+    model = own.model
+    assert model is not None  # the caller has looked
     try:
-        found = model.keep(("left out", system.loads, own), lambda: left_out(system))
-    except ValueError:  # for which there is no memory
+        found = model.keep(("left out", own.loads, own.natural, space), lambda: left_out(own, space))
+    except ValueError:
         return None
-    return system if found is None else found.beside(system)
+    return own if found is None else found.beside(own)
 
 
 def in_further_modes(system: ReducedModel) -> ReducedModel | None:
-    """The same structure in half as many modes again, as `wider`, whatever it is made of. Collective."""
-    own, model = len(system.omega), system.model
+    """The same structure in half as many modes again, with vectors behind them where it has some, whatever it
+    is made of. Collective.
+    """
+    own, model = system.natural, system.model
     if model is None or model.layout.freed:
         more = None if system.wider is None else system.wider()
     else:
         try:
             count = min(wider_count(own), max(model.boundary_unknowns // 2, own))
-            more = _kept(model, system.loads, count)
+            more = reduced(model, system.loads, count, vectors=system.vectors > 0)
         except ValueError:  # for which there is no memory
             return None
-    if more is None or len(more.omega) == own:
+    if more is None or more.natural == own:
         return None if more is None else system
-    # gaps and damping may be others than those that it was reduced with; further modes follow the last one
-    mine, top = system.damping[-1], more.damping[own - 1]
-    further = more.damping[own:] * (mine / top) if top else np.full(len(more.omega) - own, mine)
-    damping = np.append(system.damping, further)
-    return replace(more, initial_gap=system.initial_gap, damping=damping, contact_laws=system.contact_laws)
+    return _as(system, more)
+
+
+def _as(system: ReducedModel, other: ReducedModel) -> ReducedModel:
+    """The same structure in other modes with a system's gaps and damping, which may be others than those that
+    it was reduced with; further modes follow the last one.
+    """
+    known = min(system.natural, other.natural)
+    mine, top, further = system.damping[known - 1], other.damping[known - 1], other.damping[known:]
+    further = further * (mine / top) if top else np.full(len(further), mine)
+    damping = np.append(system.damping[:known], further)
+    return replace(other, initial_gap=system.initial_gap, damping=damping, contact_laws=system.contact_laws)
 
 
 def _kept(model: Model, units: tuple[Load, ...], modes: int) -> ReducedModel:

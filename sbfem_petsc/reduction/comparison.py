@@ -86,6 +86,8 @@ def adopted(stored: ReducedModel, given: ReducedModel) -> ReducedModel:
     signs = np.where((mine * other).sum(axis=0) < 0.0, -1.0, 1.0)
     if not close(signs * other, mine):
         return replace(stored, loads=given.loads, wider=given.wider, lag=given.lag)
+    of_vectors = None if given.vector_shapes is None else given.vector_shapes * signs[given.natural :]
+    signs = signs[: given.natural]
     modal = replace(
         given.modal,
         shapes=given.modal.shapes * signs,
@@ -93,7 +95,13 @@ def adopted(stored: ReducedModel, given: ReducedModel) -> ReducedModel:
         auxiliary_inertia=given.modal.auxiliary_inertia * signs[:, None],
     )
     return replace(
-        stored, loads=given.loads, model=given.model, modal=modal, wider=given.wider, lag=given.lag
+        stored,
+        loads=given.loads,
+        model=given.model,
+        modal=modal,
+        wider=given.wider,
+        lag=given.lag,
+        vector_shapes=of_vectors,
     )
 
 

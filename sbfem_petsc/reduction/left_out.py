@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -21,14 +22,34 @@ from ..system.solve.pencil import Pencil
 from .outputs import LinearOutput
 from .reduced_model import ReducedModel
 
-# Blocks of the Krylov space; what of the largest pattern of loads and contact rows in the upper half of the
-# modes still counts, as many of the residual flexibility's largest ones beside each, and most of all.
-BLOCKS, PATTERN, BESIDE, MOST = 3, 0.01, 0.5, 48
-# Frequencies up to this multiple of the highest one have vectors: steps that are halved carry them, and what
-# lies beyond moves with the load. So many vectors at least: beyond a few modes frequencies lie far apart.
-TOP, LEAST = 2.0, 3
+# What of the largest pattern of loads and contact rows in the upper half of the modes still counts, as many
+# of the residual flexibility's largest ones beside each, and most of all.
+PATTERN, BESIDE, MOST = 0.01, 0.5, 16
+# So many vectors at least: beyond a few modes frequencies lie far apart.
+LEAST = 3
 # What is rounding in a flexibility, and in a basis.
 ROUNDING = 1e-10
+
+
+class Space(NamedTuple):
+    """How far vectors go.
+
+    Attributes
+    ----------
+    blocks : int
+        Of the Krylov space.
+    top : float
+        Frequencies up to this multiple of the highest mode's have vectors; what lies beyond moves with the
+        load.
+    """
+
+    blocks: int
+    top: float
+
+
+# What tells the error of modes alone, which steps that are halved carry; what stands behind modes, and what
+# tells the error of both, which halved steps carry, too.
+OF_MODES, BEHIND, OF_BOTH = Space(3, 2.0), Space(4, 3.0), Space(6, 5.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +65,7 @@ class LeftOut:
     load_modes: np.ndarray
     translation: np.ndarray
     inertia: np.ndarray
+    shapes: np.ndarray
 
     def beside(self, own: ReducedModel) -> ReducedModel:
         """The model with these vectors behind its modes, damped as its last one is."""
@@ -63,7 +85,7 @@ class LeftOut:
             )
 
         supports = None
-        if own.supports is not None and len(own.edges):
+        if own.supports is not None:
             inertia, mass = np.concatenate([own.supports.inertia, self.inertia], axis=2), own.supports.mass
             flat, moved = self.inertia.reshape(-1, len(omega)), own.supports.moved
             share = np.where(moved >= 0, flat @ flat[moved].T, 0.0)
@@ -81,12 +103,14 @@ class LeftOut:
             load_flexibility=own.load_flexibility - work,
             translation=np.concatenate([own.translation, self.translation]),
             supports=supports,
-            modal=None,
+            lag=None if own.lag is None else own.lag.beyond(own.delay, float(omega[-1]), float(further[-1])),
+            vectors=len(omega),
+            vector_shapes=self.shapes,
         )
 
 
-def left_out(own: ReducedModel) -> LeftOut | None:
-    """Of a reduced model that has its structure; None where nothing pushes. Collective.
+def left_out(own: ReducedModel, space: Space) -> LeftOut | None:
+    """Of a reduced model in modes alone that has its structure; None where nothing pushes. Collective.
 
     Raises
     ------
@@ -98,12 +122,14 @@ def left_out(own: ReducedModel) -> LeftOut | None:
     pushes = _patterns(own, model)
     if not pushes.size:
         return None
-    require_modes(model.statics.elements, pushes.shape[1], len(own.omega) + 3 * BLOCKS * pushes.shape[1])
+    require_modes(
+        model.statics.elements, pushes.shape[1], len(own.omega) + 3 * space.blocks * pushes.shape[1]
+    )
     forces = model.load_columns(own.loads).forces
-    with Pencil(model.statics, TOP * float(own.omega.max()), TOLERANCE) as pencil:
-        basis, omega = _vectors(own, model, pencil, pushes, forces)
+    with Pencil(model.statics, space.top * float(own.omega.max()), TOLERANCE) as pencil:
+        basis, omega = _vectors(own, model, pencil, (pushes, forces), space)
         momentum = basis[pencil.owned :].T @ pencil.auxiliary_translation()
-        inertia = _inertia(model, pencil, basis) if len(own.edges) else np.zeros((0, 2, len(omega)))
+        inertia = _inertia(model, pencil, basis)
     shapes = basis[: pencil.owned]
     translation = _summed(model, momentum - shapes.T @ unit_accelerations(model))
     load_modes = _summed(model, shapes.T @ forces)
@@ -122,6 +148,7 @@ def left_out(own: ReducedModel) -> LeftOut | None:
         load_modes,
         translation,
         inertia,
+        shapes,
     )
 
 
@@ -151,9 +178,9 @@ def _patterns(own: ReducedModel, model: Model) -> np.ndarray:
     units = np.where(sizes > 0.0, 1.0 / np.sqrt(np.where(sizes > 0.0, sizes, 1.0)), 0.0)
     patterns, values, _ = np.linalg.svd(units[:, None] * seen, full_matrices=False)
     patterns = patterns[:, values > PATTERN * values.max(initial=0.0)]
-    patterns = patterns[:, : MOST // BLOCKS]
+    patterns = patterns[:, :MOST]
     known, size = patterns.shape[1], len(units)
-    count = min(math.ceil(BESIDE * known), MOST // BLOCKS - known, size)
+    count = min(math.ceil(BESIDE * known), MOST - known, size)
     if count > 0:
         rest = units[:, None] * flexibility * units
         rest -= patterns @ (patterns.T @ rest)
@@ -164,10 +191,13 @@ def _patterns(own: ReducedModel, model: Model) -> np.ndarray:
 
 
 def _vectors(
-    own: ReducedModel, model: Model, pencil: Pencil, pushes: np.ndarray, forces: np.ndarray
+    own: ReducedModel, model: Model, pencil: Pencil, acting: tuple[np.ndarray, np.ndarray], space: Space
 ) -> tuple[np.ndarray, np.ndarray]:
-    """This rank's rows of the vectors, auxiliary unknowns behind, and their angular frequencies."""
+    """This rank's rows of the vectors, auxiliary unknowns behind, and their angular frequencies; pushes on
+    unit loads and contact rows, and what the former do, act.
+    """
     assert own.modal is not None
+    pushes, forces = acting
     owned, stiff, squares = pencil.owned, pencil.auxiliary_diagonal(0.0)[:, None], own.omega**2
 
     def whole(columns: np.ndarray) -> np.ndarray:
@@ -181,7 +211,7 @@ def _vectors(
         forces @ pushes[: len(own.loads)] + model.contact.rows.columns(slice(None)) @ pushes[len(own.loads) :]
     )
     found, heavy = [], []
-    for _ in range(BLOCKS):
+    for _ in range(space.blocks):
         upper = model.solver.columns(np.asfortranarray(right[:owned]), "reduction")
         block = np.concatenate([upper, right[owned:] / stiff])
         block -= modes @ (_summed(model, modes.T @ right) / squares[:, None])
@@ -199,7 +229,7 @@ def _vectors(
     kept = values > ROUNDING * values[-1]
     axes = axes[:, kept] / np.sqrt(values[kept]) / sizes[:, None]
     inverse, turns = np.linalg.eigh(axes.T @ mass @ axes)
-    first = max(LEAST, int((inverse * (TOP * own.omega.max()) ** 2 > 1.0).sum()))
+    first = max(LEAST, int((inverse * (space.top * own.omega.max()) ** 2 > 1.0).sum()))
     omega = 1.0 / np.sqrt(inverse[::-1][:first])
     return basis @ (axes @ turns[:, ::-1][:, :first]) * omega, omega
 

@@ -57,6 +57,10 @@ class Lag(NamedTuple):
         """By the highest mode; None without b."""
         return cls(0.5 * b * omega / ratio, layers) if b * omega > 0.0 else None
 
+    def beyond(self, delay: float, omega: float, ratio: float) -> Lag:
+        """The same, by a highest frequency (rad/s) of another damping ratio."""
+        return self._replace(share=0.5 * delay * omega / ratio if ratio > 0.0 else self.share)
+
 
 @described
 class ReducedModel(Record):
@@ -77,7 +81,9 @@ class ReducedModel(Record):
     themselves, distributed, are None for such a system and for one read from a file. `whole` are the
     displacements of all unknowns of a system of matrices, `body` and `contact` the body that has them and its
     contact; `wider` makes such a system in more modes, see `build.wider`, None in files. `lag` is what the
-    static flexibility lacks of Rayleigh's damping, of which errors are told.
+    static flexibility lacks of Rayleigh's damping, of which errors are told. The last `vectors` of the modes
+    are no natural ones: they stand for all that are left out, see `left_out`, of which `vector_shapes`
+    (owned, vectors) are the displacements.
     """
 
     frequencies: np.ndarray = quantity("Hz", "natural frequencies", "mode", least=0.0)
@@ -129,6 +135,8 @@ class ReducedModel(Record):
     )
     wider: Callable[[], ReducedModel | None] | None = field(default=None, repr=False)
     lag: Lag | None = field(default=None, repr=False)
+    vectors: int = quantity("1", "modes that are no natural ones, behind these", least=0, default=0)
+    vector_shapes: np.ndarray | None = field(default=None, repr=False)
 
     @derived(text="the unit loads", dims="load", kinds="U", detail=True)
     def unit_loads(self) -> np.ndarray | None:
@@ -147,8 +155,8 @@ class ReducedModel(Record):
 
     def check(self) -> None:
         """Raise ValueError unless modes, rows and tips belong together."""
-        if not len(self.frequencies) or self.pairs > len(self.initial_gap):
-            raise ValueError(f"{len(self.frequencies)} modes and {self.pairs} pairs are no reduced model")
+        if self.natural < 1 or self.pairs > len(self.initial_gap):
+            raise ValueError(f"{self.natural} modes and {self.pairs} pairs are no reduced model")
         if {len(self.initial_gap)} != {part.contact.shape[-1] for part in (self.gap, self.points, self.tips)}:
             raise ValueError(f"its contact forces are not those of {len(self.initial_gap)} contact rows")
         if self.tip_facts.names != self.tips.names:
@@ -180,6 +188,30 @@ class ReducedModel(Record):
         if self.lag is None:
             return 0.0
         return 2.0 * self.lag.share * max(float(self.damping[-1]), 0.0) / float(self.omega[-1])
+
+    @property
+    def natural(self) -> int:
+        """Natural modes."""
+        return len(self.omega) - self.vectors
+
+    @property
+    def in_words(self) -> str:
+        """What it moves in."""
+        modes = f"{self.natural} modes" if self.natural > 1 else "1 mode"
+        return f"{modes} and {self.vectors} vectors" if self.vectors else modes
+
+    def shares_modes(self, other: ReducedModel) -> bool:
+        """Whether one of the same structure has the same modes and vectors."""
+        own, its = self.frequencies, other.frequencies
+        return self.vectors == other.vectors and len(own) == len(its) and np.allclose(own, its, rtol=1e-6)
+
+    @functools.cached_property
+    def shapes(self) -> np.ndarray:
+        """(owned, m): displacements of the modes of a Model."""
+        assert self.modal is not None  # the caller has looked
+        return np.concatenate(
+            [self.modal.shapes, *([] if self.vector_shapes is None else [self.vector_shapes])], axis=1
+        )
 
     @property
     def homogeneous(self) -> bool:
@@ -283,15 +315,16 @@ class ReducedModel(Record):
 
     def output_along(self, kind: str, places: Sequence[Point]) -> LinearOutput:
         """The components of several places one after the other, see `output_at`; not kept. Collective."""
-        model, found = self._model(kind), self.modal
-        assert found is not None
+        model = self._model(kind)
         form = getattr(model.places(places, inertia=True, moved=len(self.edges) > 0), kind)
         columns = model.load_columns(self.loads)
         # K is symmetric: the responses to the form's own forces give those of all loads and contact rows
         answers = model.solver.columns(form.rows.columns(slice(None)), kind)
         by_loads = np.ascontiguousarray(answers.T @ columns.forces)
         model.comm.Allreduce(MPI.IN_PLACE, by_loads)
-        modes = form.modes(found.shapes, self.omega)
+        # what inertia adds inside S-elements follows boundaries of natural modes alone
+        slow = np.where(np.arange(len(self.omega)) < self.natural, self.omega, 0.0)
+        modes = form.modes(self.shapes, slow)
         static = 1.0 / self.omega**2
         loads = by_loads + form.direct(columns)
         contact = model.contact.rows(answers).T + form.contact
@@ -327,12 +360,11 @@ class ReducedModel(Record):
         """
         if self.body is not None and self.whole is not None:
             return Field(self.body.nodal(self.whole(q[None], amplitudes[None], force[None])[0]))
-        model, found = self._model("field"), self.modal
-        assert found is not None
+        model = self._model("field")
         columns = model.load_columns(self.loads)
         pulled = columns.forces @ amplitudes + model.contact.rows.forces(force)
         static = (self.load_modes @ amplitudes + force @ self.gap.modes) / self.omega**2
-        owned = model.solver.columns(pulled, "field") + found.shapes @ (q - static)
+        owned = model.solver.columns(pulled, "field") + self.shapes @ (q - static)
         loads = {number: forces @ amplitudes for number, forces in columns.tip_forces.items()}
         nodal = model.nodal(owned)
         if columns.lift is not None:
@@ -341,7 +373,7 @@ class ReducedModel(Record):
 
     def __repr__(self) -> str:
         return (
-            f"ReducedModel({len(self.frequencies)} modes up to {self.frequencies[-1]:.6g} Hz, {self.pairs} "
+            f"ReducedModel({self.in_words} up to {self.frequencies[-1]:.6g} Hz, {self.pairs} "
             f"contact pairs, {self.load_modes.shape[1]} unit loads)"
         )
 

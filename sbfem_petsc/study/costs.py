@@ -28,7 +28,7 @@ class Size:
     unknowns: int
     pairs: int
     points: int
-    expected: Callable[[float, float, float | None], tuple[int, int]] | None = None
+    expected: Callable[[float, float, float | None, bool], tuple[int, int]] | None = None
 
     def extracting(self, count: int, errors: bool = False) -> float:
         """Seconds of so many modes, or of the half as many again that tell the errors of so many."""
@@ -45,14 +45,16 @@ class Size:
         keys = ("frequency", "start", "stop")
         return max((signal.get(key) or 0.0 for signal in signals for key in keys), default=0.0)
 
-    def steady(self, table: Any, frequency: float, highest: float) -> tuple[int, int]:
-        """Modes of a steady state, and steps a forcing period, its frequency and the loads' highest in Hz."""
+    def steady(self, table: Any, frequency: float, highest: float, vectors: bool = True) -> tuple[int, int]:
+        """Modes of a steady state, with vectors behind them or without, and steps a forcing period, its
+        frequency and the loads' highest in Hz.
+        """
         given = ("modes", "steps", "tolerance", "guess")
         ruled = any(getattr(table, name, None) is not None for name in given)
         ruled = ruled or getattr(table, "segments", 1) > 1 or not getattr(table, "reduced", True)
         if self.expected is None or ruled:
             return self.modes(table.modes), table.steps or STEPS
-        return self.expected(frequency, max(frequency, highest), table.accuracy)
+        return self.expected(frequency, max(frequency, highest), table.accuracy, vectors)
 
     def stepping(self, modes: int) -> float:
         """Seconds of a step of a history."""

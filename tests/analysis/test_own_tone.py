@@ -282,7 +282,7 @@ def test_bad_requests(system, curve, point, tori):
         ),
         (
             ValueError,
-            "another model or number of modes .2, not 1.",
+            "another model or number of modes .2 modes, not 1 mode.",
             lambda: sb.quasi_periodic(one_mass(), [0.1], (0.0959, None), guess=known),
         ),
     ):

@@ -6,7 +6,7 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.continuation.harmonic_errors import MOVED
-from sbfem_petsc.reduction.build import wider
+from sbfem_petsc.reduction.build import reduced, wider
 from tests.parallel import alone, answer, on_ranks
 from tests.systems import ALUMINIUM, coarse_beam
 
@@ -57,12 +57,52 @@ def test_dynamic_flexibility(make, load):
     assert np.trace(more.gap.contact) < np.trace(few.gap.contact)
 
 
+def answers(model: sb.ReducedModel, omega: float) -> list[np.ndarray]:
+    """Gaps, points, stress inside and forces of the supports under loads and unit contact forces that
+    oscillate, without damping.
+    """
+    columns = np.concatenate([model.load_modes, model.gap.modes.T], axis=1)
+    q = columns / (model.omega**2 - omega**2)[:, None]
+    found = []
+    for part in (model.gap, model.points, model.output_at("stress", (0.3, 0.0013))):
+        static = np.concatenate([part.loads, part.contact], axis=-1)
+        found.append(part.modes @ q + static)
+    supports = model.supports
+    static = np.concatenate([supports.loads, supports.contact], axis=-1)
+    return [*found, static - omega**2 * supports.inertia @ q]
+
+
+@pytest.mark.parametrize("load", [sb.PointForce("A", fy=1.0), sb.SupportMotion(ay=1.0)])
+def test_modes_and_vectors(load):
+    """A model of both is that of its modes at rest, and above them a tenth as far from one of 160 modes:
+    gaps, points, stresses (a third) and reactions; a place moves as the point there. Damping is the model's.
+    """
+    model = coarse_beam(0.002)
+    few, most = sb.reduce(model, load, modes=20), sb.reduce(model, load, modes=160)
+    both = reduced(model, (load,), 20, vectors=True)
+    assert both.natural == 20 and both.vectors == len(both.omega) - 20 > 3 and "vectors" in repr(both)
+    assert reduced(model, (load,), 20, vectors=True) is both and reduced(model, (load,), 20) is few
+    for one, other in zip(answers(both, 0.0), answers(few, 0.0)):
+        np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-9 * np.abs(other).max())
+    for share in (0.5, 0.97):
+        of = [answers(system, share * few.omega[-1]) for system in (both, few, most)]
+        for (one, other, exact), gain in zip(zip(*of, strict=True), (0.1, 0.1, 0.33, 0.1), strict=True):
+            off, without = np.linalg.norm(one - exact), np.linalg.norm(other - exact)
+            assert off < gain * without, (share, off, without)
+    ratios = model.damping_ratios(both.omega)
+    np.testing.assert_allclose(both.damping, ratios, rtol=1e-12)
+    seen, named = both.output_at("displacement", (0.4, 0.005)), both.points.of("A", "point")
+    np.testing.assert_allclose(seen.modes, named.modes, rtol=0.0, atol=1e-9 * np.abs(named.modes).max())
+    more = wider(both)
+    assert more.natural == 20 and more.vectors > both.vectors and not more.shares_modes(both)
+
+
 RANKS = """
 import json
 import numpy as np
 import sbfem_petsc as sb
 from mpi4py import MPI
-from sbfem_petsc.reduction.build import wider
+from sbfem_petsc.reduction.build import reduced, wider
 from tests.reduction.test_left_out import thick_beam
 loads = [sb.PointForce("A", fx=1.0), sb.SupportMotion(ay=1.0), sb.EdgeMotion("left", uy=1.0)]
 with thick_beam() as model:

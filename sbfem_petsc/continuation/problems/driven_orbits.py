@@ -275,10 +275,15 @@ class WiderOrbits:
 
     def free(self, value: float, place: float) -> float:
         """See `problem.Wider`."""
-        first, r = len(self.own.period.reduced.omega), self.problem.period.reduced
-        modes, duration = (r.omega[first:], r.damping[first:]), self.problem.driven(value).duration
-        motion = free_motion(modes, duration, modes[0], 2 * len(modes[0]))
-        return float(np.linalg.det(motion - place * np.eye(len(motion))))
+        own, wide = self.own.period.reduced, self.problem.period.reduced
+        first, duration = own.natural, self.problem.driven(value).duration
+
+        def determinant(r: ReducedModel) -> float:
+            modes = r.omega[first:], r.damping[first:]
+            motion = free_motion(modes, duration, modes[0], 2 * len(modes[0]))
+            return float(np.linalg.det(motion - place * np.eye(len(motion))))
+
+        return determinant(wide) / determinant(own)
 
 
 class OrbitState(FixedPoint):

@@ -15,7 +15,7 @@ from ...errors import PetscFailure, SolveError, called, failed_solve
 from ...motion.period_map import FixedPoint, Period
 from ...motion.period_motion import PeriodMotion
 from ...motion.states import ModalStates
-from ..harmonic_errors import in_modes
+from ..harmonic_errors import alike, in_modes
 from ..linear import Sparse
 from ..newton import correct
 from ..orbit import Orbit, uncertainty_of
@@ -120,7 +120,7 @@ def at_segments(guess: Orbit, period: Period, frequency: float, segments: int) -
         period.over_time(part)[instants] for part in (driven.amplitudes, driven.speeds * driven.amplitudes)
     )
     linear = np.concatenate([period.weights * q, v], axis=1)
-    known = np.arange(period.modes) < len(own.omega)
+    known = np.arange(period.modes) < alike(own, period.reduced)
     return np.where(np.tile(known, 2), states - linear, 0.0)
 
 

@@ -255,7 +255,7 @@ class QuasiPeriodic(ToldError):
             verdict += f", {self.sticking} slips stick throughout and depend on where the search began"
         return (
             f"QuasiPeriodic({self.frequencies[0]:.6g} and {self.frequencies[1]:.6g} Hz{born}, {self.samples} "
-            f"samples, {self.steps} steps, {len(self.reduced.omega)} modes, {len(self.residuals) - 1} "
+            f"samples, {self.steps} steps, {self.reduced.in_words}, {len(self.residuals) - 1} "
             f"Newton iterations, {in_words(self.mode_error)}{verdict}, peak contact "
             f"resultant {self.contact_peak:.6g} N)"
         )

@@ -104,7 +104,7 @@ class RunFile:
             return (
                 None
                 if former is None or "model" not in former.head
-                else len(from_image(former.head["model"]).omega)
+                else from_image(former.head["model"]).natural
             )
 
         found: int | None = self.comm.bcast(on_root(self.comm, count))

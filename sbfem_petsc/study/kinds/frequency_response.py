@@ -82,7 +82,7 @@ class FrequencyResponse(Curve, FrequencyResponseOptions, Loaded):
     def cost(self, size: Size) -> Cost:
         if not self.contact:
             return Cost(size.extracting(size.modes(self.modes)), 0.0, disk=1e6)
-        taken = size.steady(self, self.start, max(self.start, self.stop, size.highest(self)))
+        taken = size.steady(self, self.start, max(self.start, self.stop, size.highest(self)), vectors=False)
         return curve_cost(size, self, self.periods or 1, taken=taken)
 
 

@@ -33,5 +33,5 @@ class LoadResponse(Curve, LoadResponseOptions):
         common_period(self, case, path)
 
     def cost(self, size: Size) -> Cost:
-        taken = size.steady(self, self.frequency, size.highest(self))
+        taken = size.steady(self, self.frequency, size.highest(self), vectors=False)
         return curve_cost(size, self, self.periods or 1, taken=taken)

@@ -74,7 +74,7 @@ class SweptResponse(SweptOptions, Loaded):
         highest, ways = max(self.start, self.stop), 1 + self.back
         modes, steps = size.modes(self.modes), self.steps or 320
         if self.accuracy is not None:
-            modes, least = size.steady(self, highest, highest)
+            modes, least = size.steady(self, highest, highest, vectors=False)
             steps = self.steps or max(steps, least)
         count = self.duration * highest * steps
         cycles = 0.5 * (self.start + self.stop) * self.duration * ways
