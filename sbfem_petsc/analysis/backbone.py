@@ -153,9 +153,9 @@ def _reduction(model: Model | ReducedModel, mode: int, modes: int | None) -> Red
                 f"backbone: contact rows overlap at rest, by {-found.initial_gap.min():g} m; free motions "
                 "are followed around a place that nothing presses: give gaps of 0 or more"
             )
-        if mode > len(found.omega) or found.omega[mode - 1] == 0.0:
+        if mode > found.natural or found.omega[mode - 1] == 0.0:
             raise ValueError(
-                f"backbone: mode = {mode} must be an elastic one of the {len(found.omega)} modes kept"
+                f"backbone: mode = {mode} must be an elastic one of the {found.natural} modes kept"
             )
     return found
 

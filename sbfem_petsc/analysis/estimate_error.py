@@ -124,6 +124,11 @@ def _kept_of(model: Model, history: History) -> tuple[int, int]:
             f"estimate_error: the history is that of another model than {model!r}; give the one that it was "
             "made of"
         )
+    if history.reduced.vectors:
+        raise ValueError(
+            f"estimate_error: the history is in {history.reduced.in_words}, which are not made in more; "
+            f"make it of the model, modes = {history.reduced.natural}"
+        )
     if not history.points:
         raise ValueError(
             "estimate_error: the model has no named points whose displacements could be compared; give its "

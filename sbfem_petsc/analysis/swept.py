@@ -11,6 +11,7 @@ from ..continuation.accuracy import Accuracy
 from ..continuation.orbit import Orbit, require_at
 from ..continuation.problems.driven_orbits import ParameterRange
 from ..errors import wrong_input
+from ..loads import Load, Loads
 from ..motion.integration import Steps
 from ..motion.loading import Wanted, amplitudes_only, communicator, loading, serving
 from ..motion.period_map import Period
@@ -185,9 +186,12 @@ def _steady(initial: Orbit, reduced: ReducedModel, load) -> Orbit:
         progress=None,
     )
     # under this load and with this damping, which are not those that it was reduced for
-    system = reduced
+    system: Model | ReducedModel = reduced
     if not same and reduced.model is not None:
-        system = build.reduced(reduced.model, reduced.loads, own.natural, own.vectors > 0)
+        parts = load if isinstance(load, (list, tuple)) else (load,)
+        system = reduced.model  # in its modes, and vectors of the loads that act, as periodic begins from it
+        if not all(isinstance(part, (Load, Loads)) for part in parts):  # but those of this reduced model
+            system = build.reduced(reduced.model, reduced.loads, own.natural, own.vectors > 0)
     found = find(system, steps=len(initial.time) // initial.periods)
     alike = found.state.shape == initial.state.shape  # vectors are those of other loads
     if not alike or np.linalg.norm(found.state - initial.state) > SAME * np.linalg.norm(found.state):

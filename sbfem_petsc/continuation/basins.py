@@ -275,7 +275,7 @@ def initial_states(
 
 def _check_axis(axis: StartAxis, reduced: ReducedModel) -> None:
     """Raise where an axis asks for what the model has not."""
-    most = reduced.load_modes.shape[1] if axis.kind == "impulse" else len(reduced.omega)
+    most = reduced.load_modes.shape[1] if axis.kind == "impulse" else reduced.natural
     integer("basins", "mode of starts", axis.mode, least=1, most=most)
     if axis.kind == "impulse" and axis.mode - 1 in reduced.edges:
         raise ValueError(

@@ -132,6 +132,12 @@ def left_out(own: ReducedModel, space: Space) -> LeftOut | None:
         inertia = _inertia(model, pencil, basis)
     shapes = basis[: pencil.owned]
     translation = _summed(model, momentum - shapes.T @ unit_accelerations(model))
+    gap, points = model.contact.rows(shapes), model.layout.point_rows(shapes)
+    # signs by what moves, whatever the order of the loads
+    seen = np.concatenate([gap, points, translation.T])
+    signs = np.where((seen / np.arange(1.0, len(seen) + 1.0)[:, None]).sum(axis=0) < 0.0, -1.0, 1.0)
+    shapes, gap, points, inertia = shapes * signs, gap * signs, points * signs, inertia * signs
+    translation *= signs[:, None]
     load_modes = _summed(model, shapes.T @ forces)
     for k, unit in enumerate(own.loads):
         if isinstance(unit, SupportMotion):
@@ -142,8 +148,8 @@ def left_out(own: ReducedModel, space: Space) -> LeftOut | None:
         load_modes[:, own.edges] = omega[:, None] ** 2 * inertia[where // 2, where % 2].T
     return LeftOut(
         omega / (2.0 * np.pi),
-        model.contact.rows(shapes),
-        model.layout.point_rows(shapes).reshape(len(model.points), 2, len(omega)),
+        gap,
+        points.reshape(len(model.points), 2, len(omega)),
         model.tips.intensities.rows(shapes).reshape(len(own.tips.names), 2, len(omega)),
         load_modes,
         translation,

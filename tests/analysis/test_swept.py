@@ -213,6 +213,27 @@ def test_from_a_steady_state_in_other_modes():
         sb.swept_response(beam, sb.PointForce("B", fy=300.0), 433.0, 440.0, initial=few, **asked)
 
 
+def test_from_a_steady_state_with_vectors():
+    """The same whatever the order of the loads, and in a model of more of them."""
+    beam, push, pull = coarse_beam(0.002), sb.PointForce("A", fy=300.0), sb.PointForce("B", fx=4000.0)
+    orbit = sb.periodic(beam, [push, pull], 433.0, stability=False)
+    turned, asked = (
+        sb.periodic(beam, [pull, push], 433.0, stability=False),
+        dict(initial=orbit, duration=0.02),
+    )
+    assert orbit.reduced.vectors and orbit.reduced.loads == turned.reduced.loads[::-1]
+    np.testing.assert_allclose(turned.state, orbit.state, rtol=0.0, atol=1e-6 * np.linalg.norm(orbit.state))
+    one, other = (
+        sb.swept_response(beam, load, 433.0, 440.0, **asked) for load in ([push, pull], [pull, push])
+    )
+    np.testing.assert_allclose(one.amplitude("A"), other.amplitude("A"), rtol=1e-6)
+    wide = sb.reduce(beam, [push, sb.PointForce("C", fx=1.0), pull], modes=30)
+    found = sb.swept_response(wide, [push, pull], 433.0, 440.0, **asked)
+    np.testing.assert_allclose(found.amplitude("A"), one.amplitude("A"), rtol=1e-3)
+    with pytest.raises(ValueError, match="is no steady state under this load"):
+        sb.swept_response(wide, push, 433.0, 440.0, **asked)
+
+
 def test_from_a_steady_state_with_other_damping():
     beam, push, at = (
         coarse_beam(0.002),

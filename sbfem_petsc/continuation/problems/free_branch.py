@@ -106,7 +106,7 @@ class Backbone(OfOrbits):
     def _revived(cls, found: dict[str, Any]) -> Backbone:
         """From a file: the system anew."""
         reduced, steps = found.pop("reduced_model"), found.pop("steps")
-        if reduced is None or steps is None or found["mode"] > len(reduced.omega):
+        if reduced is None or steps is None or found["mode"] > reduced.natural:
             raise ValueError("the reduced model, the steps or the mode is missing")
         require_waves(steps, 1)
         return cls(**found | {"_system": FreeSystem(reduced, found["mode"] - 1, steps)})
