@@ -310,7 +310,7 @@ def _warn_of_reduced(owner: str, reduced: ReducedModel, loads: Loading, highest:
     with collective(r.comm):  # functions of a user
         sudden = loads.sudden
     forces, above = r.load_modes[:, sudden], r.load_flexibility[sudden, sudden]
-    shares = _shares(r.omega, forces, above)[: r.natural]
+    shares = _shares(r.omega, forces, above)[:, : r.natural]
     warn_of_jumps(owner, r.modal, r.damping[: r.natural], shares, loads.duration)
 
 
