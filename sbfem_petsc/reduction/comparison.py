@@ -35,8 +35,9 @@ def difference(one: ReducedModel, other: ReducedModel) -> str:
     """
     if one.points.names != other.points.names or one.tips.names != other.tips.names:
         return "its points or cracks differ"
+    if one.in_words != other.in_words:
+        return f"{one.in_words}, not {other.in_words}"
     for text, a, b in (
-        ("modes", one.omega, other.omega),
         ("contact rows", one.initial_gap, other.initial_gap),
         ("loads", one.load_modes.T, other.load_modes.T),
     ):

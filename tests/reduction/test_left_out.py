@@ -97,8 +97,10 @@ def test_modes_and_vectors(load):
     assert more.natural == 20 and more.vectors > both.vectors and not more.shares_modes(both)
 
 
-def test_what_is_of_natural_modes():
-    """Backbones and axes of initial states have these alone, and histories in vectors are not made again."""
+def test_what_is_of_natural_modes(tmp_path):
+    """Backbones and axes of initial states have these alone, and histories in vectors are not made again, nor
+    gone on with without them.
+    """
     model, load = coarse_beam(0.002), sb.PointForce("A", fy=1.0)
     both = reduced(model, (load,), 20, vectors=True)
     with pytest.raises(ValueError, match="^backbone: mode = 21 must be an elastic one of the 20 modes kept"):
@@ -107,7 +109,9 @@ def test_what_is_of_natural_modes():
     with pytest.raises(ValueError, match="^basins: mode of starts = 21 must be between 1 and 20"):
         sb.basins(both, load, 433.0, [axis])
     sine = sb.PointForce("A", fy=sb.Harmonic(1.0, 433.0))
-    history = sb.transient(both, sine, 1e-3)
+    history = sb.transient(both, sine, 1e-3, file=str(tmp_path / "history.h5"))
+    with pytest.raises(ValueError, match="another model .20 modes and .* vectors, not 20 modes.; "):
+        sb.transient(model, sine, 1e-3, modes=20, file=str(tmp_path / "history.h5"), resume=True)
     with pytest.raises(ValueError, match="^estimate_error: the history is in 20 modes and .* modes = 20$"):
         sb.estimate_error(model, sine, history)
 
