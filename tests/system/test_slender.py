@@ -198,7 +198,7 @@ def test_a_column_of_zeros_beside_others():
 
 def test_loads_in_proportion_share_a_solve():
     """Displacements of loads one after the other beside SciPy's, each solved for once, those
-    in proportion to the last one not at all.
+    in proportion to the last one not at all, whatever becomes of its result.
     """
     model = cantilever(10)
     starts, columns, values = model.stiffness.getValuesCSR()
@@ -212,5 +212,6 @@ def test_loads_in_proportion_share_a_solve():
             counts.append(solves.call_count > before)
             size = np.abs(exact(load)).max()
             np.testing.assert_allclose(found, exact(load), rtol=0.0, atol=1e-9 * size)
+            found[:] = np.nan  # what is given is changed by who has it
     assert counts == [True, False, False, True, False, False, True]
     model.destroy()

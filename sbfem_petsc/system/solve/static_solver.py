@@ -72,7 +72,7 @@ class StaticSolver(LinearSolver):
         if other <= _ALIKE * size:
             return share * solved
         solution = self.columns(forces, "static")
-        self._last = forces.copy(), solution
+        self._last = forces.copy(), solution.copy()  # the solution is a result's to change
         return solution
 
     def of_contact(self, load: np.ndarray, free: np.ndarray, contact: np.ndarray) -> np.ndarray:
