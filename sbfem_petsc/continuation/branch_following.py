@@ -121,7 +121,7 @@ class Followed:
         Warns
         -----
         BranchWarning
-            If it ends after the most points that are allowed, or where it began.
+            If it ends after the most points that are allowed, where it began, or away from its range.
         StepWarning
             If contact does much work all the same.
         """
@@ -143,6 +143,12 @@ class Followed:
             warn(
                 f"{what}: the curve has all the {settings.points} points that it may have, and would have "
                 f"more where it bends or multipliers pass the unit circle; {settings.more}",
+                BranchWarning,
+            )
+        elif line.complete and not result.complete and last != result.value[0]:
+            warn(
+                f"{what}: the curve begins away from {stop:.8g} and has come to {last:.8g} without turning "
+                "back: it is followed no further; go on from its last motion, or begin from another (guess)",
                 BranchWarning,
             )
         elif line.complete and not result.complete:

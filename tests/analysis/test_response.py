@@ -11,7 +11,7 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing.warnings import BranchWarning
-from sbfem_petsc.continuation import events, follow
+from sbfem_petsc.continuation import branch_following, events, follow
 from sbfem_petsc.continuation.branch import find_peak
 from sbfem_petsc.continuation.events import Way, between
 from sbfem_petsc.continuation.follow import Follower, Line, Settings
@@ -629,6 +629,28 @@ def test_a_curve_that_comes_back():
     assert not found.complete and found.value[-1] == found.value[0] == middle.frequency
     assert found.value.max() == pytest.approx(whole.value[: falling[0]].max(), rel=1e-3)
     assert found.amplitude("2")[-1] > 1.2 * found.amplitude("2")[0]
+
+
+def test_a_curve_that_leads_away(monkeypatch):
+    """As a motion beside a period doubling may, whose curve has room behind its beginning: it has not come
+    back to that.
+    """
+    system = two_masses()
+    first = sb.periodic(system, [0.1], 0.6 / TURN, steps=512, stability=False)
+    away = Range(0.5 / TURN, 0.9 / TURN, -1)
+    monkeypatch.setattr(branch_following, "led_away", lambda line, within: away)
+    with pytest.warns(BranchWarning) as told:
+        found = sb.frequency_response(
+            system,
+            [0.1],
+            first.frequency,
+            0.9 / TURN,
+            stability=False,
+            guess=replace(first, path="period doubling"),
+        )
+    (text,) = (str(one.message) for one in told)
+    assert "begins away from 0.14323945 and has come to 0.079577472 without turning" in text
+    assert not found.complete and found.value[-1] == away.lower and (np.diff(found.value) < 0.0).all()
 
 
 def test_a_largest_step_that_is_none():
