@@ -10,8 +10,11 @@ import contextlib
 import importlib
 import io
 import os
+import signal
+import threading
 import zlib
 from collections.abc import Iterator, Mapping
+from types import FrameType
 from typing import Any
 
 import h5py
@@ -234,10 +237,43 @@ def written(path: Any, what: str = WHAT) -> Iterator[h5py.File]:
 
 class _Target(io.FileIO):
     """A file for HDF5, which ends the process sooner or later where it could not write all that it has: it is
-    told of no failure.
+    told of no failure, and handlers of signals, which Python runs within `write` too, wait.
     """
 
     failure: OSError | None = None
+
+    def __init__(self, path: str):
+        super().__init__(path, "w+")
+        self.waiting = list[tuple[int, FrameType | None]]()
+        self.handlers = dict[int, Any]()
+
+    def hold_signals(self) -> None:
+        """Let handlers wait for `let_signals`, until `close`; threads but the main one run none."""
+        if threading.current_thread() is threading.main_thread():
+            own = {number: signal.getsignal(number) for number in signal.valid_signals()}
+            self.handlers = {number: handler for number, handler in own.items() if callable(handler)}
+            for number in self.handlers:
+                signal.signal(number, self._come)
+
+    def _come(self, number: int, frame: FrameType | None) -> None:
+        self.waiting.append((number, frame))
+        if self.closed:
+            self.let_signals()
+
+    def let_signals(self) -> None:
+        """Run the handlers of signals that have come, where HDF5 does not."""
+        while self.waiting:
+            number, frame = self.waiting.pop(0)
+            self.handlers[number](number, frame)
+
+    def close(self) -> None:
+        """Close it; handlers stand again, and those that have waited run."""
+        try:
+            super().close()
+        finally:
+            for number, handler in self.handlers.items():
+                signal.signal(number, handler)
+            self.let_signals()
 
     def write(self, data: Any) -> int:
         """Write it all, or nothing any more."""
@@ -262,15 +298,17 @@ class _Target(io.FileIO):
 
 
 @contextlib.contextmanager
-def for_hdf5(path: str) -> Iterator[io.FileIO]:
-    """A new file for `h5py.File` to write; what the system has refused is raised when that is closed.
+def for_hdf5(path: str) -> Iterator[_Target]:
+    """A new file for `h5py.File` to write; what the system has refused is raised when that is closed, and
+    handlers of signals run then.
 
     Raises
     ------
     OSError
     """
-    with _Target(path, "w+") as target:
+    with _Target(path) as target:
         try:
+            target.hold_signals()
             yield target
         finally:
             if target.failure is not None:

@@ -47,6 +47,7 @@ def write_series(path: str, times: np.ndarray, meshes: Iterator[dict[str, Any]])
                     shape = (len(times) * count, *array.shape[1:])
                     values.create_dataset(name, shape, array.dtype, chunks=array.shape, compression="gzip")
                 values[name][k * count : (k + 1) * count] = array
+            target.let_signals()
         _steps(root, times, count, list(values))
 
 

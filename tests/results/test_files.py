@@ -9,6 +9,7 @@ import dataclasses
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 
@@ -21,6 +22,7 @@ from sbfem_petsc.petsc import MPI
 from sbfem_petsc.record.gather import whole
 from sbfem_petsc.record.layout import bare
 from sbfem_petsc.record.record import Record, described, entries, quantity
+from sbfem_petsc.results.vtkhdf import write_series
 from sbfem_petsc.writing import check_output_folder
 from tests.fuzz import examples
 from tests.parallel import ROOT
@@ -282,6 +284,59 @@ def test_a_full_disk_does_not_end_the_process(solved, saved, tmp_path):
     sentence = f"result file {str(tmp_path / 'again.h5')!r} cannot be written: File too large"
     assert told == [sentence] * len(sizes) and last == repr(solved[3]["closing"])
     assert os.listdir(tmp_path) == ["again.h5"]
+
+
+# Saves results while Ctrl-C comes as HDF5 writes for the first, third ... time, and once more.
+INTERRUPTED = """
+import gc, signal, sys
+import sbfem_petsc as sb
+from sbfem_petsc.record import files
+
+found, write, own, left = sb.read(sys.argv[1]), files._Target.write, signal.getsignal(signal.SIGINT), 0
+
+def interrupted(target, data):
+    global left
+    left -= 1
+    if not left:
+        signal.raise_signal(signal.SIGINT)
+    return write(target, data)
+
+files._Target.write = interrupted
+for left in map(int, sys.argv[3:]):
+    try:
+        sb.save(sys.argv[2], found)
+    except KeyboardInterrupt:
+        print("interrupted", signal.getsignal(signal.SIGINT) is own)
+    gc.collect()
+sb.save(sys.argv[2], found)
+print(sb.read(sys.argv[2])["closing"])
+"""
+
+
+def test_an_interrupt_does_not_end_the_process(solved, saved, tmp_path):
+    """As it did (a segmentation fault) where its handler ran within HDF5, which could not write then."""
+    command = [sys.executable, "-B", "-c", INTERRUPTED, saved, str(tmp_path / "again.h5"), "1", "3", "20"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
+    assert done.stdout.splitlines() == ["interrupted True"] * 3 + [repr(solved[3]["closing"])]
+    assert os.listdir(tmp_path) == ["again.h5"]
+
+
+def test_series_are_interrupted_between_their_times(tmp_path):
+    """They may take minutes: none is computed behind a signal."""
+    shown = []
+
+    def meshes():
+        for k in range(9):
+            shown.append(k)
+            if k == 2:
+                signal.raise_signal(signal.SIGINT)
+            cells = [("triangle", np.array([[0, 1, 2]]))]
+            yield {"points": np.eye(3), "cells": cells, "point_data": {"u": np.ones(3)}, "cell_data": {}}
+
+    with pytest.raises(KeyboardInterrupt):
+        write_series(str(tmp_path / "a.vtkhdf"), np.arange(9.0), meshes())
+    assert shown == [0, 1, 2] and not os.listdir(tmp_path)
 
 
 @pytest.mark.long
