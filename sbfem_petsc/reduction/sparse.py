@@ -184,7 +184,7 @@ def _left_out(
     forces = beside(given)  # rounding alone, where kept modes take all of them
     largest = comm.allreduce(max(np.abs(forces).max(), RESIDUAL * np.abs(given).max()), MPI.MAX)
     if shift:
-        with closing(_Pinned(comm, stiffness, vectors[:, :soft])) as held:
+        with closing(_Pinned(comm, stiffness, vectors, soft)) as held:
             answers = again(held.own, np.zeros(columns.shape))
             for _ in range(int(values[:soft].any()) and TIMES):
                 answers = again(held.own, answers)
@@ -276,9 +276,9 @@ class _Pinned(_Columns):
     motions: those that tell them apart best. Motions that springs hardly hold are as good as rigid.
     """
 
-    def __init__(self, comm: MPI.Comm, stiffness: sparse.csr_matrix, motions: np.ndarray):
-        pins = linalg.qr(motions.T, pivoting=True, mode="r")[1][: motions.shape[1]]
-        self.loose = np.ones(len(motions))
+    def __init__(self, comm: MPI.Comm, stiffness: sparse.csr_matrix, modes: np.ndarray, soft: int):
+        pins = linalg.qr(modes[:, :soft].T, pivoting=True, mode="r")[1][:soft]
+        self.loose = np.ones(len(modes))
         self.loose[pins] = 0.0
         held = sparse.diags(self.loose) @ stiffness @ sparse.diags(self.loose)
         super().__init__(
@@ -288,7 +288,7 @@ class _Pinned(_Columns):
         )
         if not self.factorised(sure=False):  # more motions without energy than modes that show them
             self.close()
-            raise _not_held(motions.shape[1])
+            raise _not_held(modes.shape[1])
 
     def own(self, right: np.ndarray) -> np.ndarray:
         """Solve for (n, k) columns of this rank's. Collective."""
