@@ -221,6 +221,8 @@ def _vectors(
         upper = model.solver.columns(np.asfortranarray(right[:owned]), "reduction")
         block = np.concatenate([upper, right[owned:] / stiff])
         block -= modes @ (_summed(model, modes.T @ right) / squares[:, None])
+        # what soft modes, of springs, leave of themselves
+        block -= modes @ _summed(model, modes.T @ pencil.heavy_products(block))
         right = pencil.heavy_products(block)
         found.append(block)
         heavy.append(right)
