@@ -252,14 +252,16 @@ class _Run:
         """With what it begins in and is asked for: an orbit's periods and steps, an accuracy by default."""
         settings, asked = replace(self.settings, periods=self.settings.periods or 1), self.asked
         guess = self.guess
-        leaves = guess is not None and guess.path == DOUBLED  # which more modes might lose
-        settings = settings if leaves else following(settings, self.model, MOST_OF_MANY)
+        if guess is not None and guess.path == DOUBLED:  # which more modes might lose, or other vectors
+            settings = replace(settings, vectors=guess.reduced is not None and guess.reduced.vectors > 0)
+            asked = replace(asked, leave=True)
+        else:
+            settings = following(settings, self.model, MOST_OF_MANY)
         if guess is not None:  # from one beside a period doubling away from it
             own = len(guess.time) // guess.periods
             settings = beginning(replace(settings, periods=guess.periods, least=own), guess)
             if settings.accuracy is None:
                 settings = replace(settings, steps=settings.steps or own)
-            asked = replace(asked, leave=leaves)
         return replace(self, settings=settings, asked=asked)
 
     def followed(self, reduction: object, stability: bool | None) -> Branch:

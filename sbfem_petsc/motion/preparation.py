@@ -121,7 +121,7 @@ def beginning(settings: PeriodSettings, guess: Begun | None) -> PeriodSettings:
     """Settings with the modes of a motion to begin from, where none are given."""
     if settings.first is not None or guess is None or guess.reduced is None:
         return settings
-    own = settings.accuracy is None and settings.modes is None
+    own = settings.vectors is None and settings.modes is None
     vectors = guess.reduced.vectors > 0 if own else settings.vectors
     return replace(settings, first=guess.reduced.natural, vectors=vectors)
 

@@ -197,6 +197,19 @@ def test_curves_in_few_modes_by_default(tmp_path, monkeypatch):
     np.testing.assert_allclose(kept.point_amplitudes, found.point_amplitudes, rtol=1e-6)
 
 
+def test_curves_from_a_motion_with_vectors():
+    """Have none, with steps that are given as well, and begin with the motion in the modes alone."""
+    beam = coarse_beam(0.002)
+    few = sb.periodic(beam, PUSH, 431.0, stability=False)
+    for asked in ({}, {"steps": 512}):
+        curve = sb.frequency_response(beam, PUSH, 431.0, 431.1, guess=few, stability=False, **asked)
+        assert few.reduced.vectors and not curve.reduced.vectors
+        alone = sb.periodic(
+            beam, PUSH, 431.0, modes=len(curve.reduced.omega), steps=curve.period.steps, stability=False
+        )
+        np.testing.assert_allclose(curve.states[0], alone.state, atol=1e-7 * np.linalg.norm(alone.state))
+
+
 @pytest.mark.parametrize("modes", [80, 30])
 def test_motions_in_other_modes_to_begin_from(modes):
     """From one in few modes the motion that is found without it, in more of them; from one in more likewise.
