@@ -25,7 +25,7 @@ from ..ranks.capacity import require_memory
 from ..ranks.parallel import collective
 from ..reduction import build
 from ..reduction.build import MOST_OF_MANY
-from ..reduction.reduced_model import ReducedModel
+from ..reduction.reduced_model import ReducedModel, share_modes
 from ..signals.waves import Chirp
 from ..system.model import Model
 from .analysis import analysis
@@ -175,7 +175,7 @@ def _steady(initial: Orbit, reduced: ReducedModel, load) -> Orbit:
     with collective(communicator(reduced)):
         check_guess(what, initial, reduced, carried=True)
     assert own is not None  # checked
-    same = reduced.shares_modes(own)
+    same = share_modes(reduced, own)
     find = functools.partial(
         periodic,
         load=load,

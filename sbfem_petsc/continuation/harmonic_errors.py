@@ -15,7 +15,7 @@ from ..motion.period_map import DrivenPeriod, FixedPoint, Period
 from ..motion.preparation import finer, require_period
 from ..motion.steps import free_motion
 from ..reduction.build import wider
-from ..reduction.reduced_model import ReducedModel
+from ..reduction.reduced_model import ReducedModel, share_modes
 from .orbit import LOWEST, modal_motion
 from .problem import FINER_GAIN
 from .shooting import WHOLE, Shooting
@@ -242,7 +242,7 @@ def in_modes(states: np.ndarray, old: ReducedModel, new: ReducedModel) -> np.nda
 def begun(state: np.ndarray, old: ReducedModel, driven: DrivenPeriod) -> np.ndarray:
     """A motion's state in the modes of a period to begin with: further ones move as without contact."""
     new = driven.period.reduced
-    if old.shares_modes(new):
+    if share_modes(old, new):
         return driven.period.begun(state)
     result, (_, places) = driven.linear_state.copy(), _shared(old, new)
     result[places] = in_modes(state, old, new)[places]
@@ -263,4 +263,4 @@ def _shared(old: ReducedModel, new: ReducedModel) -> tuple[np.ndarray, np.ndarra
 
 def alike(old: ReducedModel, new: ReducedModel) -> int:
     """Modes that two models share: vectors behind them are others, unless all are the same."""
-    return len(old.omega) if old.shares_modes(new) else min(old.natural, new.natural)
+    return len(old.omega) if share_modes(old, new) else min(old.natural, new.natural)

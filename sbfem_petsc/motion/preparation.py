@@ -14,7 +14,7 @@ from ..ranks.capacity import require_compiler, require_memory
 from ..ranks.parallel import collective
 from ..reduction.build import ACCURATE, LEAST_MODES, MOST_MODES, modes_for
 from ..reduction.left_out import BEHIND
-from ..reduction.reduced_model import ReducedModel
+from ..reduction.reduced_model import ReducedModel, share_modes
 from ..signals.waves import Harmonic
 from ..system.model import Model
 from ..system.solve.pencil import top_of_band
@@ -330,7 +330,7 @@ def check_guess(owner: str, guess: Begun, reduced: ReducedModel, carried: bool =
     same = guess.reduced is reduced or (
         guess.reduced.model is not None
         and guess.reduced.model is reduced.model
-        and (carried or guess.reduced.shares_modes(reduced))
+        and (carried or share_modes(guess.reduced, reduced))
     )
     if not same:
         raise ValueError(

@@ -200,19 +200,6 @@ class ReducedModel(Record):
         modes = f"{self.natural} modes" if self.natural > 1 else "1 mode"
         return f"{modes} and {self.vectors} vectors" if self.vectors else modes
 
-    def shares_modes(self, other: ReducedModel) -> bool:
-        """Whether one of the same structure has the same modes and vectors."""
-        own, its = self.frequencies, other.frequencies
-        return self.vectors == other.vectors and len(own) == len(its) and np.allclose(own, its, rtol=1e-6)
-
-    @functools.cached_property
-    def shapes(self) -> np.ndarray:
-        """(owned, m): displacements of the modes of a Model."""
-        assert self.modal is not None  # the caller has looked
-        return np.concatenate(
-            [self.modal.shapes, *([] if self.vector_shapes is None else [self.vector_shapes])], axis=1
-        )
-
     @property
     def homogeneous(self) -> bool:
         """Whether motions of any size are alike: neither gaps nor laws of contact have a length."""
@@ -315,16 +302,18 @@ class ReducedModel(Record):
 
     def output_along(self, kind: str, places: Sequence[Point]) -> LinearOutput:
         """The components of several places one after the other, see `output_at`; not kept. Collective."""
-        model = self._model(kind)
+        model, found = self._model(kind), self.modal
+        assert found is not None
         form = getattr(model.places(places, inertia=True, moved=len(self.edges) > 0), kind)
         columns = model.load_columns(self.loads)
         # K is symmetric: the responses to the form's own forces give those of all loads and contact rows
         answers = model.solver.columns(form.rows.columns(slice(None)), kind)
         by_loads = np.ascontiguousarray(answers.T @ columns.forces)
         model.comm.Allreduce(MPI.IN_PLACE, by_loads)
-        # what inertia adds inside S-elements follows boundaries of natural modes alone
-        slow = np.where(np.arange(len(self.omega)) < self.natural, self.omega, 0.0)
-        modes = form.modes(self.shapes, slow)
+        modes = form.modes(found.shapes, self.omega[: self.natural])
+        if self.vector_shapes is not None:  # inside S-elements inertia follows natural modes alone
+            still = np.zeros(self.vectors)
+            modes = np.concatenate([modes, form.modes(self.vector_shapes, still)], axis=1)
         static = 1.0 / self.omega**2
         loads = by_loads + form.direct(columns)
         contact = model.contact.rows(answers).T + form.contact
@@ -360,11 +349,14 @@ class ReducedModel(Record):
         """
         if self.body is not None and self.whole is not None:
             return Field(self.body.nodal(self.whole(q[None], amplitudes[None], force[None])[0]))
-        model = self._model("field")
+        model, found = self._model("field"), self.modal
+        assert found is not None
         columns = model.load_columns(self.loads)
         pulled = columns.forces @ amplitudes + model.contact.rows.forces(force)
         static = (self.load_modes @ amplitudes + force @ self.gap.modes) / self.omega**2
-        owned = model.solver.columns(pulled, "field") + self.shapes @ (q - static)
+        owned = model.solver.columns(pulled, "field") + found.shapes @ (q - static)[: self.natural]
+        if self.vector_shapes is not None:
+            owned += self.vector_shapes @ (q - static)[self.natural :]
         loads = {number: forces @ amplitudes for number, forces in columns.tip_forces.items()}
         nodal = model.nodal(owned)
         if columns.lift is not None:
@@ -376,6 +368,12 @@ class ReducedModel(Record):
             f"ReducedModel({self.in_words} up to {self.frequencies[-1]:.6g} Hz, {self.pairs} "
             f"contact pairs, {self.load_modes.shape[1]} unit loads)"
         )
+
+
+def share_modes(one: ReducedModel, other: ReducedModel) -> bool:
+    """Whether two of the same structure have the same modes and vectors."""
+    own, its = one.frequencies, other.frequencies
+    return one.vectors == other.vectors and len(own) == len(its) and np.allclose(own, its, rtol=1e-6)
 
 
 def held_in(reduced: ReducedModel, rows: np.ndarray) -> ReducedModel:

@@ -1,12 +1,9 @@
 """Cantilevers up to a length of 10,000 heights against beam theory."""
 
 import math
-from unittest import mock
 
 import numpy as np
 import pytest
-from scipy import sparse
-from scipy.sparse.linalg import splu
 
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate
@@ -194,24 +191,3 @@ def test_a_column_of_zeros_beside_others():
     assert not both[:, 1].any()
     alone = model.solver.columns(force, "test")[:, 0]
     assert np.linalg.norm(both[:, 0] - alone) <= 1e-12 * np.linalg.norm(alone)
-
-
-def test_loads_in_proportion_share_a_solve():
-    """Displacements of loads one after the other beside SciPy's, each solved for once, those
-    in proportion to the last one not at all, whatever becomes of its result.
-    """
-    model = cantilever(10)
-    starts, columns, values = model.stiffness.getValuesCSR()
-    exact = splu(sparse.csr_matrix((values, columns, starts)).tocsc()).solve
-    one, other = np.random.default_rng(0).random((2, model.boundary_unknowns))
-    with mock.patch.object(model.solver, "_solve", wraps=model.solver._solve) as solves:
-        counts = []
-        for load in (one, 3.0 * one, -one, other, 0.1 * other, 0.0 * other, one):
-            before = solves.call_count
-            found = model.solver.of_load(load)
-            counts.append(solves.call_count > before)
-            size = np.abs(exact(load)).max()
-            np.testing.assert_allclose(found, exact(load), rtol=0.0, atol=1e-9 * size)
-            found[:] = np.nan  # what is given is changed by who has it
-    assert counts == [True, False, False, True, False, False, True]
-    model.destroy()

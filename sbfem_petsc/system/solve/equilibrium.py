@@ -121,7 +121,7 @@ def _from_free_gaps(
     stiffness, operator, tips = owners
     solver = stiffness.solver
     right = load.forces[:, 0]
-    owned = solver.of_load(right)
+    owned = solver.columns(right, "static")
     gap = operator.rows(owned) + load.gaps[:, 0] + operator.initial
     result: Complementarity | None = None
     laws, friction, lost = operator.laws, operator.friction, 0.0

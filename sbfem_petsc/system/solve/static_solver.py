@@ -21,8 +21,6 @@ _BLOCK_BYTES, _LEAST, _MOST = 2**27, 64, 256
 # Unknowns below which a factorisation costs less than multigrid, and above which its memory and its gain by
 # more ranks become poor; iterations of a solve that multigrid stays below on structures that suit it.
 _SMALL, _LARGE, _SUITED = 300_000, 5_000_000, 50
-# Differences of loads in proportion, which are rounding, relative to the largest force.
-_ALIKE = 1e-15
 # How many times larger displacements without contact may be than with it that are found from them.
 _LOST = 2.0
 
@@ -57,23 +55,6 @@ class StaticSolver(LinearSolver):
         # the stiffness never changes, though it becomes a block of bordered matrices
         self.ksp.getPC().setReusePreconditioner(True)
         self.name = solver_name(self.ksp)
-        self._last = (np.zeros(matrix.getLocalSize()[0]),) * 2
-
-    def of_load(self, forces: np.ndarray) -> np.ndarray:
-        """(owned,): displacements under a load (owned,), N; where it is in proportion to the last one, its
-        displacements are so as well. Collective.
-        """
-        comm, (known, solved) = self._comm, self._last
-        squares = np.array([forces @ known, known @ known])
-        comm.Allreduce(MPI.IN_PLACE, squares)
-        share = squares[0] / squares[1] if squares[1] > 0.0 else 0.0
-        sizes = [float(np.abs(part).max(initial=0.0)) for part in (forces - share * known, forces)]
-        other, size = np.max(comm.allgather(sizes), axis=0)
-        if other <= _ALIKE * size:
-            return share * solved
-        solution = self.columns(forces, "static")
-        self._last = forces.copy(), solution.copy()  # the solution is a result's to change
-        return solution
 
     def of_contact(self, load: np.ndarray, free: np.ndarray, contact: np.ndarray) -> np.ndarray:
         """(owned,): displacements under a load and contact forces (owned,) N, from those under the load
