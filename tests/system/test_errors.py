@@ -52,7 +52,7 @@ CASES = {
     "sb.static(model, sb.EdgeLoad('roof', tx=1.0))": "edge set 'roof' does not exist",
     "sb.static(sb.Model(mesh, steel, clamped=None), sb.PointForce('A', fy=1.0))": "rigid-body motion",
     "sb.modal(model)": "needs count (number of lowest frequencies) or band",
-    "sb.modal(mesh, 3)": "is not a Model",
+    "sb.modal(mesh, 3)": "must be a Model",
     "sb.modal(model, band=5)": "band",
     "sb.Model(Beam(0.4, 0.005), steel)": "call its .mesh()",
     "sb.Model(mesh, steel, clamped=5)": "clamped",
