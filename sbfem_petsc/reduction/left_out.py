@@ -55,7 +55,8 @@ OF_MODES, BEHIND, OF_BOTH = Space(3, 2.0), Space(4, 3.0), Space(6, 5.0)
 @dataclass(frozen=True, eq=False)
 class LeftOut:
     """Vectors in the place of left-out modes, mass-normalised and of no part in those that are there: what
-    they are in a `ReducedModel`.
+    they are in a `ReducedModel`. Those that tell errors alone have no shapes, and forces of supports where
+    these move.
     """
 
     frequencies: np.ndarray
@@ -64,8 +65,8 @@ class LeftOut:
     tips: np.ndarray
     load_modes: np.ndarray
     translation: np.ndarray
-    inertia: np.ndarray
-    shapes: np.ndarray
+    inertia: np.ndarray | None
+    shapes: np.ndarray | None
 
     def beside(self, own: ReducedModel) -> ReducedModel:
         """The model with these vectors behind its modes, damped as its last one is."""
@@ -85,7 +86,7 @@ class LeftOut:
             )
 
         supports = None
-        if own.supports is not None:
+        if own.supports is not None and self.inertia is not None:
             inertia, mass = np.concatenate([own.supports.inertia, self.inertia], axis=2), own.supports.mass
             flat, moved = self.inertia.reshape(-1, len(omega)), own.supports.moved
             share = np.where(moved >= 0, flat @ flat[moved].T, 0.0)
@@ -104,6 +105,7 @@ class LeftOut:
             translation=np.concatenate([own.translation, self.translation]),
             supports=supports,
             lag=None if own.lag is None else own.lag.beyond(own.delay, float(omega[-1]), float(further[-1])),
+            modal=None if self.shapes is None else own.modal,
             vectors=len(omega),
             vector_shapes=self.shapes,
         )
@@ -129,21 +131,22 @@ def left_out(own: ReducedModel, space: Space) -> LeftOut | None:
     with Pencil(model.statics, space.top * float(own.omega.max()), TOLERANCE) as pencil:
         basis, omega = _vectors(own, model, pencil, (pushes, forces), space)
         momentum = basis[pencil.owned :].T @ pencil.auxiliary_translation()
-        inertia = _inertia(model, pencil, basis)
+        inertia = _inertia(model, pencil, basis) if space is BEHIND or len(own.edges) else None
     shapes = basis[: pencil.owned]
     translation = _summed(model, momentum - shapes.T @ unit_accelerations(model))
     gap, points = model.contact.rows(shapes), model.layout.point_rows(shapes)
     # signs by what moves, whatever the order of the loads
     seen = np.concatenate([gap, points, translation.T])
     signs = np.where((seen / np.arange(1.0, len(seen) + 1.0)[:, None]).sum(axis=0) < 0.0, -1.0, 1.0)
-    shapes, gap, points, inertia = shapes * signs, gap * signs, points * signs, inertia * signs
+    shapes, gap, points = shapes * signs, gap * signs, points * signs
+    inertia = None if inertia is None else inertia * signs
     translation *= signs[:, None]
     load_modes = _summed(model, shapes.T @ forces)
     for k, unit in enumerate(own.loads):
         if isinstance(unit, SupportMotion):
             load_modes[:, k] = -translation @ np.array([unit.ax, unit.ay])
     if len(own.edges):
-        assert own.supports is not None  # which has them
+        assert own.supports is not None and inertia is not None  # which has them
         where = own.supports.moved[own.edges]
         load_modes[:, own.edges] = omega[:, None] ** 2 * inertia[where // 2, where % 2].T
     return LeftOut(
@@ -154,7 +157,7 @@ def left_out(own: ReducedModel, space: Space) -> LeftOut | None:
         load_modes,
         translation,
         inertia,
-        shapes,
+        shapes if space is BEHIND else None,
     )
 
 

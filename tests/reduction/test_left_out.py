@@ -96,6 +96,7 @@ def test_modes_and_vectors(load):
     np.testing.assert_allclose(seen.modes, named.modes, rtol=0.0, atol=1e-9 * np.abs(named.modes).max())
     more = wider(both)
     assert more.natural == 20 and more.vectors > both.vectors and not share_modes(more, both)
+    assert more.vector_shapes is None is more.modal  # of the whole it holds nothing
 
 
 def test_what_is_of_natural_modes(tmp_path):
