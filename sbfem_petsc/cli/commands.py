@@ -149,9 +149,9 @@ def export(options: Options, comm: Any) -> int:
     """Write results in other formats."""
     from ..study.revive import export_results
 
-    wanted = [name for name in ("csv", "vtu", "json") if getattr(options, name)]
+    wanted = [name for name in ("csv", "vtu") if getattr(options, name)]
     if not wanted:
-        raise ValueError("export needs a format: give --csv, --vtu or --json, or several of them")
+        raise ValueError("export needs a format: give --csv or --vtu, or both")
     with watch_for(comm, options.quiet) as watch:
         written = export_results(options.results, wanted, options.output, comm, watch)
     _say(options, comm, "\n".join(f"written: {path}" for path in written))

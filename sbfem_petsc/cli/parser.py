@@ -117,7 +117,6 @@ def make_parser() -> argparse.ArgumentParser:
     info.add_argument("--case", action="store_true", help="print the case that the results were made from")
     export.add_argument("--csv", action="store_true", help="tables")
     export.add_argument("--vtu", action="store_true", help="modes and static displacements for ParaView")
-    export.add_argument("--json", action="store_true", help="all quantities, histories included")
     export.add_argument("--output", metavar="DIR", help="folder (default: export/ beside the results)")
 
     doctor = command("doctor", "say versions and what is missing, with remedies")

@@ -34,7 +34,7 @@ from .reading import records_in
 from .record import Record
 
 # Of the layout: files of another one are refused.
-SCHEMA = 8
+SCHEMA = 9
 WHAT = "result file"
 # What reads a journal, by what it says it keeps; where nothing does, the result stands in its state.
 KEPT = {"history": "motion.files.history_file", "branch": "", "result": ""}

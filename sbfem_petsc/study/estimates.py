@@ -14,6 +14,7 @@ import contextlib
 import math
 from typing import Any
 
+from ..ranks.capacity import in_bytes
 from ..ranks.parallel import collective, on_root
 from .case import objects, parameters
 from .case.analyses import KINDS
@@ -129,14 +130,14 @@ def as_text(case: Case, facts: dict[str, Any]) -> str:
         "  expected (estimates, one core):",
     ]
     for name, entry in {**facts["analyses"], "all": facts}.items():
-        told = f"memory {size(entry['memory'])}, disk {size(entry['disk'])}{_taken(entry)}"
+        told = f"memory {in_bytes(entry['memory'])}, disk {in_bytes(entry['disk'])}{_taken(entry)}"
         lines.append(f"    {name:18s} {entry.get('kind', ''):18s} {duration(entry['seconds']):>9s}   {told}")
     lines[-1] += "; the first run compiles for some 20 s more"
     if "sweep" in facts:
         found = facts["sweep"]
         lines.append(
             f"    sweep              {found['rows']:,d} rows on {found['structures']:,d} structures  "
-            f"{duration(found['seconds'])} of one core, disk {size(found['disk'])}"
+            f"{duration(found['seconds'])} of one core, disk {in_bytes(found['disk'])}"
         )
         lines += [f"    {sentence}" for sentence in found["refused"]]
     return "\n".join(lines)
@@ -149,15 +150,5 @@ def _taken(entry: dict[str, Any]) -> str:
 
 def duration(seconds: float) -> str:
     """A time to two digits, in a fitting unit."""
-    return _fitting(seconds, (90.0, "s", 1.0), (5400.0, "min", 60.0), (math.inf, "h", 3600.0))
-
-
-def size(count: float) -> str:
-    """Bytes to two digits, in a fitting unit."""
-    return _fitting(count, (1e6, "kB", 1e3), (1e9, "MB", 1e6), (math.inf, "GB", 1e9))
-
-
-def _fitting(value: float, *units: tuple[float, str, float]) -> str:
-    """In the first of units, by the value from which on they do not fit, name and size."""
-    unit, factor = next((unit, factor) for limit, unit, factor in units if value < limit)
-    return f"{float(f'{value / factor:.2g}'):g} {unit}"
+    unit, factor = ("s", 1.0) if seconds < 90.0 else ("min", 60.0) if seconds < 5400.0 else ("h", 3600.0)
+    return f"{float(f'{seconds / factor:.2g}'):g} {unit}"

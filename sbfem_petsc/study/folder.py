@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import time
 import zlib
 from collections.abc import Iterator
 from typing import Any
@@ -115,20 +114,15 @@ class Folder:
 
     def finished(self, name: str) -> bool:
         """Whether an analysis is done and its file still there."""
-        entry = self.state["done"].get(name)
-        return bool(entry and entry["status"] == "finished" and os.path.isfile(self.part(name)))
+        return name in self.state["done"] and os.path.isfile(self.part(name))
 
     def part(self, name: str, kind: str = "h5") -> str:
         """File of an analysis."""
         return os.path.join(self.parts, f"{name}.{kind}")
 
-    def record(self, name: str, status: str, **further: Any) -> None:
-        """Note, on the disk, how an analysis ended."""
-        self.state["done"][name] = {
-            "status": status,
-            "ended": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
-            **further,
-        }
+    def finish(self, name: str, seconds: float) -> None:
+        """Note, on the disk, that an analysis is done, and how long it took."""
+        self.state["done"][name] = seconds
         self._keep(self.state)
 
     def close(self) -> None:

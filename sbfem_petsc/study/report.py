@@ -232,7 +232,7 @@ def _ranges(results: Sweep) -> Iterator[tuple[str, str, str, str]]:
         table = array.reshape(len(array), -1)
         if np.iscomplexobj(table) or table.shape[1] > WIDEST or not np.isfinite(table).any():
             continue
-        scale, unit = _suited(results.units.get(name, "1"), table)
+        scale, unit = _suited(results.units[name], table)
         words = results.value_words[name]
         for k, column in enumerate(table.T * scale, 1):
             if np.isfinite(column).any():

@@ -18,7 +18,6 @@ from ..progress import Watch
 from ..ranks.parallel import on_root
 from ..record.about import Quantity
 from ..record.layout import bare, text
-from ..record.views import plain
 from ..writing import spare_folder
 from . import pictures
 from .case.analyses import kind_called
@@ -26,9 +25,9 @@ from .case.case import Case, case_from_text
 from .estimates import duration
 from .folder import PARTS, RESULT
 from .run import RESULTS, RunResults
-from .storage import holds, results_in, write_json
+from .storage import holds, results_in
 from .structure import Structure, lines_of
-from .sweep_file import FILE, Sweep, write_csv
+from .sweep_file import FILE, Sweep
 
 
 def read_any(path: str | os.PathLike[str]) -> RunResults | Sweep:
@@ -74,11 +73,11 @@ def described(results: RunResults | Sweep) -> str:
     if isinstance(results, Sweep):
         lines = [repr(results)]
         lines += [
-            f"  {name}: {len(np.unique(column))} values from {column.min()} to {column.max()}"
-            for name, column in results.inputs.items()
+            f"  {name}: {len(values)} values from {values[0]} to {values[-1]}"
+            for name, values in ((name, np.unique(column)) for name, column in results.inputs.items())
         ]
         lines += [
-            f"  {name:45s} {'x'.join(map(str, array.shape)):>12s} {results.units.get(name, '1')}"
+            f"  {name:45s} {'x'.join(map(str, array.shape)):>12s} {results.units[name]}"
             for name, array in results.values.items()
         ]
         return "\n".join(lines)
@@ -190,7 +189,7 @@ def _recorded(home: str, name: str) -> Any:
 
 
 def export_results(path: str, wanted: list[str], output: str | None, comm: Any, watch: Watch) -> list[str]:
-    """Results as CSV tables, JSON, or VTU files for ParaView. Collective.
+    """Results as CSV tables, or VTU files for ParaView. Collective.
 
     Returns
     -------
@@ -201,41 +200,13 @@ def export_results(path: str, wanted: list[str], output: str | None, comm: Any, 
     folder = output or os.path.join(home, "export")
     written: list[str] = []
     on_root(comm, lambda: make_output_folder(folder))
-    for form, write in {"csv": _csv, "json": _json}.items():
-        if form in wanted:
-            written += comm.bcast(on_root(comm, functools.partial(write, results, folder)))
+    if "csv" in wanted:
+        written += comm.bcast(on_root(comm, lambda: results.to_csv(folder)))
     if "vtu" in wanted:
         if isinstance(results, Sweep):
             raise ValueError("--vtu is for the results of a run; a sweep keeps no fields")
         written += _vtu(results, source, folder, comm, watch)
     return written
-
-
-def _csv(results: RunResults | Sweep, folder: str) -> list[str]:
-    if isinstance(results, Sweep):
-        path = os.path.join(folder, "sweep.csv")
-        write_csv(results, path)
-        return [path]
-    return [
-        path
-        for name, found in results.analyses.items()
-        for path in found.to_csv(os.path.join(folder, f"{name}.csv"))
-    ]
-
-
-def _json(results: RunResults | Sweep, folder: str) -> list[str]:
-    path = os.path.join(folder, "sweep.json" if isinstance(results, Sweep) else "results.json")
-    if isinstance(results, Sweep):
-        value: Any = {
-            "inputs": {name: column.tolist() for name, column in results.inputs.items()},
-            "values": {name: plain(array) for name, array in results.values.items()},
-            "units": results.units,
-            "reasons": results.reasons,
-        }
-    else:
-        value = {"run": results.run, **{name: own.summary(True) for name, own in results.analyses.items()}}
-    write_json(path, value)
-    return [path]
 
 
 def _vtu(results: RunResults, source: str, folder: str, comm: Any, watch: Watch) -> list[str]:

@@ -133,7 +133,7 @@ def _unpacked(path: str, payload: bytes) -> Row:
     try:
         found = unpacked(payload)
         values = {name[1:]: found[name] for name in found if name.startswith("/")}
-        units = {str(name): str(unit) for name, unit in found["units"].items()}
+        units = {name: str(found["units"][name]) for name in values}
         return Row(int(found["number"]), str(found["reason"]), float(found["seconds"]), values, units)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise ValueError(

@@ -194,8 +194,6 @@ class _Run(contextlib.ExitStack):
             self.failed[name] = str(error)
             self.wrong_input |= isinstance(error, CaseError)
             self.watch.say(f"{name} failed: {error}")
-            if self.folder is not None:
-                self.folder.record(name, "failed", reason=str(error))
             return
         seconds = time.monotonic() - began
         self._keep(name, kind, result, found)
@@ -207,7 +205,7 @@ class _Run(contextlib.ExitStack):
         line = kind.summary_line(result)
         self.structure.release(result)
         if self.folder is not None:
-            self.folder.record(name, "finished", seconds=seconds)
+            self.folder.finish(name, seconds)
         self.watch.say(f"{name}: {line} ({seconds:.1f} s)")
 
     def _keep(self, name: str, kind: Kind, result: Any, found: Found) -> None:
@@ -230,38 +228,31 @@ class _Run(contextlib.ExitStack):
         with collective(self.comm):
             if self.folder is None:
                 return None
-            state, names = self.folder.state, self.case.tables.analyses
-            summary = {
-                "run": {
-                    "title": self.case.tables.title,
-                    "version": sb.__version__,
-                    "case": self.case.key,
-                    "ranks": self.comm.size,
-                    "ended": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
-                    "complete": all(self.folder.finished(name) for name in names),
-                    "model": state.get("model", {}),
-                    "seconds": {n: entry.get("seconds") for n, entry in state["done"].items()},
-                    "failed": {
-                        n: entry["reason"]
-                        for n, entry in state["done"].items()
-                        if entry["status"] == "failed" and n in names
-                    },
-                }
+            state, kinds = self.folder.state, self.case.tables.analyses
+            finished = [name for name in kinds if self.folder.finished(name)]
+            run = {
+                "title": self.case.tables.title,
+                "version": sb.__version__,
+                "case": self.case.key,
+                "ranks": self.comm.size,
+                "ended": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+                "complete": len(finished) == len(kinds),
+                "model": state.get("model", {}),
+                "seconds": state["done"],
+                "failed": self.failed,
             }
-            place = os.path.join(self.path, RESULTS)
-            with new_results(place, "run") as file:
+            summary = {"run": run}
+            with new_results(os.path.join(self.path, RESULTS), "run") as file:
                 write_case(file.create_group("case"), self.case)
-                file.attrs["run"] = text_of(json.dumps(summary["run"]))
+                file.attrs["run"] = text_of(json.dumps(run))
                 group = within(file, "analyses")
-                for name in names:
-                    if not self.folder.finished(name):
-                        continue
+                for name in finished:
                     with results_in(self.folder.part(name), "analysis") as part:
                         found = Found.read(part)
                     own = within(group, name)
-                    own.attrs["kind"] = text_of(names[name].kind)
+                    own.attrs["kind"] = text_of(kinds[name].kind)
                     found.write(own)
-                    summary[name] = {"kind": names[name].kind, **found.summary()}
+                    summary[name] = {"kind": kinds[name].kind, **found.summary()}
             write_json(os.path.join(self.path, SUMMARY), summary)
         return summary
 
@@ -305,6 +296,14 @@ class RunResults:
     def __repr__(self) -> str:
         listed = ", ".join(f"{name} ({kind})" for name, kind in self.kinds.items()) or "none"
         return f"RunResults({self.path!r}: {listed})"
+
+    def to_csv(self, folder: str) -> list[str]:
+        """Write the tables of all analyses; the files."""
+        return [
+            path
+            for name, found in self.analyses.items()
+            for path in found.to_csv(os.path.join(folder, f"{name}.csv"))
+        ]
 
     def facts(self) -> dict[str, Any]:
         """What summary.json holds."""

@@ -29,7 +29,7 @@ from .kinds.kind import Wanted
 from .rows import Row
 from .shares import Shares
 from .structure import Structure
-from .sweep_file import FILE, Sweep, together, write
+from .sweep_file import FILE, Sweep, together
 
 __all__ = ["Sweep", "sweep"]
 
@@ -215,7 +215,7 @@ class _Sweeping:
                 chosen = {n: found[k] for n, k in enumerate(self.numbers) if k in found}
                 table = together(self.case, [self.inputs[k] for k in self.numbers], chosen)
                 if self.part is None:
-                    write(table, self.case, self.path)
+                    table.write(self.case, self.path)
         result: Sweep = self.comm.bcast(table)
         return result
 

@@ -113,11 +113,49 @@ class Sweep:
             "reasons": sorted({reason for reason in self.reasons if reason}),
             "inputs": {name: np.unique(column).tolist() for name, column in self.inputs.items()},
             "values": {
-                name: {"shape": list(array.shape), "unit": self.units.get(name, "1")}
+                name: {"shape": list(array.shape), "unit": self.units[name]}
                 for name, array in self.values.items()
             },
             "seconds": float(np.nansum(self.seconds)),
         }
+
+    def write(self, case: Case, folder: str) -> None:
+        """Write sweep.h5 and sweep.csv, each replaced as a whole."""
+        with new_results(os.path.join(folder, FILE), "sweep") as file:
+            write_case(file.create_group("case"), case)
+
+            def add(group: h5py.Group, name: str, array: Any, text: str, unit: str = "1") -> h5py.Dataset:
+                dims = ("row", *(f"{name}_{k}" for k in range(np.ndim(array) - 1)))
+                return put(group, name, np.asarray(array), About(text=text), unit, dims)
+
+            add(file, "row", np.arange(len(self)), "number of the row")
+            # paths with dots and brackets are attributes: readers stumble over them in names
+            inputs, words, units = file.create_group("inputs"), self.input_words, self.input_units
+            for k, (name, column) in enumerate(self.inputs.items()):
+                data = add(inputs, f"{k:02d}", column, words[name] or name, units[name] or "1")
+                data.attrs["name"] = text_of(name)
+            for name, array in self.values.items():
+                above, _, own = f"values/{name}".rpartition("/")
+                add(file.require_group(above), own, array, name, self.units[name])
+            add(file, "reasons", np.array(self.reasons, dtype=str), "why it failed")
+            add(file, "seconds", self.seconds, "wall time", "s")
+        self.to_csv(folder)
+
+    def to_csv(self, folder: str) -> list[str]:
+        """Write inputs, scalar values and short arrays, a row a line, units in the heading; the file."""
+        columns: dict[str, Any] = {"row": range(len(self)), **self.inputs}
+        for name, array in self.values.items():
+            unit = self.units[name]
+            ending = "" if unit == "1" else f" [{unit}]"
+            if np.iscomplexobj(array) or array.ndim > 2 or (array.ndim == 2 and array.shape[1] > WIDEST):
+                continue
+            if array.ndim == 1:
+                columns[f"{name}{ending}"] = array
+            else:
+                columns |= {f"{name}/{k + 1}{ending}": column for k, column in enumerate(array.T)}
+        path = os.path.join(folder, TABLE)
+        write_table(path, columns | {"seconds": self.seconds, "reason": np.array(self.reasons, dtype=str)})
+        return [path]
 
     def __repr__(self) -> str:
         return (
@@ -141,48 +179,7 @@ def together(case: Case, inputs: Sequence[Mapping[str, Any]], found: Mapping[int
     for number, row in found.items():
         for name, value in row.values.items():
             values[name][(number, *map(slice, value.shape))] = value
-    names = list(inputs[0]) if inputs else []
-    columns = {name: np.array([row[name] for row in inputs]) for name in names}
-    reasons = [found[k].reason if k in found else "not computed" for k in range(len(inputs))]
-    seconds = np.array([found[k].seconds if k in found else np.nan for k in range(len(inputs))])
-    order = sorted(values)
-    return Sweep(
-        columns, {name: values[name] for name in order}, units, reasons, seconds, case.text, case.file
-    )
-
-
-def write(sweep: Sweep, case: Case, folder: str) -> None:
-    """Write sweep.h5 and sweep.csv, each replaced as a whole."""
-    with new_results(os.path.join(folder, FILE), "sweep") as file:
-        write_case(file.create_group("case"), case)
-        number = About(text="number of the row")
-        put(file, "row", np.arange(len(sweep)), number, "1", ("row",))
-        # paths with dots and brackets are attributes: readers stumble over them in names
-        inputs, words, units = file.create_group("inputs"), sweep.input_words, sweep.input_units
-        for k, (name, column) in enumerate(sweep.inputs.items()):
-            about = About(text=words[name] or name)
-            data = put(inputs, f"{k:02d}", column, about, units[name] or "1", ("row",))
-            data.attrs["name"] = text_of(name)
-        for name, array in sweep.values.items():
-            above, _, own = f"values/{name}".rpartition("/")
-            dims = ("row", *(f"{own}_{k}" for k in range(array.ndim - 1)))
-            unit = sweep.units.get(name, "1")
-            put(file.require_group(above), own, array, About(text=name), unit, dims)
-        put(file, "reasons", np.array(sweep.reasons, dtype=str), About(text="why it failed"), "1", ("row",))
-        put(file, "seconds", sweep.seconds, About(text="wall time"), "s", ("row",))
-    write_csv(sweep, os.path.join(folder, TABLE))
-
-
-def write_csv(sweep: Sweep, path: str) -> None:
-    """Write inputs, scalar values and short arrays, a row a line; units in the heading."""
-    columns: dict[str, Any] = {"row": range(len(sweep)), **sweep.inputs}
-    for name, array in sweep.values.items():
-        unit = sweep.units.get(name, "1")
-        ending = "" if unit == "1" else f" [{unit}]"
-        if np.iscomplexobj(array) or array.ndim > 2 or (array.ndim == 2 and array.shape[1] > WIDEST):
-            continue
-        if array.ndim == 1:
-            columns[f"{name}{ending}"] = array
-        else:
-            columns |= {f"{name}/{k + 1}{ending}": column for k, column in enumerate(array.T)}
-    write_table(path, columns | {"seconds": sweep.seconds, "reason": np.array(sweep.reasons, dtype=str)})
+    columns = {name: np.array([row[name] for row in inputs]) for name in inputs[0]}
+    rows = [found.get(k, Row(k, "not computed", np.nan)) for k in range(len(inputs))]
+    reasons, seconds = [row.reason for row in rows], np.array([row.seconds for row in rows])
+    return Sweep(columns, dict(sorted(values.items())), units, reasons, seconds, case.text, case.file)

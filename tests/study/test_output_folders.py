@@ -283,7 +283,7 @@ def test_commands_that_are_repeated_replace_their_own(folder):
             ("report", out),
             ("plot", out),
             ("plot", out, "--output", elsewhere / "pictures"),
-            ("export", out, "--csv", "--json"),
+            ("export", out, "--csv"),
             ("export", out, "--csv", "--output", elsewhere / "export"),
         ):
             done = sbfem(*command)

@@ -21,7 +21,7 @@ from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.parameters import words_of
 from sbfem_petsc.study.folder import Folder
 from sbfem_petsc.study.kinds.kind import Wanted
-from sbfem_petsc.study.revive import read_any
+from sbfem_petsc.study.revive import described, read_any
 from sbfem_petsc.study.rows import Row
 from sbfem_petsc.study.structure import Structure
 from tests.parallel import on_ranks
@@ -375,6 +375,8 @@ def test_from_python(tmp_path):
     u = found.values["push/displacement/A"]
     np.testing.assert_allclose(u[1], 2.0 * u[0], rtol=1e-6)
     assert "2 rows over loads.push.fy" in repr(found)
+    texts = sb.sweep(case, {"loads.push.point": ["B", "A"]}, analyses=["push"], comm=MPI.COMM_SELF)
+    assert "  loads.push.point: 2 values from A to B\n" in described(texts)
     with pytest.raises(ValueError, match="sweep is missing"):
         sb.sweep(case)
     with pytest.raises(ValueError, match="did you mean 'push'"):
