@@ -375,15 +375,21 @@ def check_ksp(ksp: PETSc.KSP, what: str, remedy: str | None = None) -> None:
     reason = ksp.getConvergedReason()
     if reason > 0:
         return
-    names = {value: name for name, value in vars(PETSc.KSP.ConvergedReason).items() if isinstance(value, int)}
     if reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED:
         told = _failure(ksp.getPC())
     else:
         told = remedy or f"try another solver or more iterations under -{ksp.getOptionsPrefix()}ksp_..."
     raise failed_solve(
-        f"{what}: the linear solve did not converge ({names.get(reason, reason)} after "
+        f"{what}: the linear solve did not converge ({reason_of(ksp)} after "
         f"{ksp.getIterationNumber()} iterations); {told}"
     )
+
+
+def reason_of(solver: PETSc.KSP | PETSc.SNES) -> str:
+    """PETSc's name of the reason for which a solver has stopped."""
+    reason = solver.getConvergedReason()
+    names = {value: name for name, value in vars(solver.ConvergedReason).items() if isinstance(value, int)}
+    return str(names.get(reason, reason))
 
 
 def _failure(pc: PETSc.PC) -> str:

@@ -7,7 +7,6 @@ from __future__ import annotations
 import contextlib
 import functools
 import math
-import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Generic, NamedTuple, Protocol, TypeVar
@@ -16,7 +15,7 @@ import numpy as np
 
 from meshing.warnings import AccuracyWarning
 
-from ..errors import PetscFailure, SolveError, caller_level
+from ..errors import PetscFailure, SolveError, warn
 from ..motion.contact_work import MOST
 from ..motion.period_map import FixedPoint, Period
 from ..motion.preparation import PeriodSettings
@@ -94,11 +93,7 @@ class Accuracy:
     """
 
     def __init__(
-        self,
-        owner: str,
-        system: Model | ReducedModel,
-        settings: PeriodSettings,
-        words: Words = HARMONICS,
+        self, owner: str, system: Model | ReducedModel, settings: PeriodSettings, words: Words = HARMONICS
     ):
         self.owner, self.settings, self.words = owner, settings, words
         self.value = math.inf if settings.accuracy is None else settings.accuracy
@@ -150,7 +145,9 @@ class Accuracy:
                     continue
                 if told is None:
                     raise
-                self._stays(str(error) if lost is None else self._lost(lost))
+                # further modes and steps are of no use: they do not grow any more
+                self._model, self._most_steps = None, 0
+                self._vain = str(error) if lost is None else self._lost(lost)
             settings = self._next(told)
         assert told is not None  # there are settings to begin with where none is known
         return told
@@ -166,10 +163,6 @@ class Accuracy:
             return None
         usual = min(LEAST_MODES, most_modes(self._model))
         return usual if where.reduced.natural < usual else None
-
-    def _stays(self, why: str) -> None:
-        """Further modes and steps are of no use, and why: they do not grow any more."""
-        self._model, self._most_steps, self._vain = None, 0, why
 
     def _lost(self, where: Map) -> str:
         """What is said of a solution that is not found again."""
@@ -313,7 +306,7 @@ class Accuracy:
         """Warn the owner's caller of told errors above it; what is missing of what was asked is returned."""
         missing = self.missing(where.reduced, where.told_steps, errors)
         if missing:
-            warnings.warn(f"{self.owner}: {missing}", AccuracyWarning, stacklevel=caller_level())
+            warn(f"{self.owner}: {missing}", AccuracyWarning)
         return missing if self.asked else ""
 
 

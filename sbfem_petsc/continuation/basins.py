@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -220,14 +219,6 @@ def start_direction(axis: StartAxis, reduced: ReducedModel, weights: np.ndarray)
     return result
 
 
-def grid_of(axes: Sequence[StartAxis], origin: np.ndarray, directions: Sequence[np.ndarray]) -> np.ndarray:
-    """(n1, n2, ..., 2 m): the states of a grid."""
-    result = origin
-    for axis, direction in zip(axes, directions):
-        result = result[..., None, :] + np.multiply.outer(np.asarray(axis.values), direction)
-    return result
-
-
 def count_of(starts: Any) -> int:
     """Initial states of a grid's axes; of arrays, which take their place already, none."""
     if isinstance(starts, (list, tuple)) and all(isinstance(axis, StartAxis) for axis in starts):
@@ -250,12 +241,12 @@ def initial_states(
 ) -> tuple[tuple[StartAxis, ...], np.ndarray]:
     """Axes of the grid, if any, and the states (..., 2 m)."""
     if isinstance(starts, (list, tuple)) and starts and all(isinstance(s, StartAxis) for s in starts):
-        axes = tuple(starts)
-        for axis in axes:
+        states, behind = origin, np.zeros(len(origin) - 2 * len(weights))  # axes do not move slips
+        for axis in starts:
             _check_axis(axis, reduced)
-        behind = np.zeros(len(origin) - 2 * len(weights))  # axes do not move slips
-        ways = [np.append(start_direction(axis, reduced, weights), behind) for axis in axes]
-        return axes, grid_of(axes, origin, ways)
+            way = np.append(start_direction(axis, reduced, weights), behind)
+            states = states[..., None, :] + np.multiply.outer(axis.values, way)
+        return tuple(starts), states
     if not isinstance(starts, tuple) or len(starts) != 2:
         raise TypeError(
             f"basins: starts = {shown(starts)} must be a sequence of StartAxis, or two arrays (..., m), "

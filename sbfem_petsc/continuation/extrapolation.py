@@ -54,10 +54,8 @@ def uncertainty_at(line: Line, k: int, largest: np.ndarray) -> float:
         finer = in_finer_steps(line, TIMES[0], place, point.u, point)
     except SolveError:
         return math.inf
-    change, moved = (
-        abs(largest[k] - abs(finer.state.multipliers.values[0])),
-        abs(finer.value - point.value),
-    )
+    change = abs(largest[k] - abs(finer.state.multipliers.values[0]))
+    moved = abs(finer.value - point.value)
     if moved:
         neighbours = [n for n in (k - 1, k + 1) if 0 <= n < len(points) and points[n].value != point.value]
         rates = [abs((largest[n] - largest[k]) / (points[n].value - point.value)) for n in neighbours]

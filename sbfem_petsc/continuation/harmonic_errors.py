@@ -16,6 +16,7 @@ from ..motion.preparation import finer, require_period
 from ..motion.steps import free_motion
 from ..reduction.build import wider
 from ..reduction.reduced_model import ReducedModel, share_modes
+from .newton import attempt
 from .orbit import LOWEST, modal_motion
 from .problem import FINER_GAIN
 from .shooting import WHOLE, Shooting
@@ -56,7 +57,7 @@ def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
     errors, best, where = np.full((3, LOWEST), np.inf), fixed, (driven.frequency, driven.factor)
     if not fixed.touching.any():  # known in closed form
         errors[1] = 0.0
-    elif period := if_room(lambda: finer(OWNER, p, 2)):
+    elif period := attempt(lambda: finer(OWNER, p, 2), ValueError):  # there may be no memory for it
         if found := _nearby(period.at(*where), fixed.state, lambda: fixed.monodromy):
             errors[1], best = SECOND * change(lowest(fixed), lowest(found)), found
     # Where faces rub, motions in more modes are dear in twice the steps; elsewhere they ring in the own ones.
@@ -79,7 +80,7 @@ def _change_in_more_modes(
 ) -> np.ndarray | float:
     """How harmonics change from those of a motion near another; inf where it is not found, or has no room."""
     driven, period = motion.driven, motion.driven.period
-    wide = if_room(lambda: in_more_modes(period, more, period.steps))
+    wide = attempt(lambda: in_more_modes(period, more, period.steps), ValueError)
     if wide is None:
         return np.inf
     beside = wide.at(driven.frequency, driven.factor)
@@ -113,17 +114,9 @@ def behind(values: np.ndarray, delay: float, duration: float) -> np.ndarray:
 
 
 def in_more_modes(period: Period, more: ReducedModel, steps: int) -> Period:
-    """The map in more modes and so many steps, if there is room for it."""
+    """The map in more modes and so many steps. Raises ValueError where there is no memory for it."""
     require_period(OWNER, more, steps, len(period.excitation.orders), period.pairs > 0)
     return Period(more, period.excitation, steps, period.pairs > 0)
-
-
-def if_room(make: Callable[[], Period]) -> Period | None:
-    """A map, None where there is no memory for it."""
-    try:
-        return make()
-    except ValueError:
-        return None
 
 
 def beyond(reduced: ReducedModel, more: ReducedModel) -> float:
@@ -188,8 +181,14 @@ def carried_derivative(fixed: FixedPoint, beside: DrivenPeriod, state: np.ndarra
 
 
 def lowest(fixed: FixedPoint, delay: float = 0.0) -> list[np.ndarray]:
-    """(5, ...) each: harmonics 0 to 4 of the displacements of the named points, of which what is left out may
-    follow by a delay (s), and of the resultant.
+    """(5, ...) each: harmonics 0 to 4 of what is seen of a motion, see `seen`."""
+    periods = fixed.driven.period.excitation.periods
+    return [one_sided(part)[: periods * LOWEST : periods] for part in seen(fixed, delay)]
+
+
+def seen(fixed: FixedPoint, delay: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """(n, points, 2), m: displacements of the named points, from t = 0 on, of which what is left out may
+    follow by a delay (s); (n,), N: the contact resultant.
     """
     driven, motion, p = fixed.driven, fixed.motion, fixed.driven.period
     r = p.reduced
@@ -200,8 +199,7 @@ def lowest(fixed: FixedPoint, delay: float = 0.0) -> list[np.ndarray]:
         loads, late = (behind(part, delay, driven.duration) for part in (loads, forces))
         loads[:, r.edges] = driven.loads[:-1, r.edges]
     u = r.points(modal_motion(driven, motion)[0][:-1], loads, late)
-    kept = slice(0, p.excitation.periods * LOWEST, p.excitation.periods)
-    return [one_sided(part)[kept] for part in (u, forces[:, : r.gaps].sum(axis=1))]
+    return u, forces[:, : r.gaps].sum(axis=1)
 
 
 def change(own: list[np.ndarray], other: list[np.ndarray]) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import choice, instance
-from ..errors import SolveError, at_point, called, on_all_ranks
+from ..errors import SolveError, at_point, called, failed_solve, wrong_input
 from ..motion.excitation import one_sided
 from ..motion.history import Motion
 from ..motion.period_map import DrivenPeriod, FixedPoint
@@ -413,11 +413,8 @@ def make_orbit(
     forces = np.zeros((p.steps, len(p.reduced.initial_gap)))
     forces[:, : p.pairs] = motion.forces[:-1]
     if not (np.isfinite(q).all() and np.isfinite(forces).all()):
-        raise on_all_ranks(
-            SolveError(
-                f"{called()}: the motion leaves the range of numbers; are the loads of usual size, in N "
-                "and Pa?"
-            )
+        raise failed_solve(
+            f"{called()}: the motion leaves the range of numbers; are the loads of usual size, in N and Pa?"
         )
     return Orbit(
         np.arange(p.steps) * driven.step,
@@ -439,7 +436,5 @@ def component(array: np.ndarray, direction: str, axis: int = -1) -> np.ndarray:
     """Of displacements along an axis of x and y; of a row of a body, which is one number, that."""
     k = ("y", "x").index(choice("harmonics", "direction", direction, ("x", "y")))
     if k == array.shape[axis]:
-        raise on_all_ranks(
-            ValueError("harmonics: direction = 'x', but the point is a row along a direction of its own")
-        )
+        raise wrong_input("harmonics: direction = 'x', but the point is a row along a direction of its own")
     return np.take(array, -1 - k, axis)

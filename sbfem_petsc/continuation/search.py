@@ -134,11 +134,10 @@ def find_steady_state(
     if driven.factor != 1.0:  # branches go to the whole load
         ways = [ways[0], ways[-1]]
     with progress_bar(driven.period.reduced.comm, "search for a steady state", progress) as report:
-        whole = _Share(report)
         for k, (way, path) in enumerate(ways):
-            tried.share = whole.part(k, len(ways))
+            tried.report = _part(report, k, len(ways))
             shot = way()
-            whole.tell((k + 1) / len(ways) if shot is None else 1.0)
+            report((k + 1) / len(ways) if shot is None else 1.0)
             if shot is not None:
                 return shot, path
     others = f". Tried in vain as well: {'; '.join(tried.notes)}" if tried.notes else ""
@@ -164,20 +163,9 @@ def _trembles(driven: DrivenPeriod) -> str:
     )
 
 
-@dataclass(frozen=True)
-class _Share:
-    """A part of the search, and who is told how much is behind."""
-
-    report: Callable[[float], None] = silent
-    begin: float = 0.0
-    width: float = 1.0
-
-    def tell(self, done: float) -> None:
-        self.report(min(1.0, self.begin + self.width * min(1.0, done)))
-
-    def part(self, number: int, count: int) -> _Share:
-        """One of several equal parts."""
-        return _Share(self.report, self.begin + self.width * number / count, self.width / count)
+def _part(report: Callable[[float], None], number: int, count: int) -> Callable[[float], None]:
+    """Who is told how much is behind of one of several equal parts of what a report is of."""
+    return lambda done: report((number + min(1.0, done)) / count)
 
 
 class _History:
@@ -234,7 +222,7 @@ class _Attempts:
         self.driven, self.period, self.guess = driven, driven.period, guess
         self.jacobian, self.multiples, self.search = jacobian, multiples, search
         self.notes: list[str] = []
-        self.share = _Share()
+        self.report: Callable[[float], None] = silent
         self._own = _History(driven, guess, search.longest)
 
     def _newton(self, driven: DrivenPeriod, state: np.ndarray) -> FixedPoint | None:
@@ -270,7 +258,7 @@ class _Attempts:
         driven, period = history.driven, history.driven.period
         most = min(most, self._patience(period, driven.duration))
         for target in self._rounds(history.done, most):
-            if not history.reach(target, lambda done: self.share.tell(done / most)):
+            if not history.reach(target, lambda done: self.report(done / most)):
                 return None
             # a failed attempt takes as long as some hundreds of periods
             if (
@@ -329,13 +317,13 @@ class _Attempts:
         """The end of a branch over a parameter, from a motion at one of some values of it, relative to the
         wanted one, of which the first alone counts but of the frequency.
         """
-        ends, lost, share = list[str](), list[str](), self.share
+        ends, lost, report = list[str](), list[str](), self.report
         fixed = None if name == "frequency" else self.driven.frequency
         goal = self.driven.frequency if fixed is None else 1.0
         if name == "damping" and not self.period.reduced.damping.any():
             return None
         for k, begin in enumerate(goal * value for value in values):
-            self.share = share.part(k, len(values))
+            self.report = _part(report, k, len(values))
             over = ParameterRange(name, begin if fixed else 2.0 * begin - goal, goal, fixed)
             driven = over.at(self.period, begin)
             first = self._newton(driven, driven.linear_state)
@@ -365,7 +353,7 @@ class _Attempts:
 
         def tell(line: Line) -> None:
             nonlocal effort
-            self.share.tell(abs(line.points[-1].value - over.start) / over.range.extent)
+            self.report(abs(line.points[-1].value - over.start) / over.range.extent)
             effort += line.points[-1].effort
             if effort > EFFORT:
                 raise SolveError(f"{EFFORT} Newton iterations, at {line.points[-1].value:.6g}")
@@ -381,7 +369,5 @@ class _Attempts:
 
 def _recurrence(changes: list[float]) -> int:
     """The fewest periods, more than one, after which a state has returned though not after one; 0 if none."""
-    for n in range(2, len(changes) + 1):
-        if changes[n - 1] < RETURNED and changes[n - 1] < TRULY * min(changes[: n - 1]):
-            return n
-    return 0
+    returned = (n for n in range(1, len(changes)) if changes[n] < min(RETURNED, TRULY * min(changes[:n])))
+    return next(returned, -1) + 1

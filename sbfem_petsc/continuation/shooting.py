@@ -8,10 +8,10 @@ import math
 
 import numpy as np
 
-from ..errors import PetscFailure, SolveError, called, on_all_ranks
+from ..errors import PetscFailure, SolveError, called, failed_solve, on_all_ranks
 from ..motion.period_map import DrivenPeriod, FixedPoint
 from ..motion.period_motion import PeriodMotion
-from ..petsc import MPI, PETSc, asked, configure, finite, free, require_thread, scripted
+from ..petsc import MPI, PETSc, asked, configure, finite, free, reason_of, require_thread, scripted
 from .linear import PREFIX, Factors, Operator, by_operator, operator
 from .newton import ITERATIONS, Updated, attempt
 from .problem import GAIN, Lost
@@ -176,16 +176,13 @@ class Steady(abc.ABC):
             raise on_all_ranks(
                 PetscFailure(
                     f"{called()}: Newton's method has taken the {snes.getIterationNumber()} iterations that "
-                    f"-{option} {allowed} allows: {missed}; allow more, or leave the "
-                    "option out"
+                    f"-{option} {allowed} allows: {missed}; allow more, or leave the option out"
                 )
             )
-        raise on_all_ranks(
-            SolveError(
-                f"{called()}: {self.subject} did not converge ({snes_reason(reason)} after "
-                f"{snes.getIterationNumber()} iterations): {missed}; {self.remedy}, or see "
-                f"-{PREFIX}snes_..., -{PREFIX}ksp_..."
-            )
+        raise failed_solve(
+            f"{called()}: {self.subject} did not converge ({reason_of(snes)} after "
+            f"{snes.getIterationNumber()} iterations): {missed}; {self.remedy}, or see "
+            f"-{PREFIX}snes_..., -{PREFIX}ksp_..."
         )
 
 
@@ -232,11 +229,9 @@ class Shooting(Steady):
             found = self.by_snes(state, self.relative, ROUND_OFF * largest, moving)
         except (PETSc.Error, Lost) as error:
             why = f"PETSc's error {error.ierr}" if isinstance(error, PETSc.Error) else error
-            raise on_all_ranks(
-                SolveError(
-                    f"{called()}: the linear system of Newton's method cannot be solved ({why}): an undamped "
-                    "resonance, or a motion as a rigid body, leaves the periodic motion undetermined"
-                )
+            raise failed_solve(
+                f"{called()}: the linear system of Newton's method cannot be solved ({why}): an undamped "
+                "resonance, or a motion as a rigid body, leaves the periodic motion undetermined"
             ) from None
         return FixedPoint(found, driven, self.motion_at(found), tuple(self.residuals))
 
@@ -325,15 +320,3 @@ class Shooting(Steady):
             array[:] = self._derivative(motion)
             self.inverse = Updated(Factors(array))
         self._last, self.known, self.derivative = (state, residual), True, array.copy()
-
-
-def snes_reason(reason: int) -> str:
-    """PETSc's name of a reason for which SNES stopped."""
-    return next(
-        (
-            name
-            for name, value in vars(PETSc.SNES.ConvergedReason).items()
-            if isinstance(value, int) and value == reason
-        ),
-        str(reason),
-    )

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...errors import SolveError, on_all_ranks
+from ...errors import failed_solve
 from ...motion.states import Point as Place
 from ...record.record import derived, described, quantity
 from ..events import refine
@@ -124,12 +124,7 @@ class QuasiPeriodicBranch(OverParameter):
 
 
 def follow_curves(
-    line: Line,
-    stop: float,
-    pace: Settings,
-    *,
-    stability: bool,
-    run: LineFile,
+    line: Line, stop: float, pace: Settings, *, stability: bool, run: LineFile
 ) -> QuasiPeriodicBranch:
     """Invariant curves from one on.
 
@@ -177,7 +172,7 @@ def line_from(point: Point, growing: bool) -> Line:
     if not point.state.resolved:
         found = point.problem.resolved(point, 0.0 * point.u)
         if found is None:
-            raise on_all_ranks(SolveError(f"quasi_periodic: {point.problem.unresolved(point)}"))
+            raise failed_solve(f"quasi_periodic: {point.problem.unresolved(point)}")
         point = found
     return Line([beginning(point, point.problem.growing(point.u) if growing else None)])
 

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from scipy import linalg
 
-from ...errors import SolveError, on_all_ranks
+from ...errors import failed_solve
 from ...motion.preparation import period_memory
 from ...petsc import MPI
 from ...ranks.capacity import require_memory
@@ -125,9 +125,7 @@ class Harmonics:
         self.maps, self.shift, self.bordered = maps, shift, bordered
         mean = maps.mean()
         if not np.isfinite(mean).all():
-            raise on_all_ranks(
-                SolveError("quasi_periodic: the map's derivative is beyond the range of numbers")
-            )
+            raise failed_solve("quasi_periodic: the map's derivative is beyond the range of numbers")
         self._mine = range(maps.comm.rank, maps.samples // 2 + 1, maps.comm.size)
         self._factors = []
         least = 1.0
@@ -140,11 +138,9 @@ class Harmonics:
             self._factors.append((factors, pivots))
             least = min(least, float(linalg.lapack.zgecon(factors, np.linalg.norm(matrix, 1))[0]))
         if not maps.comm.allreduce(least, MPI.MIN) > SINGULAR:
-            raise on_all_ranks(
-                SolveError(
-                    "quasi_periodic: the motion is not isolated, as where a mode without damping is driven "
-                    "at its own frequency by a combination of the tones; give damping, or other frequencies"
-                )
+            raise failed_solve(
+                "quasi_periodic: the motion is not isolated, as where a mode without damping is driven "
+                "at its own frequency by a combination of the tones; give damping, or other frequencies"
             )
 
     def solve(self, vector: np.ndarray) -> np.ndarray:

@@ -17,10 +17,10 @@ from ...motion.steps import free_motion
 from ...record.record import Record, described, quantity
 from ...reduction.build import in_further_modes
 from ...reduction.reduced_model import ReducedModel, held_in
-from ..harmonic_errors import beyond, carried_derivative, if_room, in_modes, in_more_modes
+from ..harmonic_errors import beyond, carried_derivative, in_modes, in_more_modes, seen
 from ..linear import Dense
 from ..multipliers import Multipliers, multipliers_of
-from ..orbit import modal_motion
+from ..newton import attempt
 from ..problem import FINER_GAIN, Lost, Point, Problem, Range
 
 # Arc length in which the state's relative change and SPAN times the parameter's change, as a share of its
@@ -252,7 +252,7 @@ class WiderOrbits:
 
     def __init__(self, orbits: Orbits, more: ReducedModel, times: int):
         own = orbits.period.reduced
-        wide = if_room(lambda: in_more_modes(orbits.period, more, times * orbits.period.steps))
+        wide = attempt(lambda: in_more_modes(orbits.period, more, times * orbits.period.steps), ValueError)
         if wide is None:
             raise Lost("there is no memory for more modes")
         self.own, self.problem = orbits, Orbits(wide, orbits.parameter)
@@ -334,16 +334,8 @@ class OrbitState(FixedPoint):
         return contact_work(self.driven, self.motion)
 
     def seen(self) -> tuple[np.ndarray, np.ndarray]:
-        """(n, points, 2), m: displacements of the named points, from t = 0 on; (n,), N: the contact
-        resultant.
-        """
-        driven, motion, r = self.driven, self.motion, self.problem.period.reduced
-        forces = np.zeros((len(motion.forces) - 1, len(r.initial_gap)))
-        forces[:, : driven.period.pairs] = motion.forces[:-1]
-        q, _ = modal_motion(driven, motion)
-        return r.points(q[:-1], driven.loads[:-1], forces), motion.forces[:-1, : len(driven.period.laws)].sum(
-            axis=1
-        )
+        """Displacements of the named points and the contact resultant, see `harmonic_errors.seen`."""
+        return seen(self)
 
     @functools.cached_property
     def rate(self) -> np.ndarray:
@@ -360,9 +352,8 @@ class OrbitState(FixedPoint):
         name, unit = self.problem.parameter.name, np.eye(len(self.state))
         if name in EXACT:
             return self._less_start(self.driven.carried(self.motion, unit, (name,), rough=True))
-        return self._less_start(
-            np.column_stack([self.driven.carried(self.motion, unit, rough=True), self.rate])
-        )
+        along = self.driven.carried(self.motion, unit, rough=True)
+        return self._less_start(np.column_stack([along, self.rate]))
 
     def begin(self, derivative: np.ndarray) -> None:
         """Take dx(T) / dx(0) to be about this, for smooth linearised equations to begin with."""

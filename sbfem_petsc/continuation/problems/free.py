@@ -34,8 +34,9 @@ DIFFERENCE = 1e-5
 SPAN = 10.0
 # Logarithm of the frequency beyond which it has no meaning.
 FURTHEST = 50.0
-# Multipliers this far from the unit circle are not on it.
-OFF = 1e-2
+# Multipliers this far from the unit circle are not on it. Without damping all have modulus one; what the
+# steps and their eigenvalues add to it.
+OFF, UNCERTAIN = 1e-2, 1e-5
 # Velocity relative to the state that is none.
 AT_REST = 1e-7
 # Times that added damping is halved before it is left out.

@@ -20,13 +20,11 @@ from ..follow import Line, Settings, follow, points_of
 from ..line_file import LineFile
 from ..orbit import OfOrbits, Orbit, make_orbit, run_again
 from ..problem import Lost, Point, Range
-from .free import ADDED, FreeMotions, FreeState, FreeSystem
+from .free import ADDED, UNCERTAIN, FreeMotions, FreeState, FreeSystem
 from .free_stability import FreeEvent, divide_interactions, free_events, free_multipliers, interactions_of
 
 # Points a decade where the motions of all energies are alike.
 DECADE = 8
-# Without damping all multipliers have modulus one; what the steps and their eigenvalues add to it.
-UNCERTAIN = 1e-5
 # A point is next to each turn in energy, relative.
 NEXT = 2e-3
 HARMONICS = 20
@@ -85,11 +83,7 @@ class Backbone(OfOrbits):
         "1/s", "self-excitation that makes up for damping", "point", detail=True
     )
     own_frequency: np.ndarray = quantity(
-        "Hz",
-        "frequency in the branch's own steps",
-        "point",
-        detail=True,
-        least=1e-300,
+        "Hz", "frequency in the branch's own steps", "point", detail=True, least=1e-300
     )
 
     @derived(text="the reduced model", part="ReducedModel", back=True, detail=True)
@@ -163,13 +157,7 @@ class Backbone(OfOrbits):
         )
 
 
-def follow_backbone(
-    rows: Rows,
-    start: float,
-    stop: float,
-    pace: Settings,
-    run: LineFile,
-) -> Backbone:
+def follow_backbone(rows: Rows, start: float, stop: float, pace: Settings, run: LineFile) -> Backbone:
     """Follow free motions from one energy (J) towards another.
 
     Parameters

@@ -13,13 +13,12 @@ from ...record.record import Record, described, quantity
 from ..events import find_zero, folds, insert
 from ..follow import Line
 from ..problem import Metric, Point
-from .free import FreeState, FreeSystem
+from .free import UNCERTAIN, FreeState, FreeSystem
 
 KINDS = ("fold", "period doubling", "Neimark-Sacker", "branch point")
-# Without damping all multipliers have modulus one; what the steps and their eigenvalues add to it, and how
-# far off the circle one is that has left it for certain. Angle from 1 or -1, radian, that is none, and
-# distance from 1 within which it belongs to a turn beside.
-UNCERTAIN, CERTAIN, REAL, OF_TURN = 1e-5, 1e-3, 0.1, 0.5
+# How far off the unit circle a multiplier is that has left it for certain. Angle from 1 or -1, radian, that
+# is none, and distance from 1 within which it belongs to a turn beside.
+CERTAIN, REAL, OF_TURN = 1e-3, 0.1, 0.5
 # Multipliers that turn by so many turns from a point to the next are not followed; vectors of one pair at two
 # points have this product at least.
 TURN, ALIKE = 0.25, 0.5

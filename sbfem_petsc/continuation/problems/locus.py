@@ -92,12 +92,7 @@ class Locus(Record):
 
 
 def follow_locus(
-    family: Family,
-    kind: str,
-    begin: np.ndarray,
-    limits: tuple[float, float],
-    pace: Settings,
-    run: LineFile,
+    family: Family, kind: str, begin: np.ndarray, limits: tuple[float, float], pace: Settings, run: LineFile
 ) -> Locus:
     """Follow a bifurcation over the frequency and a second parameter, from a known point to both sides.
 

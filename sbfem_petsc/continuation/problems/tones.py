@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import ClassVar
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from meshing.warnings import StepWarning
 
 from ...checks import integer
-from ...errors import at_point, caller_level, on_all_ranks
+from ...errors import at_point, on_all_ranks, warn
 from ...motion.states import Point
 from ...record.record import derived, described, quantity
 from ...reduction.outputs import LinearOutput
@@ -174,14 +173,7 @@ class QuasiPeriodic(ToldError):
         """(k,): for tables."""
         return np.abs(self.line_multiples @ np.array(self.frequencies))
 
-    @derived(
-        "m",
-        "amplitude of u_y of each line",
-        "line place",
-        called="amplitude",
-        kinds="c",
-        stored=False,
-    )
+    @derived("m", "amplitude of u_y of each line", "line place", called="amplitude", kinds="c", stored=False)
     def line_amplitudes(self) -> np.ndarray:
         """(k, points): for tables."""
         fast, slow = self._listed.T
@@ -336,4 +328,4 @@ def warn_if_unresolved(owner: str, found: QuasiPeriodic) -> None:
     )
     if found.own is not None:
         text += "; if that does not help the tone locks, see periodic(..., periods=n)"
-    warnings.warn(text, StepWarning, stacklevel=caller_level())
+    warn(text, StepWarning)

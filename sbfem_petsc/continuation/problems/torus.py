@@ -239,11 +239,7 @@ def followed(values: np.ndarray, delay: float) -> np.ndarray:
 
 
 def exponents(
-    maps: CurveMaps,
-    rotation: float,
-    count: int,
-    turns: int,
-    tangents: np.ndarray | None = None,
+    maps: CurveMaps, rotation: float, count: int, turns: int, tangents: np.ndarray | None = None
 ) -> np.ndarray:
     """The largest Lyapunov exponents, per application of the map, by falling value. Collective.
 
