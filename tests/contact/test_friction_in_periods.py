@@ -18,7 +18,7 @@ from sbfem_petsc.continuation import search as steady
 from sbfem_petsc.motion.excitation import Excitation
 from sbfem_petsc.motion.period_map import DrivenPeriod, Period
 from tests.contact.test_friction_in_motion import FRICTION, PRESSURE, SLIDER, SPRING, jenkins, slider
-from tests.contact.test_friction_on_masses import beam
+from tests.contact.test_friction_on_masses import beam, stuck_share
 from tests.parallel import ROOT, alone, answer, on_ranks
 
 RATE = 1.7
@@ -357,6 +357,58 @@ def test_den_hartogs_oscillator(rate, friction, expected):
     for order in (2.0, 4.0, 8.0):
         limit = (order * limit[1:] - limit[:-1]) / (order - 1.0)
     assert limit[0] == pytest.approx(math.sqrt(v**2 - (friction * u) ** 2), rel=1e-5)
+
+
+def rigid_with_stops(rate, friction):
+    """Amplitude of a rigid oscillator that stops twice a period, and the share of it that it stands still:
+    from a rest on the one side to that on the other in closed form, ends located, until they are alike.
+    """
+    begins, place, gain, half = 0.0, 1.0, 1.0 / (1.0 - rate**2), math.pi / rate
+
+    def next_zero(function, start):
+        """From where it is above zero."""
+        while function(start + 1e-2) > 0.0:
+            start += 1e-2
+        return optimize.brentq(function, start, start + 1e-2, xtol=1e-15)
+
+    def slid(t, slips, place):
+        """Displacement and speed of who slips down from a place, from a time on."""
+        cosine, sine = place - gain * math.cos(rate * slips) - friction, gain * rate * math.sin(rate * slips)
+        c, s = math.cos(t - slips), math.sin(t - slips)
+        forced, speed = gain * math.cos(rate * t) + friction, -gain * rate * math.sin(rate * t)
+        return forced + cosine * c + sine * s, speed - cosine * s + sine * c
+
+    for _ in range(100):
+        slips = next_zero(lambda t, place=place: friction + math.cos(rate * t) - place, begins)
+        share = (slips - begins) / half
+        ends = next_zero(lambda t, slips=slips, place=place: -slid(t, slips, place)[1], slips + 1e-2)
+        begins, place = ends - half, -slid(ends, slips, place)[0]
+    return place, share
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "rate, friction, expected, stuck", [(0.6, 0.6, 1.443224, 0.0579), (0.3, 0.4, 0.856730, 0.4885)]
+)
+def test_den_hartogs_oscillator_with_stops(rate, friction, expected, stuck):
+    """An elastic slider of stiffness s trembles undamped where a rigid one stops, by 2 / s at most, and slips
+    up to a period 2 pi / sqrt(s) of that earlier, in either stop, in which phase it may: errors have no
+    series, and keep below bounds that fall with s (measured of 60 stiffnesses).
+    """
+    amplitude, share = rigid_with_stops(rate, friction)
+    assert amplitude == pytest.approx(expected, abs=5e-7) and share == pytest.approx(stuck, abs=5e-5)
+    frequency = rate / (2.0 * math.pi)
+    load = [sb.Constant(-1.0), sb.Harmonic(1.0, frequency)]
+    for stiff in (4.0**9, 4.0**13):
+        mass = pressed(
+            np.eye(1), np.eye(1), 0, sb.Coulomb(friction), modes=1, tangent_compliance=[1.0 / stiff]
+        )
+        orbit = sb.periodic(mass, load, frequency, steps=65536, stability=False)
+        off = top(orbit.displacement("end")[:, 1]) - amplitude
+        changes = np.diff(orbit.slip[:, 0], append=orbit.slip[:1, 0])
+        assert abs(off) < 2.0 / stiff
+        assert stuck_share(changes) == pytest.approx(share, abs=2.0 * rate / math.sqrt(stiff))
+        assert abs(off) < 1e-5 * amplitude
 
 
 @pytest.mark.long

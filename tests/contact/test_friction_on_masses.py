@@ -92,16 +92,30 @@ def test_pad_on_a_shaken_plane(peak, lost):
 
 
 def test_static_and_kinetic_coefficients():
-    """F6, SDND106: two masses on a spring; the one that rubs begins to slip, and sticks again."""
+    """F6, SDND106: two masses on a spring; the one that rubs begins to slip as what holds it reaches the
+    static bound, and sticks again as its slip turns about: cubics through what steps tell just before.
+    """
     spring = 1e4 * np.array([[1.0, -1.0], [-1.0, 1.0]])
-    reduced, press, at = rubbing(5.0 * np.eye(2), spring, sb.Coulomb(0.2, 0.3), 1e4, compliance=1e-9, loads=1)
+    reduced, press, at = rubbing(
+        5.0 * np.eye(2), spring, sb.Coulomb(0.2, 0.3), 1e4, compliance=1e-10, loads=1
+    )
     push = sb.Samples([0.0, 0.2 - 1e-9, 0.2, 1.0], [3e3, 3e3, 0.0, 0.0])
     found = sb.transient(reduced, [press, push], 0.4, 1e-5, initial=at([0.0, 0.0]))
     one, other = (found.displacement(name)[:, 1] for name in ("x0", "x1"))
-    middle = np.argmin(np.abs(found.time - 0.15))
-    slips = np.flatnonzero(np.diff(found.slip[:, 0]) > 1e-8)
-    assert found.time[slips[0]] == pytest.approx(0.0351241, abs=2e-5)
-    assert found.time[slips[-1] + 1] == pytest.approx(0.3149233, abs=2e-5)
+    middle, slip = np.argmin(np.abs(found.time - 0.15)), found.slip[:, 0]
+    slips = np.flatnonzero(np.diff(slip) > 1e-8)
+
+    def reached(last, values, turned=0):
+        """When a cubic through 40 values, or its slope, next is zero."""
+        before = slice(last - 39, last + 1)
+        cubic = np.polynomial.Polynomial.fit(found.time[before], values[before], 3).deriv(turned)
+        roots = cubic.roots()
+        return roots[np.argmin(np.abs(roots - found.time[last]))].real
+
+    begins = reached(slips[0], np.abs(found.friction_force[:, 0]) - 0.3 * 1e4)
+    assert begins == pytest.approx(0.5 * math.pi / math.sqrt(1e4 / 5.0), rel=1e-6)
+    assert begins == pytest.approx(0.0351241, rel=1e-5)
+    assert reached(slips[-1], slip, 1) == pytest.approx(0.3149233, rel=1e-5)
     assert (one[middle], other[middle]) == pytest.approx((1.3533377, 1.8075325), rel=1e-5)
     assert one[-1] == pytest.approx(3.9556058, rel=1e-5)
 
