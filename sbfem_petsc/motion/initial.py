@@ -15,7 +15,6 @@ from ..selement.coefficients import edge_nodes
 from ..selement.interior_motion import interior_fields
 from ..system.elements.elements import Elements
 from ..system.elements.shapes import Group
-from ..system.layout.layout import Layout
 from ..system.solve.modal_result import Modal
 from ..system.solve.modes import Modes
 from ..system.solve.pencil import Pencil
@@ -25,21 +24,6 @@ RADIAL_POINTS = 8
 # Auxiliary unknowns that start: of the greatest inertia in their S-element, down to this share of it. The
 # others are fast and small, and known to few digits.
 LEAST_INERTIA = 0.1
-
-
-def nodal_field(layout: Layout, function: Callable | None, what: str) -> np.ndarray:
-    """(m, 2): values at this rank's nodes of a function of x and y, zero for None.
-
-    Raises
-    ------
-    ValueError
-        If it does not give two finite values a place; on all ranks.
-    """
-    places = layout.part.coordinates
-    if function is None:
-        return np.zeros(places.shape)
-    with collective(layout.comm):
-        return _values(function, places, what)
 
 
 def momentum(
@@ -53,11 +37,16 @@ def momentum(
     pencil : Pencil
         With all auxiliary unknowns.
     function : callable or None
-        See `nodal_field`; None is zero.
+        Of x and y; None is zero.
     what : str
         For messages.
     less : (m, 2) array, optional
         Displacements of this rank's nodes whose static field is taken off the function.
+
+    Raises
+    ------
+    ValueError
+        If the function does not give two finite values a place; on all ranks.
     """
     layout = pencil.layout
     nodal, inside = np.zeros(layout.part.coordinates.shape), np.zeros(len(pencil.auxiliary_inertia()))
@@ -189,14 +178,20 @@ def unreduced_state(pencil: Pencil, function: Callable | None, what: str) -> np.
     """(local unknowns of the pencil,): a function of x and y as a state of the unreduced model: its values at
     the nodes, and inside the S-elements the nearest field, in the mean square, that the auxiliary unknowns
     add. Collective.
+
+    Raises
+    ------
+    ValueError
+        If it does not give two finite values a place; on all ranks.
     """
-    state = np.zeros(pencil.owned + len(pencil.auxiliary_inertia()))
+    inertia, layout = pencil.auxiliary_inertia(), pencil.layout
+    state = np.zeros(pencil.owned + len(inertia))
     if function is None:
         return state
-    nodal = nodal_field(pencil.layout, function, what)
-    state[: pencil.owned] = pencil.layout.owned_values(nodal)
+    with collective(layout.comm):
+        nodal = _values(function, layout.part.coordinates, what)
+    state[: pencil.owned] = layout.owned_values(nodal)
     left = momentum(pencil, function, what, nodal)[pencil.owned :]
-    inertia = pencil.auxiliary_inertia()
     for _, _, numbers in pencil.placed():
         own = numbers[:, inertia[numbers[0]] >= LEAST_INERTIA * inertia[numbers[0]].max(initial=0.0)]
         state[pencil.owned + own] = left[own] / inertia[own]

@@ -21,7 +21,7 @@ from .history import History
 from .integration import Steps, Told
 from .rest import Rest
 from .states import ModalStates, Rows
-from .steps import HALVING, constants_of, halved_coefficients, lengths
+from .steps import HALVING, constants_of, lengths, step_coefficients
 
 CHUNK = 4096
 
@@ -178,8 +178,8 @@ class ReducedIntegrator:
 
     def _constants(self, length: float, count: int) -> StepConstants:
         """Of steps of a length (s), of their halves ..: so many."""
-        r, scheme = self.acting, self.steps.scheme
-        return constants_of(r, halved_coefficients(r.omega, r.damping, length, scheme, count), HALVING)
+        r, scheme, parts = self.acting, self.steps.scheme, length / 2.0 ** np.arange(count)
+        return constants_of(r, [step_coefficients(r.omega, r.damping, h, scheme) for h in parts], HALVING)
 
     def _jump(self, amplitude: np.ndarray) -> np.ndarray | None:
         """Let loads jump, and with them contact and the residual flexibility; the energies then, or None if

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from ..errors import UnknownName, failed_solve, listed
+from ..errors import at_point, failed_solve
 from ..record.record import Record, described, quantity
 from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
@@ -364,9 +364,7 @@ class SampledStates(States):
 
     def _at(self, table: np.ndarray, name: Point, kind: str = "point") -> np.ndarray:
         """(n, 2): what a table holds of a point or tip."""
-        names = self.points if kind == "point" else self.tips
         if not isinstance(name, str):
             raise failed_solve(f"{kind} {name!r}: {NOT_KEPT}")
-        if name not in names:
-            raise UnknownName(f"{kind} {name!r} does not exist; the model has {listed(names)}")
-        return table[:, names.index(name)]
+        names = self.points if kind == "point" else self.tips
+        return table[:, at_point({own: k for k, own in enumerate(names)}, name, kind)]

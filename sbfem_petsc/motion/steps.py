@@ -35,13 +35,6 @@ def lengths(laws: RowLaws) -> int:
     return 1 if laws.fixed.all() else DEEPEST + 1
 
 
-def halved_coefficients(
-    omega: np.ndarray, damping: np.ndarray, step: float, scheme: str, count: int
-) -> list[np.ndarray]:
-    """`step_coefficients` of a step, of its half, of its quarter, .."""
-    return [step_coefficients(omega, damping, step / 2.0**level, scheme) for level in range(count)]
-
-
 def step_coefficients(omega: np.ndarray, damping: np.ndarray, step: float, scheme: str) -> np.ndarray:
     """(10, m) coefficients of one step of each mode, see `contact.marching`.
 
@@ -119,26 +112,14 @@ def _by_exponential(omega: np.ndarray, damping: np.ndarray, step: float) -> np.n
 
 
 def _newmark(omega: np.ndarray, damping: np.ndarray, step: float) -> np.ndarray:
-    """Average acceleration (beta = 1/4, gamma = 1/2)."""
-    stiffness, friction = 0.25 * (step * omega) ** 2, 0.5 * step * damping * omega
-    one = np.ones_like(omega)
-    left = np.moveaxis(
-        np.array([[one + stiffness, step * friction], [2.0 * stiffness / step, one + 2.0 * friction]]), 2, 0
-    )
-    right = np.moveaxis(
-        np.array(
-            [
-                [one - stiffness, step * (one - friction), 0.25 * step**2 * one],
-                [-2.0 * stiffness / step, one - 2.0 * friction, 0.5 * step * one],
-            ]
-        ),
-        2,
-        0,
-    )
-    s = np.linalg.solve(left, right)
-    return np.array(
-        [row for k in (0, 1) for row in (s[:, k, 0], s[:, k, 1], s[:, k, 2], s[:, k, 2], s[:, k, 2])]
-    )
+    """Average acceleration (beta = 1/4, gamma = 1/2): a step adds d to q, and v0 + v1 = 2 d / h."""
+    rate = 2.0 / step
+    by_force = 1.0 / (rate**2 + 2.0 * rate * damping * omega + omega**2)
+    moved = np.array([-2.0 * omega**2, np.full_like(omega, 2.0 * rate), *np.ones((3, len(omega)))]) * by_force
+    speeds = rate * moved
+    moved[0] += 1.0
+    speeds[1] -= 1.0
+    return np.concatenate([moved, speeds])
 
 
 def free_motion(

@@ -116,7 +116,7 @@ class SweptResponse(Record):
         """Whether jumps are told: there is damping, the sweep is longer than four settling times, and the
         frequency takes a settling time at least to change by a half-power bandwidth.
         """
-        return 0 < 4 * self.settling < len(self.frequency) and self.rate <= FASTEST
+        return not self._why_no_jumps()
 
     def amplitude(self, point: str, direction: str = "y") -> np.ndarray:
         """(n,): half the peak-to-peak of a point's displacement, or of that along x, in each cycle, m."""
@@ -161,7 +161,8 @@ class SweptResponse(Record):
         """
         amplitude = self.amplitude(point, direction)
         least = positive("jumps", "least", least)
-        self._require_slow()
+        if why := self._why_no_jumps():
+            raise ValueError(f"jumps: {why}")
         ends, span = self._ends, self._settling_time
         # of all cycles behind whose beginning there are four settling times
         begin = ends[: np.searchsorted(ends, ends[-1] - (APART + 1) * span, side="right")]
@@ -201,21 +202,23 @@ class SweptResponse(Record):
         """s."""
         return self.settling / len(self.frequency) * float(self._ends[-1])
 
-    def _require_slow(self) -> None:
+    def _why_no_jumps(self) -> str:
+        """What keeps jumps from being told; "" where nothing does."""
         w, cycles = self.settling, len(self.frequency)
         if w == 0:
-            raise ValueError("jumps: without damping no motion settles and nothing tells a jump from a beat")
+            return "without damping no motion settles and nothing tells a jump from a beat"
         if 4 * w >= cycles:
-            raise ValueError(
-                f"jumps: {cycles} cycles are no longer than four settling times of {w} cycles, where "
-                "nothing tells a jump from a beat; sweep more slowly"
+            return (
+                f"{cycles} cycles are no longer than four settling times of {w} cycles, where nothing tells "
+                "a jump from a beat; sweep more slowly"
             )
-        if not self.tells_jumps:
-            raise ValueError(
-                f"jumps: the frequency changes by a half-power bandwidth in {2.0 / self.rate:.2g} settling "
-                f"times of {w} cycles, where nothing tells a jump from the passage through a resonance; "
-                f"sweep in {self.duration * self.rate / FASTEST:.3g} s or more"
-            )
+        if self.rate <= FASTEST:
+            return ""
+        return (
+            f"the frequency changes by a half-power bandwidth in {2.0 / self.rate:.2g} settling times of "
+            f"{w} cycles, where nothing tells a jump from the passage through a resonance; sweep in "
+            f"{self.duration * self.rate / FASTEST:.3g} s or more"
+        )
 
     def __repr__(self) -> str:
         told = "" if math.isnan(self.mode_error) else f"error of harmonics {self.mode_error:.2g}, "

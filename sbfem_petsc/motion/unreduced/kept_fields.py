@@ -58,10 +58,10 @@ class KeptFields:
         """These fields if they are those of all instants."""
         return self if self.wanted and len(self._states) == instants else None
 
-    def rolled(self, places: int) -> KeptFields:
-        """The same with the last instants put first, as of a period."""
+    def rolled(self) -> KeptFields:
+        """The same with the last instant put first, as of a period."""
         for part in (self._states, self._amplitudes):
-            part[:] = part[-places:] + part[:-places]
+            part.insert(0, part.pop())
         return self
 
     def along(self, kind: str, points: Sequence[Point], contact: np.ndarray) -> np.ndarray:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ...contact.compiled import compiled
@@ -37,34 +35,21 @@ def add_columns(target: np.ndarray, columns: np.ndarray, values: np.ndarray) -> 
             )
 
 
-class Moving(NamedTuple):
-    """u, v, M v and K u, advanced in place."""
-
-    u: np.ndarray
-    v: np.ndarray
-    mass_v: np.ndarray
-    stiffness_u: np.ndarray
-
-
-class Increment(NamedTuple):
-    """d = u1 - u0, K d and the right side of the step's equation (inertia M + stretch K) d = right."""
-
-    d: np.ndarray
-    stiffness_d: np.ndarray
-    right: np.ndarray
-
-
-class StepFactors(NamedTuple):
-    """Of M and K in a step's equation, 1/s^2 and 1, and of d in v0 + v1 = rate d, 1/s."""
-
-    inertia: float
-    stretch: float
-    rate: float
-
-
 @compiled
-def advance(moving: Moving, increment: Increment, factors: StepFactors) -> tuple[float, float]:
-    """States after a step; products of d with M d and K d."""
+def advance(
+    moving: tuple[np.ndarray, ...], increment: tuple[np.ndarray, ...], factors: tuple[float, float, float]
+) -> tuple[float, float]:
+    """States after a step; products of d with M d and K d.
+
+    Parameters
+    ----------
+    moving : (u, v, M v, K u)
+        Advanced in place.
+    increment : (d, K d, right)
+        d = u1 - u0, and the right side of the step's equation (inertia M + stretch K) d = right.
+    factors : (inertia, stretch, rate)
+        Of M and K in it, 1/s^2 and 1, and of d in v0 + v1 = rate d, 1/s.
+    """
     u, v, mass_v, stiffness_u = moving
     d, stiffness_d, right = increment
     inertia, stretch, rate = factors

@@ -28,6 +28,7 @@ from ..integration import Steps
 from ..loading import Loading, warn_of_unreduced
 from ..preparation import STEPS, PeriodSettings, driving
 from ..states import Rows, SampledStates
+from ..steps import step_coefficients
 from .history import row_of, row_size, sampled
 from .kept_fields import KeptFields
 from .steps import KEPT_RESPONSES, UnreducedSteps
@@ -199,14 +200,11 @@ class UnreducedDriven:
     @functools.cached_property
     def _modal_map(self) -> np.ndarray:
         """(m, 2, 2): the period map of each computed mode without loads and contact, in (weight q, p)."""
-        march = self.march
-        # d = q1 - q0 of a free step, p1 = 2 d / h - p0
-        to_q, to_p = -2.0 * march.omega**2 / march.left[0], 2.0 * march.rate / march.left[0]
-        rows = [
-            [1.0 + to_q, self.weight * to_p],
-            [march.rate * to_q / self.weight, march.rate * to_p - 1.0],
-        ]
-        return np.linalg.matrix_power(np.moveaxis(np.array(rows), 2, 0), self.period.steps)
+        omega, step = self.march.omega, self.march.step
+        ratios = self.period.model.damping_ratios(omega)
+        a, b, _, _, _, c, d, _, _, _ = step_coefficients(omega, ratios, step, "newmark")
+        rows = np.array([[a, self.weight * b], [c / self.weight, d]])
+        return np.linalg.matrix_power(np.moveaxis(rows, 2, 0), self.period.steps)
 
     def linear_resolvent(self, vector: np.ndarray) -> np.ndarray:
         """(Phi - 1)^-1 of the motion without contact: closed form in the modes, -1 above them. Collective."""
@@ -252,7 +250,7 @@ class UnreducedDriven:
         found["reactions"] = 0.5 * (borne + np.roll(borne, -1, axis=0))
         # the mean of the accelerations of the two steps beside an instant
         found["acceleration"] = (np.roll(speeds, -1, axis=0) - np.roll(speeds, 1, axis=0)) / apart
-        kept = fields.rolled(1).complete(count) if fields.wanted else None
+        kept = fields.rolled().complete(count) if fields.wanted else None
         return sampled(march, found, kept)
 
 

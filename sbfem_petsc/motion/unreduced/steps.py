@@ -35,7 +35,7 @@ from ..initial import full_shapes
 from ..integration import Steps
 from .contact import StepContact
 from .ground import Ground, SparseColumns, probe_rows
-from .kernels import Increment, Moving, StepFactors, add_columns, advance, form
+from .kernels import add_columns, advance, form
 
 # Contact rows up to which the responses of all unknowns are kept: adding more vectors takes longer than a
 # second solve does.
@@ -368,9 +368,9 @@ class UnreducedSteps:
         solved = self.solve_step(drive, acting)
         self.pencil.stiffness.mult(self.d, self.product)
         lost = advance(
-            Moving(self.u, self.v, self.mass_v, self.stiffness_u),
-            Increment(self.d.array_r, self.product.array_r, self.right.array_r),
-            StepFactors(self.inertia, self.stretch, self.rate),
+            (self.u, self.v, self.mass_v, self.stiffness_u),
+            (self.d.array_r, self.product.array_r, self.right.array_r),
+            (self.inertia, self.stretch, self.rate),
         )
         for place, velocity, change in (
             (self.at_u, self.at_v, solved.probes),
