@@ -151,7 +151,7 @@ def periodic(
     """
     settings = PeriodSettings(periods, steps, modes, contact, jacobian, longest, segments, accuracy=accuracy)
     with collective(communicator(model)):
-        check_reduction("periodic", reduction)
+        check_reduction("periodic", reduction, model)
         if guess is not None:
             instance("periodic", "guess", guess, Orbit, "an Orbit")
         if search is not None:
@@ -211,10 +211,8 @@ def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
             # more steps alone, whose derivative their error has been told by
             if period.unknowns == former.unknowns <= WHOLE:
                 derivative = fixed.monodromy
-        elif guess is not None and guess.reduced is not None:  # checked
-            state = begun(guess.state, guess.reduced, driven)
         else:
-            state = period.begun(driven.linear_state)
+            state = begun(guess, driven)
         fixed, path = _found(way, settings, period, state, derivative)
         path = path if near is None else first
         return Told(fixed.driven.period, (fixed, path), harmonic_error_estimates(fixed))

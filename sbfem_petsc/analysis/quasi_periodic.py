@@ -33,13 +33,14 @@ from ..continuation.problems.torus import Torus, exponents, line_error_estimates
 from ..errors import SolveError, on_all_ranks, warn
 from ..motion.contact_work import MOST, times_more, warn_of_contact_work
 from ..motion.excitation import Excitation
-from ..motion.loading import Loading, Wanted, communicator, loading, serving
+from ..motion.loading import Loading, communicator, loading
 from ..motion.preparation import (
     PeriodSettings,
     beginning,
     following,
     prepare,
     refuse_falling,
+    serving,
     steps_of,
 )
 from ..motion.two_tones import drives, highest, tone
@@ -193,10 +194,7 @@ class _TwoTones(NamedTuple):
     def prepared(self, settings: PeriodSettings, near: _Told | None) -> Torus:
         """The map in the modes and steps of settings. Collective."""
         what, fastest = "quasi_periodic", highest(self.driven, self.frequencies)
-        first = settings.first or None if isinstance(self.model, Model) else None
-        modes = first if settings.modes is None else settings.modes
-        wanted = Wanted(modes, settings.accuracy, settings.most, bool(settings.vectors))
-        reduced = serving(what, self.model, self.loads, wanted, fastest)
+        reduced = serving(what, self.model, self.loads, settings, fastest)
         refuse_falling(what, reduced.friction)
         steps = _steps(reduced, self.driven, self.frequencies, self.samples, settings)
         require_compiler(what, self.model.comm)

@@ -266,11 +266,12 @@ class _Run:
 
     def followed(self, reduction: object, stability: bool | None) -> Branch:
         """Of the model as it is or of a reduced one."""
-        if reduction is None:
-            return self._unreduced(stability)
         what = self.over.owner
         with collective(self.comm):
-            check_reduction(what, reduction)
+            check_reduction(what, reduction, self.model)
+        if reduction is None:
+            return self._unreduced(stability)
+        with collective(self.comm):
             require_at(what, "guess", self.guess, self.begins, self.settings.periods)
         begun = self._begun()
         accuracy = Accuracy(what, self.model, begun.settings)
@@ -387,10 +388,7 @@ class _Curve:
 def _first(period: Period, over: ParameterRange, guess: Orbit | None) -> np.ndarray:
     """State of the first motion of a curve."""
     driven = over.at(period, over.start)
-    state = period.begun(driven.linear_state)
-    if guess is not None and guess.reduced is not None:  # checked
-        state = begun(guess.state, guess.reduced, driven)
-    return find_steady_state(driven, state, multiples=False)[0].state
+    return find_steady_state(driven, begun(guess, driven), multiples=False)[0].state
 
 
 def _with_room(owner: str, period: Period | UnreducedPeriod, settings: BranchSettings) -> BranchSettings:

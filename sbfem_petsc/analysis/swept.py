@@ -13,9 +13,9 @@ from ..continuation.problems.driven_orbits import ParameterRange
 from ..errors import wrong_input
 from ..loads import Load, Loads
 from ..motion.integration import Steps
-from ..motion.loading import Wanted, amplitudes_only, communicator, loading, serving
+from ..motion.loading import amplitudes_only, communicator, loading
 from ..motion.period_map import Period
-from ..motion.preparation import PeriodSettings, check_guess, following, prepare
+from ..motion.preparation import PeriodSettings, check_guess, following, prepare, serving
 from ..motion.reduced_history import ReducedIntegrator
 from ..motion.states import ModalStates
 from ..motion.step_plan import contact_steps
@@ -110,7 +110,7 @@ def swept_response(
     settings = PeriodSettings(1, steps, modes, band=highest, accuracy=accuracy, vectors=False)
     settings = following(settings, model, MOST_OF_MANY)
     if settings.accuracy is None:
-        reduced = serving(what, model, loads, Wanted(modes), highest)
+        reduced = serving(what, model, loads, settings, highest)
     else:
         period, told = _accurate(model, load, (start, stop), settings)
         reduced, least = period.reduced, max(least, period.steps)

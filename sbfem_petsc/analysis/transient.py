@@ -25,8 +25,8 @@ from ..motion.files.history_file import HistoryFile
 from ..motion.history import History, of_instants
 from ..motion.initial import modal_start
 from ..motion.integration import Integrator, Steps, chunks
-from ..motion.loading import Loading, Wanted, communicator, loading, moved_up_to, serving, warn_of_unreduced
-from ..motion.preparation import PeriodSettings, check_reduction
+from ..motion.loading import Loading, communicator, loading, moved_up_to, warn_of_unreduced
+from ..motion.preparation import PeriodSettings, check_reduction, serving
 from ..motion.reduced_history import ReducedIntegrator
 from ..motion.reduced_history import row_size as reduced_row
 from ..motion.states import Rows
@@ -164,9 +164,7 @@ def transient(
     """
     comm, unreduced = communicator(model), reduction is None
     with collective(comm):
-        check_reduction("transient", reduction)
-        if unreduced:
-            _check_unreduced(model)
+        check_reduction("transient", reduction, model)
         if not flag("transient", "in_memory", in_memory) and file is None:
             raise ValueError(
                 "transient: in_memory = False needs a file to hold the history, file = 'history.journal'"
@@ -193,7 +191,8 @@ def transient(
         if isinstance(model, Model) and unreduced:
             problem = _unreduced(model, loads, initial, modes, contact, step is not None)
         else:
-            served = serving("transient", model, loads, Wanted(modes), loads.highest_frequency)
+            asked = PeriodSettings(modes=modes)
+            served = serving("transient", model, loads, asked, loads.highest_frequency)
             problem = _reduced(record.adopt(served), loads, initial, contact, scheme)
         count, step, every = _planned(problem, duration, step, decimation, record.former)
         integration = "implicit" if unreduced else scheme
@@ -439,12 +438,6 @@ def _check_accuracy(accuracy: float | None, unreduced: bool, initial: Any) -> No
             f"transient: accuracy = {accuracy:g} is for the reduced model from a state that is not given in "
             "modal coordinates: leave it out"
         )
-
-
-def _check_unreduced(model: Model | ReducedModel) -> None:
-    """Raise unless the model itself can be integrated."""
-    if isinstance(model, ReducedModel):
-        raise ValueError("transient: reduction = None needs the model itself, not a reduced one")
 
 
 def check_initial(initial: Any, unreduced: bool) -> None:

@@ -17,7 +17,7 @@ from ..motion.steps import free_motion
 from ..reduction.build import wider
 from ..reduction.reduced_model import ReducedModel, share_modes
 from .newton import attempt
-from .orbit import LOWEST, modal_motion
+from .orbit import LOWEST, Orbit, modal_motion
 from .problem import FINER_GAIN
 from .shooting import WHOLE, Shooting
 
@@ -237,13 +237,17 @@ def in_modes(states: np.ndarray, old: ReducedModel, new: ReducedModel) -> np.nda
     return result
 
 
-def begun(state: np.ndarray, old: ReducedModel, driven: DrivenPeriod) -> np.ndarray:
-    """A motion's state in the modes of a period to begin with: further ones move as without contact."""
-    new = driven.period.reduced
+def begun(guess: Orbit | None, driven: DrivenPeriod) -> np.ndarray:
+    """A state to begin with: that of a reduced model's motion in the modes of a period, of which further ones
+    move as without contact, or without a motion that of the linear response.
+    """
+    if guess is None or guess.reduced is None:
+        return driven.linear_state
+    old, new = guess.reduced, driven.period.reduced
     if share_modes(old, new):
-        return driven.period.begun(state)
+        return driven.period.begun(guess.state)
     result, (_, places) = driven.linear_state.copy(), _shared(old, new)
-    result[places] = in_modes(state, old, new)[places]
+    result[places] = in_modes(guess.state, old, new)[places]
     return result
 
 

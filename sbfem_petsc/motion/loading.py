@@ -1,4 +1,4 @@
-"""From a user's loads to unit loads with signals, and to the reduced model that serves them."""
+"""From a user's loads to unit loads with signals, and what is said of models that do not resolve them."""
 
 from __future__ import annotations
 
@@ -6,16 +6,15 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from numbers import Real
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from ..checks import optional_integer, real, shown
-from ..errors import wrong_input
+from ..checks import real, shown
 from ..loads import EdgeMotion, Load, Loads, as_loads, separate
 from ..petsc import MPI
 from ..ranks.parallel import collective
-from ..reduction.build import MOST_MODES, default_modes, modes_for, reduced
+from ..reduction.build import default_modes
 from ..reduction.reduced_model import SYSTEM, ReducedModel
 from ..signals.sampling import known
 from ..signals.signal import Constant, Signal, as_signal
@@ -242,66 +241,7 @@ def _varies(value: Any) -> bool:
     return isinstance(value, Signal) and not isinstance(value, Constant)
 
 
-class Wanted(NamedTuple):
-    """Modes that an analysis asks for.
-
-    Attributes
-    ----------
-    modes : int or None
-        None: by default all modes up to 8 times the loads' highest frequency, at least 80.
-    accuracy : float or None
-        Of the lowest harmonics, which then tells the default number of modes.
-    most : int
-        Modes by default for an accuracy, unless those up to 8 times the frequency are more.
-    vectors : bool
-        Whether vectors behind them stand for further ones.
-    """
-
-    modes: int | None
-    accuracy: float | None = None
-    most: int = MOST_MODES
-    vectors: bool = False
-
-
-def serving(
-    owner: str,
-    system: Model | ReducedModel,
-    loads: Loading,
-    wanted: Wanted,
-    highest: float,
-) -> ReducedModel:
-    """The reduced model for an analysis: the system itself, or one made of the model and kept there.
-    Collective.
-
-    Parameters
-    ----------
-    wanted : Wanted
-    highest : float
-        Highest load frequency, Hz.
-    """
-    modes, accuracy, most, vectors = wanted
-    if isinstance(system, ReducedModel):
-        if modes is not None:
-            raise wrong_input(
-                f"{owner}: modes = {shown(modes)} has no meaning beside a reduced model; reduce it to so "
-                "many modes"
-            )
-        _warn_of_reduced(owner, system, loads, highest)
-        return system
-    with collective(system.comm):
-        modes = optional_integer(owner, "modes", modes, least=1, most=system.boundary_unknowns // 2)
-    system.require_support(f"{owner} of the reduced model")
-    # what has no known band shakes vectors as well, which answer as modes do below their own band alone
-    known = all(signal.highest_frequency is not None for signal in loads.signals)
-    vectors = vectors and known
-    if modes is None and accuracy is not None:
-        modes = modes_for(system, highest if known else 0.0, accuracy, most, vectors)
-    result = reduced(system, loads.units, modes or default_modes(system, highest), vectors)
-    _warn_of_reduced(owner, result, loads, highest)
-    return result
-
-
-def _warn_of_reduced(owner: str, reduced: ReducedModel, loads: Loading, highest: float) -> None:
+def warn_of_reduced(owner: str, reduced: ReducedModel, loads: Loading, highest: float) -> None:
     """Warn of modes too few or cells too large for loads; of one that knows its modes. Collective."""
     r = reduced
     if r.modal is None:

@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
-from ..checks import shown
+from ..checks import optional_integer, shown
 from ..contact.friction import Friction
 from ..errors import wrong_input
 from ..ranks.capacity import require_compiler, require_memory
 from ..ranks.parallel import collective
+from ..reduction import build
 from ..reduction.build import ACCURATE, LEAST_MODES, MOST_MODES, modes_for
 from ..reduction.left_out import BEHIND
 from ..reduction.reduced_model import ReducedModel, share_modes
@@ -19,7 +20,7 @@ from ..signals.waves import Harmonic
 from ..system.model import Model
 from ..system.solve.pencil import top_of_band
 from .excitation import LINES, Excitation
-from .loading import Loading, Wanted, communicator, loading, serving
+from .loading import Loading, communicator, loading, warn_of_reduced
 from .period_map import Period
 from .step_plan import CONTACT_STEP, contact_steps, warn_if_coarse
 
@@ -179,10 +180,7 @@ def prepare(
     unknown = any(signal.highest_frequency is None for signal in loads.signals)
     highest = max(frequency if unknown else 0.0, loads.highest_frequency)
     highest *= (settings.band or frequency) / frequency
-    first = settings.first or None if isinstance(system, Model) else None
-    modes = first if settings.modes is None else settings.modes
-    wanted = Wanted(modes, settings.accuracy, settings.most, bool(settings.vectors))
-    reduced = serving(owner, system, loads, wanted, highest)
+    reduced = serving(owner, system, loads, settings, highest)
     with collective(communicator(system)):
         if guess is not None:
             check_guess(owner, guess, reduced, carried=True)
@@ -195,6 +193,34 @@ def prepare(
         steps = multiple * math.ceil(steps / multiple)
     require_period(owner, reduced, steps * excitation.periods, len(excitation.orders), settings.contact)
     return Period(reduced, excitation, steps * excitation.periods, settings.contact)
+
+
+def serving(
+    owner: str, system: Model | ReducedModel, loads: Loading, settings: PeriodSettings, highest: float
+) -> ReducedModel:
+    """The reduced model for an analysis under loads up to a frequency, Hz: the system itself, or one made of
+    the model and kept there. Collective.
+    """
+    if isinstance(system, ReducedModel):
+        if settings.modes is not None:
+            raise wrong_input(
+                f"{owner}: modes = {shown(settings.modes)} has no meaning beside a reduced model; reduce it "
+                "to so many modes"
+            )
+        warn_of_reduced(owner, system, loads, highest)
+        return system
+    modes = settings.first or None if settings.modes is None else settings.modes
+    with collective(system.comm):
+        optional_integer(owner, "modes", modes, least=1, most=system.boundary_unknowns // 2)
+    system.require_support(f"{owner} of the reduced model")
+    # what has no known band shakes vectors as well, which answer as modes do below their own band alone
+    known = all(signal.highest_frequency is not None for signal in loads.signals)
+    vectors = bool(settings.vectors) and known
+    if modes is None and settings.accuracy is not None:
+        modes = modes_for(system, highest if known else 0.0, settings.accuracy, settings.most, vectors)
+    result = build.reduced(system, loads.units, modes or build.default_modes(system, highest), vectors)
+    warn_of_reduced(owner, result, loads, highest)
+    return result
 
 
 def steps_of(
@@ -270,21 +296,21 @@ def finer(owner: str, period: Period, times: int) -> Period:
     return period.in_steps(steps)
 
 
-def check_reduction(owner: str, reduction: object) -> None:
-    """Raise TypeError unless it is "modes" or None."""
+def check_reduction(owner: str, reduction: object, model: object) -> None:
+    """Raise TypeError unless it is "modes" or None; ValueError for None beside a reduced model."""
     if reduction is not None and not (isinstance(reduction, str) and reduction == "modes"):
         raise TypeError(
             f"{owner}: reduction = {shown(reduction)} must be 'modes' or None; a reduced model is given in "
             "the place of the model"
         )
-
-
-def require_unreduced(owner: str, model: object, given: Mapping[str, Any]) -> None:
-    """Raise ValueError unless it is a model itself, and nothing is given that motions of the unreduced one do
-    not have: arguments by their names, None where they are left out.
-    """
-    if not isinstance(model, Model):
+    if reduction is None and not isinstance(model, Model):
         raise ValueError(f"{owner}: reduction = None needs the model itself, not a reduced one")
+
+
+def require_unreduced(owner: str, model: Model | ReducedModel, given: Mapping[str, Any]) -> None:
+    """Raise ValueError where something is given that motions of an unreduced model do not have: arguments by
+    their names, None where they are left out.
+    """
     model.require_frictionless(f"{owner} of the unreduced model")
     for name, value in given.items():
         if value is not None:
