@@ -21,7 +21,8 @@ from .follow import Line
 from .multipliers import outside
 from .newton import attempt
 from .orbit import uncertainty_of
-from .problem import Point, Wider
+from .problem import Point
+from .problems.driven_orbits import WiderOrbits
 
 # So many times the steps.
 TIMES = 2, 4
@@ -139,7 +140,7 @@ def _moved(line: Line, k: int, located: Callable[[_MoreModes], float], value: fl
 class _MoreModes:
     """The way from point k of a line to the next one in more modes."""
 
-    def __init__(self, line: Line, k: int, more: Wider):
+    def __init__(self, line: Line, k: int, more: WiderOrbits):
         self.more = more
         first = max(0, k - 1)
         around = [self.moved(point) for point in line.points[first : k + 3]]

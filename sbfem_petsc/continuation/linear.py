@@ -13,7 +13,7 @@ from scipy import linalg, sparse
 from scipy.sparse.linalg import splu
 
 from ..petsc import MPI, PETSc, check_ksp, configure, free, require_thread, scripted, solving
-from .problem import Lost
+from .problem import Linear, Lost
 
 PREFIX = "shooting_"
 # GMRES: residual relative to the right side, vectors kept, restarts.
@@ -292,8 +292,8 @@ def by_gmres(
         free(comm, ksp, pc, given, found, matrix)
 
 
-class Sparse:
-    """Equations as a sparse matrix (n, n + 1)."""
+class Sparse(Linear):
+    """Equations as a sparse matrix (n, n + 1), solved one by one, along no line."""
 
     def __init__(self, matrix: sparse.spmatrix):
         self.matrix, self.rows = matrix, matrix.shape[0]
@@ -301,10 +301,6 @@ class Sparse:
     def bordered(self, row: np.ndarray) -> SparseBorder:
         """See `problem.Linear`."""
         return SparseBorder(self.matrix, row)
-
-    def mixed(self, others: Sequence[Any], weights: Sequence[float]) -> None:
-        """See `problem.Linear`: these are solved one by one, along no line."""
-        return None
 
 
 class SparseBorder:

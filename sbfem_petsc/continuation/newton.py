@@ -37,10 +37,6 @@ def attempt(
         return None
 
 
-class TooManyIterations(Lost):
-    """Newton's method has taken more iterations than it was to."""
-
-
 class Updated:
     """The inverse of a bordered operator that dyads have been added to, by Sherman and Morrison's formula.
 
@@ -139,11 +135,16 @@ class _Newton:
             self.inverse = Updated(self.near.bordered(here.row), problem.sum)
         while here.norm > problem.closed:
             if self.effort > self.most:
-                raise TooManyIterations(f"Newton's method takes more than {self.most:g} iterations")
+                raise Lost(f"Newton's method takes more than {self.most:g} iterations")
             if self.effort >= ITERATIONS:
                 raise self._failed(here.norm)
-            whole = -self._inverse(here).solve(here.right)
-            size = self._size(whole)
+            self.exact = self.inverse is None
+            if self.inverse is None:
+                self.inverse = Updated(here.state.linear().bordered(here.row), problem.sum)
+                self.made += 1
+            whole = -self.inverse.solve(here.right)
+            scaled = whole / self.units
+            size = problem.sum(float(scaled @ scaled)) ** 0.5
             share, following = self._backtracked(here, whole)
             if following is None:
                 if size <= ROUNDED * problem.settled or here.norm <= problem.scatter:
@@ -161,17 +162,6 @@ class _Newton:
             here = following
         value = problem.value(here.u)[0]
         return Point(problem, here.u, here.state, value, self.effort, tuple(self.residuals))
-
-    def _inverse(self, here: _Iterate) -> Updated:
-        self.exact = self.inverse is None
-        if self.inverse is None:
-            self.inverse = Updated(here.state.linear().bordered(here.row), self.problem.sum)
-            self.made += 1
-        return self.inverse
-
-    def _size(self, step: np.ndarray) -> float:
-        scaled = step / self.units
-        return self.problem.sum(float(scaled @ scaled)) ** 0.5
 
     def _backtracked(self, here: _Iterate, whole: np.ndarray) -> tuple[float, _Iterate | None]:
         """The first share of a step after which less is missed than at one of the last few iterates, and the

@@ -53,9 +53,10 @@ class Linear(Protocol):
         """With a row below them. Raises `Lost` where that is singular."""
 
     def mixed(self, others: Sequence[Any], weights: Sequence[float]) -> Linear | None:
-        """Weighted sum of others, what is expected between or beyond them; itself where there is no sum, None
-        where derivatives are better made there.
+        """Weighted sum of others, what is expected between or beyond them; itself where there is no sum. None
+        where derivatives are better made there, as those that say nothing else are.
         """
+        return None
 
 
 class State(Protocol):
@@ -177,9 +178,9 @@ class Problem:
         """The same equations in so many times the steps of time."""
         raise Lost("the equations have no finer steps")
 
-    def wider(self, times: int) -> Wider | None:
-        """The same equations in more modes, in so many times the steps of time; None where nothing is known
-        of those that are left out, or there are none.
+    def wider(self, times: int) -> Any:
+        """The same equations in more modes, in so many times the steps of time: `driven_orbits.WiderOrbits`.
+        None where nothing is known of those that are left out, or there are none.
         """
         return None
 
@@ -198,31 +199,6 @@ class Problem:
     def recalled(self, u: np.ndarray, value: float, memory: np.ndarray) -> Point:
         """The point of a former run with these unknowns, value and memory."""
         return Point(self, u, self.at(u), value)
-
-
-class Wider(Protocol):
-    """Equations in more modes, for what those that are left out do.
-
-    Attributes
-    ----------
-    problem : Problem
-    factor : float
-        Of a change in these modes, what it tells of the error; inf where they have no part in the motion.
-    """
-
-    problem: Any
-    factor: float
-
-    def free(self, value: float, place: float) -> float:
-        """Product of the distances of the multipliers of the further modes' free motions from a place on the
-        real axis, at a value.
-        """
-
-    def moved(self, u: np.ndarray) -> np.ndarray:
-        """Unknowns in as many steps, or fewer, in these modes."""
-
-    def state(self, point: Point, u: np.ndarray) -> State:
-        """The state of a solution's unknowns that have been moved, with about the linearised equations."""
 
 
 @dataclass(eq=False)

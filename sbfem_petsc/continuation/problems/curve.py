@@ -202,7 +202,38 @@ class CurveState:
         """(21, k, points, 2) lines at multiples of the faster tone plus those of the slower one, m, of all
         named points or of others. Collective.
         """
-        return _lines(self, points or self.problem.period.reduced.points)
+        points = points or self.problem.period.reduced.points
+        problem, motions, rotation = self.problem, self.motions, self.rotation
+        period, samples = problem.period, len(motions)
+        steps, half = period.steps, samples // 2
+        lines = min(LINES, steps // 2 - 1)
+        orders, seen = np.arange(-half, half + 1), points.modes.shape[:2]
+        found = np.zeros((lines + 1, len(orders), *seen), dtype=complex)
+        mine = [(i, problem.seen(motion)) for i, motion in enumerate(motions) if motion is not None]
+        over_samples = np.exp(-2j * np.pi * orders[:, None] * [i for i, _ in mine] / samples) / samples
+        for begin in range(0, steps if mine else 0, INSTANTS):
+            part = slice(begin, min(begin + INSTANTS, steps))
+            u = np.array([_moved(points, period.pairs, motion, part) for _, motion in mine])
+            # the slower tone's lines over the samples at each instant, then the faster one's over these
+            slow = np.tensordot(over_samples, u, axes=1)
+            share = np.arange(part.start, part.stop) / steps
+            forward = np.exp(-2j * np.pi * np.arange(lines + 1)[:, None] * share) / steps
+            for j, order in enumerate(orders):
+                turned = np.exp(-2j * np.pi * order * rotation * share)[:, None] * slow[j]
+                found[:, j] += (forward @ turned).reshape(-1, *seen)
+        problem.comm.Allreduce(MPI.IN_PLACE, found)
+        found *= 2.0
+        found[0, half] *= 0.5
+        if samples % 2 == 0:  # both ends of the range are the same harmonic of the samples
+            found[:, [0, -1]] *= 0.5
+        for tone, (drive, amplitudes) in enumerate(problem.linear_response(self.value)):
+            response = np.einsum("pim,km->kpi", points.modes, amplitudes)
+            response += np.einsum("pil,kl->kpi", points.loads, drive.amplitudes)
+            for order, value in zip(drive.orders, response):
+                place = (order, half) if tone == 0 else (0, half + order)
+                if place[0] <= lines and place[1] < len(orders):
+                    found[place] += value
+        return found
 
     @property
     def peak(self) -> float:
@@ -274,7 +305,7 @@ class CurveState:
         return (self.problem.images(self.states, self.value + difference)[0] - self.ends) / difference
 
 
-class CurveLinear:
+class CurveLinear(Linear):
     """The linearised equations. They have no sum with those of other curves, whose derivatives are as dear as
     their own.
     """
@@ -282,50 +313,11 @@ class CurveLinear:
     def __init__(self, state: CurveState, smooth: bool):
         self.state, self.smooth, self.rows = state, smooth, len(state.u) - 1
 
-    def mixed(self, others: Sequence[Linear], weights: Sequence[float]) -> None:
-        """See `problem.Linear`."""
-        return None
-
     def bordered(self, row: np.ndarray) -> CurveBorder:
         """See `problem.Linear`."""
         state, problem = self.state, self.state.problem
         units = problem.units(state.u)[0], problem.unit
         return CurveBorder(*state.linearised(self.smooth), problem.phase, row, units)
-
-
-def _lines(state: CurveState, points: LinearOutput) -> np.ndarray:
-    """See `CurveState.lines`."""
-    problem, motions, rotation = state.problem, state.motions, state.rotation
-    period, samples = problem.period, len(motions)
-    steps, half = period.steps, samples // 2
-    lines = min(LINES, steps // 2 - 1)
-    orders, seen = np.arange(-half, half + 1), points.modes.shape[:2]
-    found = np.zeros((lines + 1, len(orders), *seen), dtype=complex)
-    mine = [(i, problem.seen(motion)) for i, motion in enumerate(motions) if motion is not None]
-    over_samples = np.exp(-2j * np.pi * orders[:, None] * [i for i, _ in mine] / samples) / samples
-    for begin in range(0, steps if mine else 0, INSTANTS):
-        part = slice(begin, min(begin + INSTANTS, steps))
-        u = np.array([_moved(points, period.pairs, motion, part) for _, motion in mine])
-        # the slower tone's lines over the samples at each instant, then the faster one's over the instants
-        slow = np.tensordot(over_samples, u, axes=1)
-        share = np.arange(part.start, part.stop) / steps
-        forward = np.exp(-2j * np.pi * np.arange(lines + 1)[:, None] * share) / steps
-        for j, order in enumerate(orders):
-            turned = np.exp(-2j * np.pi * order * rotation * share)[:, None] * slow[j]
-            found[:, j] += (forward @ turned).reshape(-1, *seen)
-    problem.comm.Allreduce(MPI.IN_PLACE, found)
-    found *= 2.0
-    found[0, half] *= 0.5
-    if samples % 2 == 0:  # both ends of the range are the same harmonic of the samples
-        found[:, [0, -1]] *= 0.5
-    for tone, (drive, amplitudes) in enumerate(problem.linear_response(state.value)):
-        response = np.einsum("pim,km->kpi", points.modes, amplitudes)
-        response += np.einsum("pil,kl->kpi", points.loads, drive.amplitudes)
-        for order, value in zip(drive.orders, response):
-            place = (order, half) if tone == 0 else (0, half + order)
-            if place[0] <= lines and place[1] < len(orders):
-                found[place] += value
-    return found
 
 
 def _moved(points: LinearOutput, pairs: int, motion: PeriodMotion, part: slice) -> np.ndarray:

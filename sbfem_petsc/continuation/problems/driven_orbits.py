@@ -248,7 +248,14 @@ class Orbits(Problem):
 
 
 class WiderOrbits:
-    """See `problem.Wider`."""
+    """Motions in more modes, for what those that are left out do.
+
+    Attributes
+    ----------
+    problem : Orbits
+    factor : float
+        Of a change in these modes, what it tells of the error; inf where they have no part in the motion.
+    """
 
     def __init__(self, orbits: Orbits, more: ReducedModel, times: int):
         own = orbits.period.reduced
@@ -260,21 +267,23 @@ class WiderOrbits:
         self.factor = beyond(own, more)
 
     def moved(self, u: np.ndarray) -> np.ndarray:
-        """See `problem.Wider`."""
+        """Unknowns in as many steps, or fewer, in these modes."""
         value = float(u[-1])
         old, new = self.own.driven(value), self.problem.driven(value)
         added = in_modes(u[:-1] - old.linear_state, old.period.reduced, new.period.reduced)
         return np.append(new.linear_state + added, value)
 
     def state(self, point: Point, u: np.ndarray) -> OrbitState:
-        """See `problem.Wider`."""
+        """The state of a solution's unknowns that have been moved, with about the linearised equations."""
         state = self.problem.at(u)
         derivative = carried_derivative(point.state, state.driven, state.state)
         state.begin(derivative)
         return state
 
     def free(self, value: float, place: float) -> float:
-        """See `problem.Wider`."""
+        """Product of the distances of the multipliers of the further modes' free motions from a place on the
+        real axis, at a value.
+        """
         own, wide = self.own.period.reduced, self.problem.period.reduced
         first, duration = own.natural, self.problem.driven(value).duration
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import math
-from dataclasses import field, replace
-from typing import Any, ClassVar
+from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -78,7 +79,6 @@ class Backbone(OfOrbits):
     damped: bool = quantity("1", "whether with the model's damping")
     reason: str = quantity(text="why the branch ends")
     complete: bool = quantity("1", "whether it reached the last energy", row=True)
-    _system: FreeSystem = field(repr=False)
     excitation: np.ndarray = quantity(
         "1/s", "self-excitation that makes up for damping", "point", detail=True
     )
@@ -86,42 +86,34 @@ class Backbone(OfOrbits):
         "Hz", "frequency in the branch's own steps", "point", detail=True, least=1e-300
     )
 
-    @derived(text="the reduced model", part="ReducedModel", back=True, detail=True)
-    def reduced_model(self) -> ReducedModel:
-        """The reduced model."""
-        return self.reduced
-
-    @derived("1", "time steps a period of the motion", back=True, detail=True, least=1)
-    def steps(self) -> int:
-        """A period."""
-        return self._system.steps
-
-    @classmethod
-    def _revived(cls, found: dict[str, Any]) -> Backbone:
-        """From a file: the system anew."""
-        reduced, steps = found.pop("reduced_model"), found.pop("steps")
-        if reduced is None or steps is None or found["mode"] > reduced.natural:
-            raise ValueError("the reduced model, the steps or the mode is missing")
-        require_waves(steps, 1)
-        return cls(**found | {"_system": FreeSystem(reduced, found["mode"] - 1, steps)})
+    reduced_model: ReducedModel = quantity(text="the reduced model", part="ReducedModel", detail=True)
+    steps: int = quantity("1", "time steps a period of the motion", detail=True, least=1)
 
     def check(self) -> None:
         """Raise ValueError unless points and model belong together."""
         modes = len(self.reduced.omega)
+        require_waves(self.steps, 1)
         if (
             not len(self.energy)
+            or self.mode > self.reduced.natural
             or self.states.shape[1] != 2 * modes
             or self.point_harmonics.shape[1:3] != self.reduced.points.modes.shape[:2]
             or any(event.after > len(self.energy) for event in self.events)
         ):
             raise ValueError(
-                f"{len(self.energy)} motions are not those of {modes} modes and {len(self.points)} points"
+                f"{len(self.energy)} motions of mode {self.mode} are not those of {modes} modes and "
+                f"{len(self.points)} points"
             )
 
     @property
     def reduced(self) -> ReducedModel:
         """The reduced model whose motions these are."""
-        return self._system.reduced
+        return self.reduced_model
+
+    @functools.cached_property
+    def _system(self) -> FreeSystem:
+        """Whose motions these are."""
+        return FreeSystem(self.reduced, self.mode - 1, self.steps)
 
     @derived("1", "whether small disturbances die out", "point", kinds="b")
     def stable(self) -> np.ndarray:
@@ -256,14 +248,6 @@ class Rows:
             "own_frequency": state.frequency,
         }
 
-    @staticmethod
-    def _bend(line: Line) -> np.ndarray:
-        """(1, n): how far frequencies are from the lowest one, and the range of them: what a curve over the
-        energy shows.
-        """
-        frequency = line.told("own_frequency")
-        return (frequency - frequency.min() + np.ptp(frequency))[None]
-
     def _finer(self, point: Point) -> FreeState:
         """The same motion in half the step; that of closed faces by way of damped ones where it has to be."""
         finer = point.problem.finer(2)
@@ -276,7 +260,13 @@ class Rows:
 
     def refine_line(self, line: Line, decades: float) -> None:
         """Further points where the branch bends, passes interactions or turns in energy."""
-        refine(line, lambda: np.log(line.values) / decades, lambda: self._bend(line), self.tell)
+
+        def above() -> np.ndarray:
+            """(1, n): frequencies above the lowest one, and their range: what curves over the energy show."""
+            frequency = line.told("own_frequency")
+            return (frequency - frequency.min() + np.ptp(frequency))[None]
+
+        refine(line, lambda: np.log(line.values) / decades, above, self.tell)
         if self._passes:
             divide_interactions(line, self.tell)
         for before, point in reversed(folds(line)):
@@ -313,7 +303,8 @@ class Rows:
             damped=self.damped,
             reason=line.reason or "unfinished",
             complete=line.complete,
-            _system=self.system,
+            reduced_model=self.system.reduced,
+            steps=self.system.steps,
         )
 
 

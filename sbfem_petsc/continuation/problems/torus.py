@@ -10,9 +10,8 @@ from __future__ import annotations
 import copy
 import functools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -54,9 +53,6 @@ class Torus(InvariantCurves):
     """
 
     closed, gain = 1e-11, 0.02
-    # what is left out may follow its forces by a delay, s: what that adds to the gaps of samples
-    delay: float = 0.0
-    late: Mapping[int, np.ndarray] = MappingProxyType({})
 
     def __init__(
         self,
@@ -70,6 +66,8 @@ class Torus(InvariantCurves):
     ):
         self.reduced, self.drives, self.frequencies = reduction, drives, frequencies
         self.samples, self.comm = samples, comm
+        # what is left out may follow its forces by a delay, s: what that adds to the gaps of samples
+        self.delay, self.late = 0.0, dict[int, np.ndarray]()
         self.period = Period(reduction, drives[0], steps)
         self.base = self.period.at(frequencies[0])
         self.rotation = frequencies[1] / frequencies[0]

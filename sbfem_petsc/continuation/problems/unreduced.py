@@ -237,6 +237,5 @@ class UnreducedSteady(Steady):
             rtol, atol, stol, most = snes.getTolerances()
             snes.setTolerances(rtol, max(atol, finite(ROUNDED * state.round_off())), stol, most)
         linear = state.linear()
-        border = linear.bordered(self.orbits.value(np.zeros(linear.rows + 1))[1])
-        self._product.product, self._nearby.product = border.mult, border.apply
+        self._product.product, self._nearby.product = linear.products, linear.nearby
         matrix.assemble()
