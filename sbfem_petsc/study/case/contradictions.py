@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import Any
 
 from ...options import one_of
-from .names import named_places
 from .tables import Path, Problem, Table
 
 # Names that the summary of a run uses itself.
@@ -74,7 +73,7 @@ def _body(case: Any) -> Iterator[Problem]:
     given += [("model", key) for key in _PLANE if key in case.model.model_fields_set]
     for path in given:
         yield Problem(path, "is not for a [body], which is held and meshed by its own code; leave it out")
-    for path, name, _ in named_places(case):
+    for path, name, _ in case.named_places():
         if name not in case.body.points:
             yield Problem(path, f"= {name!r} is no point of the body; {one_of(case.body.points, name)}")
 

@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Iterator
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Field
 
 from meshing import beam, plate
 from meshing.gmsh import reader
@@ -104,16 +104,7 @@ class Mesh(Table):
     tip_element: bool = item(True, text="merge the cells around each crack tip into one S-element")
 
 
-def _material_kind(value: Any) -> Any:
-    return value.get("kind", "isotropic") if isinstance(value, dict) else getattr(value, "kind", None)
-
-
-Material = Annotated[
-    Annotated[Isotropic, Tag("isotropic")] | Annotated[Orthotropic, Tag("orthotropic")],
-    Discriminator(_material_kind),
-]
-
-
+Material: Any = by_kind(Isotropic, Orthotropic, default="isotropic")
 Ratio = Annotated[float, Field(ge=0, lt=1)]
 
 

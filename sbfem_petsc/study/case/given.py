@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -50,6 +50,29 @@ class Tables(Table):
     def kind(self) -> str:
         """That of the geometry or the body."""
         return getattr(self.body or self.geometry, "kind", "")
+
+    @property
+    def clamped(self) -> tuple[str, ...]:
+        """Names of what is held fixed; a beam's default is its left end."""
+        if self.model.clamped is None:
+            return ("left",) if self.kind == "beam" and not self.model.supports else ()
+        return tuple(self.model.clamped)
+
+    def named_places(self) -> Iterator[tuple[Path, str, str]]:
+        """Names of places that the mesh or the body must have: where in the case, which name, and what it is
+        not if it does not exist.
+        """
+        either = "neither an edge set nor a point"
+        yield from ((("model", "clamped"), name, either) for name in self.clamped)
+        for k, support in enumerate(self.model.supports):
+            yield ("model", "supports", k, "where"), support.where, either
+        for name, load in self.loads.items():
+            for key, what in (("point", "no point"), ("edge_set", "no edge set"), ("where", either)):
+                if hasattr(load, key):
+                    yield ("loads", name, key), getattr(load, key), what
+        yield from ((("output", "points"), name, "no point") for name in self.output.points or ())
+        for name, analysis in self.analyses.items():
+            yield from ((("analyses", name, *path), point, "no point") for path, point in analysis.places())
 
 
 @dataclass(frozen=True, eq=False)

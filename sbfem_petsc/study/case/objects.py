@@ -17,7 +17,6 @@ from ...loads import separate
 from ...options import one_of
 from ...signals.signal import as_signal
 from .given import Given
-from .names import clamped, named_places
 from .problems import CaseError
 from .tables import Path, Table
 
@@ -106,7 +105,7 @@ def mesh(case: Given) -> BoundaryMesh:
 def _check_names(case: Given, found: BoundaryMesh) -> None:
     points, sets, regions = tuple(found.points), tuple(found.edge_sets), tuple(found.material_names)
     valid = {"neither an edge set nor a point": (*sets, *points), "no point": points, "no edge set": sets}
-    for path, name, what in named_places(case.tables):
+    for path, name, what in case.tables.named_places():
         if name not in valid[what]:
             raise case.problem(path, f"= {name!r} is {what}; {one_of(valid[what], name)}")
     own = case.tables.materials
@@ -144,7 +143,7 @@ def model(case: Given, comm: Any, found: Any = None) -> sb.Model:
         return sb.Model(
             body,
             materials(case),
-            clamped=clamped(case.tables) or None,
+            clamped=case.tables.clamped or None,
             supports=supports,
             continued_fraction=table.continued_fraction,
             **_damping(case),

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Field
 
 from ...options import item
 from .tables import Names, Problem, Table
@@ -35,19 +35,8 @@ class Grid(Range):
     count: int = item(text="number of values", ge=1, le=MOST)
 
 
-def _values_or_range(value: Any) -> str:
-    return "range" if isinstance(value, (dict, Range)) else "values"
-
-
-Values = Annotated[
-    Annotated[list[int | float | bool | str], Field(min_length=1), Tag("values")]
-    | Annotated[Range, Tag("range")],
-    Discriminator(_values_or_range),
-]
-Times = Annotated[
-    Annotated[list[float], Field(min_length=1), Tag("values")] | Annotated[Grid, Tag("range")],
-    Discriminator(_values_or_range),
-]
+Values = Annotated[list[int | float | bool | str], Field(min_length=1)] | Range
+Times = Annotated[list[float], Field(min_length=1)] | Grid
 
 
 class Noise(Table):

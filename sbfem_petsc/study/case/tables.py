@@ -148,22 +148,20 @@ def table_of(
     return table
 
 
-def kind_of(value: Any) -> Any:
-    """Mark of a table in a union: its `kind`."""
-    return value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
-
-
-def by_kind(*tables: type[Table], number: bool = False) -> Any:
-    """Union of tables told apart by their key `kind`, and of numbers where these may stand for one."""
+def by_kind(*tables: type[Table], number: bool = False, default: str | None = None) -> Any:
+    """Union of tables told apart by their key `kind`, the default where that is left out, and of numbers
+    where these may stand for one.
+    """
     members: tuple[Any, ...] = tuple(Annotated[table, Tag(kind_name(table))] for table in tables)
     if number:
         members = (Annotated[float, Tag("number")], *members)
-    told = Discriminator(_number_or_kind if number else kind_of)
-    return Annotated[typing.Union[members], told]  # noqa: UP007 - made at run time
 
+    def told(value: Any) -> Any:
+        if isinstance(value, dict):
+            return value.get("kind", default)
+        return getattr(value, "kind", "number" if number else None)
 
-def _number_or_kind(value: Any) -> Any:
-    return kind_of(value) if isinstance(value, (dict, Table)) else "number"
+    return Annotated[typing.Union[members], Discriminator(told)]  # noqa: UP007 - made at run time
 
 
 def kind_name(table: type[BaseModel]) -> str:
