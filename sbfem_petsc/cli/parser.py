@@ -58,8 +58,7 @@ def make_parser() -> argparse.ArgumentParser:
     check = command(
         "check",
         "validate a case; say its extent, unknowns, contact pairs, and what it will take",
-        "Memory, disk and time are estimates from measurements on one core, good to a factor of "
-        "two or three.",
+        "Memory and disk are estimates from measurements, good to a factor of two.",
     )
     check.add_argument("case", metavar="CASE", help="case file")
     check.add_argument("--json", action="store_true", help="answer in JSON on standard output")

@@ -10,10 +10,6 @@ from .case.given import Given
 
 # Modes of a reduction, steps of a period, and points of a curve, where a case does not say.
 FEWEST_MODES, STEPS, CURVE_POINTS = 80, 512, 60
-# Seconds: a step of a history, for each mode and as much again for each so many contact pairs; a step of a
-# steady state without its multipliers, for the square of the modes and for the pairs, and with them.
-_HISTORY, _ALIKE = 1.5e-8, 26.0
-_SQUARE, _PAIR, MULTIPLIERS = 1.6e-9, 1.5e-7, 2.0
 # Directions of contact that the derivative keeps at an instant.
 _DIRECTIONS = 6
 
@@ -29,10 +25,6 @@ class Size:
     pairs: int
     points: int
     expected: Callable[[float, float, float | None, bool], tuple[int, int]] | None = None
-
-    def extracting(self, count: int, errors: bool = False) -> float:
-        """Seconds of so many modes, or of the half as many again that tell the errors of so many."""
-        return 0.05 + 6e-7 * self.unknowns * (1.5 * count if errors else count)
 
     def modes(self, asked: int | None) -> int:
         """Modes of a reduction."""
@@ -56,31 +48,19 @@ class Size:
             return self.modes(table.modes), table.steps or STEPS
         return self.expected(frequency, max(frequency, highest), table.accuracy, vectors)
 
-    def stepping(self, modes: int) -> float:
-        """Seconds of a step of a history."""
-        return _HISTORY * modes * (1.0 + self.pairs / _ALIKE)
-
-    def period(self, modes: int, steps: int, contact: bool = True) -> tuple[float, float]:
-        """Seconds and bytes of so many steps of a steady state; see `motion.preparation.period_memory`."""
+    def period(self, modes: int, steps: int, contact: bool = True) -> float:
+        """Bytes of so many steps of a steady state; see `motion.preparation.period_memory`."""
         pairs = self.pairs if contact else 0
-        seconds = steps * (_SQUARE * modes**2 + _PAIR * pairs)
-        return seconds, 8.0 * steps * (6 * modes + 6 * pairs + 3.5 * min(pairs, _DIRECTIONS) * modes)
+        return 8.0 * steps * (6 * modes + 6 * pairs + 3.5 * min(pairs, _DIRECTIONS) * modes)
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Seconds on one core, of what analyses of one structure share and of an analysis itself; bytes of memory
-    beside the model's, and on the disk; modes, and steps a forcing period, where it is told of these.
+    """Bytes of memory beside the model's, and on the disk; modes, and steps a forcing period, where these are
+    told.
     """
 
-    shared: float
-    own: float
     memory: float = 0.0
     disk: float = 0.0
     modes: int = 0
     steps: int = 0
-
-    @property
-    def seconds(self) -> float:
-        """Of a first analysis."""
-        return self.shared + self.own

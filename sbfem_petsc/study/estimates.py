@@ -1,11 +1,9 @@
-"""What a case will take: sizes from its mesh and model; memory, disk and time by fitted rules.
+"""What a case will take: sizes from its mesh and model; memory and disk by fitted rules.
 
-Times are those of one core of a server with MUMPS, beams of 3,206 to 112,086 unknowns with 43 to 127 contact
-pairs and 30 to 200 modes: the rules for modes, reductions, steady states and histories meet them within a
-factor of three, in the modes that steady states begin with: where these grow by default, as under fast loads,
-the paper's beam took 2.3 to 10 times as long. How many points and lines curves and loci have is not known
-beforehand. Memory is fitted to plates with ten cracks of 72,000 to 980,000 unknowns, statics and 20 modes
-apart, on one and two ranks: the rules are above what was measured, by less than a half.
+Memory is fitted to plates with ten cracks of 72,000 to 980,000 unknowns, statics and 20 modes apart, on one
+and two ranks: the rules are above what was measured, by less than a half. How many points and lines curves
+and loci have is not known beforehand. No times are told: modes that grow as an accuracy needs them, and how
+many points a curve turns out to have, made rules for these wrong by up to ten times.
 """
 
 from __future__ import annotations
@@ -20,8 +18,6 @@ from .case import objects, parameters
 from .case.analyses import KINDS
 from .case.case import Case
 from .case.problems import CaseError
-from .case.sweep import SweepTable
-from .costs import Cost
 from .structure import Structure, lines_of
 
 # Bytes: the program and its libraries, on each rank; of N log2 N of N displacement unknowns, statics with a
@@ -32,11 +28,10 @@ _STATICS, _MODES = 570.0, 760.0
 _UNREDUCED = 8e3
 # Bytes of the figures of a row of a sweep.
 ROW = 3e3
-Rows = list[dict[str, Any]]
 
 
 def estimate(case: Case, comm: Any) -> dict[str, Any]:
-    """Sizes, and estimates of memory (bytes on all ranks), disk (bytes) and time (s of one core). Collective.
+    """Sizes, and estimates of memory (bytes on all ranks) and disk (bytes). Collective.
 
     The mesh and the model are made for it, and under slow loads some modes; nothing else is solved.
     """
@@ -57,19 +52,22 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
         matrices = model_memory(kind.kind, outer, ranks=comm.size, unreduced=unreduced)
         facts["analyses"][name] = {
             "kind": kind.kind,
-            "seconds": costs[name].seconds,
             "memory": costs[name].memory + matrices,
             "disk": costs[name].disk,
             **({"modes": costs[name].modes, "steps": costs[name].steps} if costs[name].modes else {}),
         }
     entries = facts["analyses"].values()
-    facts["seconds"] = 0.2 + 5e-6 * facts["unknowns"] + sum(entry["seconds"] for entry in entries)
     facts["memory"] = max(entry["memory"] for entry in entries)
     facts["disk"] = 2e5 + sum(entry["disk"] for entry in entries)
     if case.tables.sweep is not None:
-        rows = parameters.rows(case.tables.sweep)
-        facts["sweep"] = _sweep(case.tables.sweep, rows, facts["unknowns"], costs)
-        facts["sweep"]["refused"] = on_root(comm, lambda: _refused(case, rows))
+        table, rows = case.tables.sweep, parameters.rows(case.tables.sweep)
+        kept = sum(costs[name].disk for name in table.analyses or costs) if table.histories else 0.0
+        facts["sweep"] = {
+            "rows": len(rows),
+            "structures": len({parameters.structural(row) for row in rows}),
+            "disk": len(rows) * (ROW + kept),
+            "refused": on_root(comm, lambda: _refused(case, rows)),
+        }
     return facts
 
 
@@ -89,19 +87,7 @@ def model_memory(kind: str, boundary_unknowns: int, *, ranks: int = 1, unreduced
     return ranks * _BASE_MEMORY + each * growth + _UNREDUCED * unreduced
 
 
-def _sweep(table: SweepTable, rows: Rows, unknowns: int, costs: dict[str, Cost]) -> dict[str, Any]:
-    structures = len({parameters.structural(row) for row in rows})
-    chosen = [costs[name] for name in table.analyses or costs]
-    shared = 0.2 + 5e-6 * unknowns + sum(cost.shared for cost in chosen)
-    return {
-        "rows": len(rows),
-        "structures": structures,
-        "seconds": structures * shared + len(rows) * sum(cost.own for cost in chosen),
-        "disk": len(rows) * (ROW + (sum(cost.disk for cost in chosen) if table.histories else 0.0)),
-    }
-
-
-def _refused(case: Case, rows: Rows) -> list[str]:
+def _refused(case: Case, rows: list[dict[str, Any]]) -> list[str]:
     """Rows of a sweep that cannot be drawn or meshed, of those with the least and greatest number of each key
     of the structure, and why.
     """
@@ -127,17 +113,16 @@ def as_text(case: Case, facts: dict[str, Any]) -> str:
     lines = [
         f"{case.file}: a valid case" + (f", {facts['title']!r}" if facts["title"] else ""),
         *(f"  {what:14s} {words}" for what, words in listed),
-        "  expected (estimates, one core):",
+        "  expected (estimates):",
     ]
     for name, entry in {**facts["analyses"], "all": facts}.items():
         told = f"memory {in_bytes(entry['memory'])}, disk {in_bytes(entry['disk'])}{_taken(entry)}"
-        lines.append(f"    {name:18s} {entry.get('kind', ''):18s} {duration(entry['seconds']):>9s}   {told}")
-    lines[-1] += "; the first run compiles for some 20 s more"
+        lines.append(f"    {name:18s} {entry.get('kind', ''):18s} {told}")
     if "sweep" in facts:
         found = facts["sweep"]
         lines.append(
-            f"    sweep              {found['rows']:,d} rows on {found['structures']:,d} structures  "
-            f"{duration(found['seconds'])} of one core, disk {in_bytes(found['disk'])}"
+            f"    sweep              {found['rows']:,d} rows on {found['structures']:,d} structures, "
+            f"disk {in_bytes(found['disk'])}"
         )
         lines += [f"    {sentence}" for sentence in found["refused"]]
     return "\n".join(lines)
@@ -146,9 +131,3 @@ def as_text(case: Case, facts: dict[str, Any]) -> str:
 def _taken(entry: dict[str, Any]) -> str:
     """Modes and steps of an analysis, where it is told of them."""
     return f", from {entry['modes']} modes and {entry['steps']:,d} steps a period" if "modes" in entry else ""
-
-
-def duration(seconds: float) -> str:
-    """A time to two digits, in a fitting unit."""
-    unit, factor = ("s", 1.0) if seconds < 90.0 else ("min", 60.0) if seconds < 5400.0 else ("h", 3600.0)
-    return f"{float(f'{seconds / factor:.2g}'):g} {unit}"

@@ -24,11 +24,10 @@ from ..record.found import Found
 from ..record.units import suited
 from ..writing import spare_folder
 from .case.analyses import kind_called
-from .estimates import duration
 from .kinds.kind import Kind
 from .pictures import lacking
 from .revive import read_any
-from .run import PICTURES, RunResults
+from .run import PICTURES, RunResults, duration
 from .structure import lines_of
 from .sweep_file import WIDEST, Sweep
 

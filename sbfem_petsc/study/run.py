@@ -257,6 +257,12 @@ class _Run(contextlib.ExitStack):
         return summary
 
 
+def duration(seconds: float) -> str:
+    """A time to two digits, in a fitting unit."""
+    unit, factor = ("s", 1.0) if seconds < 90.0 else ("min", 60.0) if seconds < 5400.0 else ("h", 3600.0)
+    return f"{float(f'{seconds / factor:.2g}'):g} {unit}"
+
+
 @dataclass(frozen=True, eq=False)
 class RunResults:
     """Contents of a run's results.h5.

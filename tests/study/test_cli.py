@@ -123,7 +123,7 @@ def test_check(folder):
     summary = json.loads((folder / "out" / "summary.json").read_text())["run"]["model"]
     for name in ("unknowns", "boundary_unknowns", "contact_pairs", "elements"):
         assert facts[name] == summary[name]
-    assert facts["seconds"] > 0 and facts["memory"] > 1e8 and facts["disk"] > 1e4
+    assert facts["memory"] > 1e8 and facts["disk"] > 1e4
     swept = sbfem("check", folder / "sweep.toml", "--json").answer["sweep"]
     assert swept["rows"] == 6 and swept["structures"] == 2 and swept["refused"] == []
     text = sbfem("check", folder / "case.toml").out

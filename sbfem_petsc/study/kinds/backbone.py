@@ -47,7 +47,6 @@ class Backbone(BackboneOptions, Kind):
         yield "backbone", drawn.plot.plot_backbone({drawn.title: result}, comm=drawn.comm)
 
     def cost(self, size: Size) -> Cost:
-        # some iterations a point, and each once more with half the step
         from ...analysis.backbone import STEPS
 
-        return curve_cost(size, self, iterations=6, taken=(self._kept(), self.steps or STEPS))
+        return curve_cost(size, self, (self._kept(), self.steps or STEPS))

@@ -19,7 +19,7 @@ from ..case import objects
 from ..case.parameters import grid
 from ..case.sweep import Times
 from ..case.tables import Name, Path, Problem, Table
-from ..costs import FEWEST_MODES, STEPS, Cost, Size
+from ..costs import FEWEST_MODES, Cost, Size
 from .kind import PERIODIC, Drawn, Loaded, Run
 from .periodic import common_period
 
@@ -150,8 +150,5 @@ class Basins(BasinsOptions, Loaded):
             yield "basins", drawn.plot.plot_basins(result, title=drawn.title, comm=drawn.comm)
 
     def cost(self, size: Size) -> Cost:
-        modes = size.modes(self.modes)
         starts = math.prod(len(grid(axis.values)) for axis in self.starts)
-        # about a hundred periods a history
-        seconds = 100 * starts * (self.steps or STEPS) * size.stepping(modes)
-        return Cost(size.extracting(modes), seconds, 64.0 * starts * modes, 32.0 * starts)
+        return Cost(64.0 * starts * size.modes(self.modes), 32.0 * starts)

@@ -12,7 +12,7 @@ from ...analysis.options import FrequencyResponseOptions
 from ...options import item
 from ...record.about import Quantity
 from ...record.found import Found, column, labelled, of_points
-from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
+from ..costs import CURVE_POINTS, Cost, Size
 from .kind import Drawn, Loaded, Reducible, Run
 
 # Of a resonance: where `Branch.peak` has it, unit, and what it is.
@@ -81,25 +81,13 @@ class FrequencyResponse(Curve, FrequencyResponseOptions, Loaded):
 
     def cost(self, size: Size) -> Cost:
         if not self.contact:
-            return Cost(size.extracting(size.modes(self.modes)), 0.0, disk=1e6)
+            return Cost(disk=1e6)
         taken = size.steady(self, self.start, max(self.start, self.stop, size.highest(self)), vectors=False)
-        return curve_cost(size, self, self.periods or 1, taken=taken)
+        return curve_cost(size, self, taken, self.periods or 1)
 
 
-def curve_cost(
-    size: Size, table: Any, periods: int = 1, iterations: int = 1, taken: tuple[int, int] | None = None
-) -> Cost:
-    """Of a curve of motions of so many forcing periods, and so many iterations for each of its points; in so
-    many modes and steps a forcing period, where it is told of these.
-    """
-    modes, steps = taken or (size.modes(table.modes), table.steps or STEPS)
-    count = min(table.points, CURVE_POINTS)
-    seconds, memory = size.period(modes, steps * periods)
-    seconds *= iterations * count * (1.0 if table.stability is False else MULTIPLIERS)
-    return Cost(
-        size.extracting(modes, errors=True),
-        seconds,
-        memory,
-        400.0 * count * (modes + size.points * 60),
-        *(taken or ()),
-    )
+def curve_cost(size: Size, table: Any, taken: tuple[int, int], periods: int = 1) -> Cost:
+    """Of a curve of motions of so many forcing periods, in so many modes and steps a forcing period."""
+    modes, steps = taken
+    disk = 400.0 * min(table.points, CURVE_POINTS) * (modes + size.points * 60)
+    return Cost(size.period(modes, steps * periods), disk, modes, steps)

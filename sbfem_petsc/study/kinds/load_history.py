@@ -54,5 +54,4 @@ class LoadHistory(LoadHistoryOptions, Loaded):
     def cost(self, size: Size) -> Cost:
         count = len(grid(self.times))
         disk = 8.0 * count * (2 * size.pairs + 4 * size.points)
-        memory = count * (16.0 * size.unknowns + 48.0 * size.pairs + 6e3)
-        return Cost(0.0, count * (0.01 + 1e-5 * size.unknowns), memory, disk)
+        return Cost(count * (16.0 * size.unknowns + 48.0 * size.pairs + 6e3), disk)

@@ -34,4 +34,4 @@ class LoadResponse(Curve, LoadResponseOptions):
 
     def cost(self, size: Size) -> Cost:
         taken = size.steady(self, self.frequency, size.highest(self), vectors=False)
-        return curve_cost(size, self, self.periods or 1, taken=taken)
+        return curve_cost(size, self, taken, self.periods or 1)

@@ -13,7 +13,7 @@ from ...options import item
 from ...record.about import Quantity
 from ...record.found import Found, column, labelled
 from ..case.tables import Problem
-from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
+from ..costs import STEPS, Cost, Size
 from .kind import Drawn, Loaded, Run
 
 
@@ -86,8 +86,5 @@ class Locus(LineOptions, FrequencyRange, Loaded):
             yield "loci", drawn.plot.plot_loci(result, title=drawn.title, comm=drawn.comm)
 
     def cost(self, size: Size) -> Cost:
-        # a curve with its multipliers, and three Newton iterations with four sets of them a point of a line
-        modes, lines = size.modes(self.modes), 4
-        seconds, memory = size.period(modes, self.steps or STEPS)
-        seconds *= MULTIPLIERS * (CURVE_POINTS + 12 * lines * min(self.points, 40))
-        return Cost(size.extracting(modes), seconds, memory, 64.0 * lines * self.points)
+        memory, lines = size.period(size.modes(self.modes), self.steps or STEPS), 4
+        return Cost(memory, 64.0 * lines * self.points)

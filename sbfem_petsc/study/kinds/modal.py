@@ -70,9 +70,7 @@ class Modal(ModalOptions, Kind):
 
     def cost(self, size: Size) -> Cost:
         count = self.count or 50
-        return Cost(
-            size.extracting(count), 0.0, 24.0 * size.unknowns * count, 16.0 * count * (size.points + 1)
-        )
+        return Cost(24.0 * size.unknowns * count, 16.0 * count * (size.points + 1))
 
     @classmethod
     def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:

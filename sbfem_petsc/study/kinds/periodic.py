@@ -18,7 +18,7 @@ from ...record.found import Found, column, labelled, of_points
 from ..case import objects
 from ..case.objects import located
 from ..case.tables import Path
-from ..costs import MULTIPLIERS, Cost, Size
+from ..costs import Cost, Size
 from .kind import (
     PERIODIC,
     RUBBING,
@@ -166,11 +166,8 @@ def symbol(found: Found, point: str) -> str:
 def steady_cost(size: Size, table: Any, steps: int, modes: int | None = None) -> Cost:
     """Of one motion of so many steps and modes."""
     modes = modes or size.modes(table.modes)
-    seconds, memory = size.period(modes, steps, table.contact)
     disk = 8.0 * steps * (3 * modes + size.pairs + 2 * size.points)
-    return Cost(
-        size.extracting(modes, errors=True), seconds * (MULTIPLIERS if table.stability else 1.0), memory, disk
-    )
+    return Cost(size.period(modes, steps, table.contact), disk)
 
 
 def _harmonics(ending: str, point: str, u: np.ndarray, periods: int) -> Values:

@@ -100,12 +100,8 @@ class QuasiPeriodic(QuasiPeriodicOptions, TwoTones):
 
     def cost(self, size: Size) -> Cost:
         modes, steps = size.modes(self.modes), self.steps or STEPS
-        # iterations of Newton's method on all samples, each with the derivative of its trajectory
-        seconds = 4 * self.samples * size.period(modes, steps)[0]
         disk = 16.0 * size.points * (2 * self.order + 1) ** 2
-        return Cost(
-            size.extracting(modes, errors=True), seconds, curve_memory(size, modes, self.samples, steps), disk
-        )
+        return Cost(curve_memory(size, modes, self.samples, steps), disk)
 
     @classmethod
     def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:

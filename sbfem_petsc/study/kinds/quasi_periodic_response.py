@@ -14,7 +14,7 @@ from ...errors import SolveError
 from ...options import item
 from ...record.about import Quantity
 from ...record.found import column, labelled, of_points
-from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
+from ..costs import CURVE_POINTS, STEPS, Cost, Size
 from .kind import Drawn, Loaded, Run
 from .quasi_periodic import curve_memory, line_values, lines_of, unresolved
 
@@ -89,9 +89,7 @@ class QuasiPeriodicResponse(TorusCurveOptions, SwitchOptions, FrequencyRange, Lo
             yield "own_tones", axes
 
     def cost(self, size: Size) -> Cost:
-        # a curve with its multipliers, and about four iterations on all samples a motion
         modes, steps, count = size.modes(self.modes), self.steps or STEPS, min(self.points, CURVE_POINTS)
-        seconds = MULTIPLIERS * size.period(modes, steps)[0] * (CURVE_POINTS + 8 * self.samples * count)
         lines = size.points * (2 * self.order + 1) ** 2
         disk = 16.0 * count * (lines + 2 * self.samples * modes)
-        return Cost(size.extracting(modes), seconds, curve_memory(size, modes, self.samples, steps), disk)
+        return Cost(curve_memory(size, modes, self.samples, steps), disk)

@@ -72,12 +72,11 @@ class SweptResponse(SweptOptions, Loaded):
 
     def cost(self, size: Size) -> Cost:
         highest, ways = max(self.start, self.stop), 1 + self.back
-        modes, steps = size.modes(self.modes), self.steps or 320
-        if self.accuracy is not None:
-            modes, least = size.steady(self, highest, highest, vectors=False)
-            steps = self.steps or max(steps, least)
+        steps = self.steps or 320
+        if self.steps is None and self.accuracy is not None:
+            steps = max(steps, size.steady(self, highest, highest, vectors=False)[1])
         count = self.duration * highest * steps
         cycles = 0.5 * (self.start + self.stop) * self.duration * ways
         numbers = 2 * size.points + 1  # the points' displacements along x and y, and contact
         memory, disk = 8.0 * count * numbers, 16.0 * cycles * (numbers + 1)
-        return Cost(size.extracting(modes), ways * count * size.stepping(modes), memory, disk)
+        return Cost(memory, disk)

@@ -88,13 +88,10 @@ class Transient(Reducible, TransientOptions, Loaded):
         yield from drawn.rubbing(result)
 
     def cost(self, size: Size) -> Cost:
-        modes = size.modes(self.modes)
         count = max(1, math.ceil(self.duration / (self.step or self._step(size))))
-        row = 8 * (2 * modes + size.pairs + 6 + 4 * size.points)
+        row = 8 * (2 * size.modes(self.modes) + size.pairs + 6 + 4 * size.points)
         memory = float(row * count / (self.decimation or default_decimation(count, row)))
-        if not self.reduced:
-            return Cost(0.0, count * 2.4e-7 * size.unknowns, memory, 2.0 * memory)
-        return Cost(size.extracting(modes), count * size.stepping(modes), memory, 2.0 * memory)
+        return Cost(memory, 2.0 * memory)
 
     def _step(self, size: Size) -> float:
         """The default step while the highest mode is not known yet: that of the load, at most."""
