@@ -57,6 +57,7 @@ class Ranged(Options):
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """A range of one value."""
+        yield from super().contradictions()
         start, stop = (vars(self)[end] for end in ("start", "stop"))
         if start == stop:
             yield "stop", f"= {stop:g} is start itself; {self.instead}"
@@ -226,6 +227,7 @@ class SwitchOptions(Options):
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """Phases of an unknown tone are an odd number."""
+        yield from super().contradictions()
         yield from even(self.samples)
 
 

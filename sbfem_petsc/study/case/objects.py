@@ -51,27 +51,32 @@ def _continued(case: Given, path: Path, text: str) -> Path:
     return path
 
 
-def made(case: Given, table: Table, *path: str | int, **given: Any) -> Any:
-    """What a table of a case stands for, made after that of the tables in it.
+def made(case: Given, value: Any, *path: str | int, **given: Any) -> Any:
+    """What a table of a case stands for, made after that of the tables in it; those of a list or dict of
+    tables; other values as they are.
 
     Parameters
     ----------
     case : Given
-    table : Table
+    value
+        Of a key.
     *path : str or int
         Where it is in the case.
     **given
-        Arguments in the place of keys.
+        Arguments in the place of a table's keys.
     """
-    given = table.arguments() | given
+    if isinstance(value, dict):
+        return {name: made(case, one, *path, name) for name, one in value.items()}
+    if isinstance(value, list):
+        return [made(case, one, *path, k) for k, one in enumerate(value)]
+    if not isinstance(value, Table):
+        return value
+    own = value.arguments().items()
+    given |= {name: made(case, one, *path, name) for name, one in own if name not in given}
     if "file" in given:  # beside the case's own
         given["path"] = case.resolve(given.pop("file"))
-    for name, value in given.items():
-        if isinstance(value, list):
-            tables = enumerate(value)
-            given[name] = [made(case, v, *path, name, k) if isinstance(v, Table) else v for k, v in tables]
     with located(case, *path):
-        return type(table).made(**given)
+        return type(value).made(**given)
 
 
 def mesh(case: Given) -> BoundaryMesh:
@@ -120,9 +125,7 @@ def _check_names(case: Given, found: BoundaryMesh) -> None:
 def materials(case: Given) -> Any:
     """One material, or a dict of them by region."""
     tables = case.tables
-    if tables.material is not None:
-        return made(case, tables.material, "material")
-    return {name: made(case, table, "materials", name) for name, table in tables.materials.items()}
+    return made(case, tables.material, "material") or made(case, tables.materials, "materials")
 
 
 def model(case: Given, comm: Any, found: Any = None) -> sb.Model:
@@ -135,33 +138,16 @@ def model(case: Given, comm: Any, found: Any = None) -> sb.Model:
     found : BoundaryMesh, optional
         The mesh, on rank 0 at least. Default: made here.
     """
-    table = case.tables.model
     body = found if found is not None else sb.on_root(comm, lambda: mesh(case))
-    supports = [made(case, support, "model", "supports", k) for k, support in enumerate(table.supports)]
-    laws = {name: made(case, law, "model", "contact_laws", name) for name, law in table.contact_laws.items()}
+    given = _said(case, *type(case.tables.model).model_fields) | {"clamped": case.tables.clamped or None}
     with located(case, "model"):
-        return sb.Model(
-            body,
-            materials(case),
-            clamped=case.tables.clamped or None,
-            supports=supports,
-            continued_fraction=table.continued_fraction,
-            **_damping(case),
-            thickness=table.thickness,
-            contact_laws=laws or None,
-            comm=comm,
-        )
+        return sb.Model(body, materials(case), **given, comm=comm)
 
 
-def _damping(case: Given) -> dict[str, Any]:
-    """Arguments of a model for what [model] says of it."""
-    table = case.tables.model
-    damping, rayleigh = table.damping, table.rayleigh
-    if isinstance(damping, Table):
-        damping = made(case, damping, "model", "damping")
-    if isinstance(rayleigh, Table):
-        rayleigh = made(case, rayleigh, "model", "rayleigh")
-    return {"damping": damping, "rayleigh": (0.0, 0.0) if rayleigh is None else tuple(rayleigh)}
+def _said(case: Given, *keys: str) -> dict[str, Any]:
+    """Arguments for what keys of [model] say."""
+    values = {key: getattr(case.tables.model, key) for key in keys}
+    return {key: made(case, value, "model", key) for key, value in values.items() if value is not None}
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,11 +175,9 @@ def body(case: Given) -> BodyParts:
             integer("reduce", "modes", table.modes, least=1, most=max(len(found.unknowns) - 1, 1))
     contact: Any = None
     for k, pair in enumerate(table.contacts):
-        given = {key: getattr(pair, key) for key in type(pair).model_fields}
-        if pair.law is not None:
-            given["law"] = made(case, pair.law, "body", "contacts", k, "law")
+        given = {key: made(case, value, "body", "contacts", k, key) for key, value in pair}
         with located(case, "body", "contacts", k):
-            one = found.contact(given.pop("left"), given.pop("right"), **given)
+            one = found.contact(**given)
             contact = one if contact is None else contact + one
     points = {}
     for name, point in table.points.items():
@@ -223,7 +207,7 @@ def reduced(case: Given, parts: BodyParts, comm: Any) -> sb.ReducedModel:
             loads=parts.loads,
             points=parts.points,
             modes=table.modes,
-            **_damping(case),
+            **_said(case, "damping", "rayleigh"),
             comm=comm,
             shapes=output.vtu or output.animation,
         )

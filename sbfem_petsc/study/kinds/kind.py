@@ -392,6 +392,13 @@ class Reducible(Kind):
 class TwoTones(Kind):
     """A kind under two loads, `loads_in`, each with a tone of its own, NAME_frequency."""
 
+    probe: Names = item(text="load of the tone whose sidebands are wanted")
+    probe_frequency: float = item(text="tone whose sidebands are wanted", unit="Hz", gt=0)
+    pump: Names = item(text="load of the tone that modulates it")
+    pump_frequency: float = item(text="tone that modulates it", unit="Hz", gt=0)
+    loads_in = ("probe", "pump")
+    saved = rubs = True
+
     def acting(self, case: Given) -> Any:
         """The loads, in the order of `loads_in`; numbers are amplitudes of their tone."""
         first, second = (

@@ -17,7 +17,7 @@ from ...options import item
 from ...record.about import Quantity
 from ...record.found import Found, labelled
 from ..case.objects import located, signals_of
-from ..case.tables import Name, Names, Path
+from ..case.tables import Name, Path
 from ..costs import Cost, Size
 from .kind import Drawn, Run, TwoTones, Values, Wanted, along
 from .periodic import Steady, steady_cost
@@ -31,10 +31,6 @@ class Modulation(Steady, TwoTones):
     of the high one. Numbers in the two loads are the tones' amplitudes."""
 
     kind: Literal["modulation"] = item(text="two tones and their sidebands")
-    pump: Names = item(text="load of the low tone")
-    pump_frequency: float = item(text="low tone", unit="Hz", gt=0)
-    probe: Names = item(text="load of the high tone")
-    probe_frequency: float = item(text="high tone", unit="Hz", gt=0)
     point: Name = item(text="point whose motion is read")
     direction: Literal["x", "y"] = item("y", text="direction of the motion that is read")
     pairs: int = item(3, text="pairs of sidebands", ge=1, le=10)
@@ -46,7 +42,6 @@ class Modulation(Steady, TwoTones):
     contact: bool = item(True, text="false: crack faces may overlap")
     stability: bool = item(True, text="compute the Floquet multipliers")
     loads_in = ("pump", "probe")
-    rubs = True
     signals = ("constant",)
 
     def contradictions(self) -> Iterator[tuple[str, str]]:

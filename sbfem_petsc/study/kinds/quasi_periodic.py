@@ -10,11 +10,11 @@ import numpy as np
 import sbfem_petsc as sb
 
 from ...analysis.options import QuasiPeriodicOptions
-from ...options import item
+from ...options import Options, item
 from ...record.about import Quantity
 from ...record.found import Found, column, labelled, of_points
 from ..case.objects import located, signals_of
-from ..case.tables import Names, Path
+from ..case.tables import Path
 from ..costs import STEPS, Cost, Size
 from .kind import PERIODIC, Drawn, Run, TwoTones
 from .periodic import symbol
@@ -23,28 +23,34 @@ from .periodic import symbol
 _LINES = 15
 
 
-class QuasiPeriodic(QuasiPeriodicOptions, TwoTones):
+class Lines(Options):
+    """Which lines of a spectrum are kept, of motions at some phases of a tone."""
+
+    order: int = item(3, text="lines are kept up to this |m| and |n|", ge=1, le=20)
+
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """Lines that the samples do not resolve, too."""
+        yield from super().contradictions()
+        samples = vars(self)["samples"]
+        if self.order > samples // 2:
+            words = f"= {self.order} is more than half of samples = {samples}; give samples"
+            yield "order", f"{words} = {2 * self.order + 1} or more"
+
+
+class QuasiPeriodic(Lines, QuasiPeriodicOptions, TwoTones):
     """The steady state under two tones of any frequencies: lines m probe + n pump. Numbers in the two loads
     are the tones' amplitudes; harmonic signals may be multiples of either tone."""
 
     kind: Literal["quasi_periodic"] = item(text="two tones without a common period")
-    probe: Names = item(text="load of the first tone, whose sidebands are wanted")
-    probe_frequency: float = item(text="first tone", unit="Hz", gt=0)
-    pump: Names = item(text="load of the second tone")
-    pump_frequency: float = item(text="second tone", unit="Hz", gt=0)
-    order: int = item(3, text="lines are kept up to this |m| and |n|", ge=1, le=20)
-    loads_in = ("probe", "pump")
     signals = PERIODIC
-    saved = True
-    rubs = True
     captions = {"lines": "lines of the spectrum"}
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
-        """Tones that are one, and lines that the samples do not resolve."""
+        """Tones that are one, too."""
         if self.pump_frequency == self.probe_frequency:
             text = f"= {self.pump_frequency:g} is probe_frequency itself, in Hz; use periodic for one tone"
             yield "pump_frequency", text
-        yield from unresolved(self.order, self.samples)
+        yield from super().contradictions()
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.QuasiPeriodic:
         return sb.quasi_periodic(
@@ -113,13 +119,6 @@ class QuasiPeriodic(QuasiPeriodicOptions, TwoTones):
         heading = ("line", "frequency, Hz", *(f"|{symbol(found, point)}|, µm" for point in lines))
         names = [f"{m} probe {n:+d} pump" for m, n in numbers[order]]
         yield heading, list(zip(names, frequencies[order].tolist(), *(1e6 * heights[:, order]).tolist()))
-
-
-def unresolved(order: int, samples: int) -> Iterator[tuple[str, str]]:
-    """Lines that samples do not resolve."""
-    if order > samples // 2:
-        text = f"= {order} is more than half of samples = {samples}; give samples = {2 * order + 1} or more"
-        yield "order", text
 
 
 def lines_of(frequencies: Sequence[float], order: int) -> np.ndarray:

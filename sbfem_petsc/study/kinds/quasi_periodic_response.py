@@ -16,26 +16,19 @@ from ...record.about import Quantity
 from ...record.found import column, labelled, of_points
 from ..costs import CURVE_POINTS, STEPS, Cost, Size
 from .kind import Drawn, Loaded, Run
-from .quasi_periodic import curve_memory, line_values, lines_of, unresolved
+from .quasi_periodic import Lines, curve_memory, line_values, lines_of
 
 
-class QuasiPeriodicResponse(TorusCurveOptions, SwitchOptions, FrequencyRange, Loaded):
+class QuasiPeriodicResponse(Lines, TorusCurveOptions, SwitchOptions, FrequencyRange, Loaded):
     """Motions with a tone of their own behind a Neimark-Sacker point of a response curve over the frequency,
     followed over the frequency."""
 
     kind: Literal["quasi_periodic_response"] = item(text="curve of motions with a tone of their own")
     bifurcation: int = item(1, text="which of its Neimark-Sacker points, from 1", ge=1)
     end: float = item(text="frequency up to which the quasi-periodic motions are followed", unit="Hz", gt=0)
-    order: int = item(3, text="lines are kept up to this |m| and |n|", ge=1, le=20)
     signals = ("constant",)
     saved = oscillates = True
     rubs = True
-
-    def contradictions(self) -> Iterator[tuple[str, str]]:
-        """A range of one value, samples that are even, lines that they do not resolve."""
-        yield from FrequencyRange.contradictions(self)
-        yield from SwitchOptions.contradictions(self)
-        yield from unresolved(self.order, self.samples)
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.QuasiPeriodicBranch:
         load = self.acting(case)
