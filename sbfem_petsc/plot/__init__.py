@@ -19,18 +19,17 @@ _HOME = {
     "animation": ("animate_crack",),
     "basins": ("plot_basins",),
     "bodies": ("plot_field",),
-    "branches": ("plot_branches",),
+    "branches": ("plot_backbone", "plot_branches", "plot_quasi_periodic"),
     "crack": ("plot_crack",),
-    "detection": ("plot_detection",),
     "drawing": ("save_picture", "save_pictures"),
     "fields": ("plot_contact", "plot_modes"),
     "histories": ("Panel", "plot_histories", "plot_history", "plot_load_history", "plot_spectra"),
-    "loci": ("plot_loci",),
+    "lines": ("plot_harmonics", "plot_lines", "plot_sidebands"),
+    "maps": ("plot_detection",),
     "meshes": ("plot_discretisation",),
-    "orbits": ("plot_harmonics", "plot_multipliers", "plot_orbit"),
+    "orbits": ("plot_multipliers", "plot_orbit"),
     "rubbing": ("plot_friction_power", "plot_hysteresis", "plot_losses", "plot_slips"),
-    "sweeps": ("plot_swept",),
-    "tones": ("plot_backbone", "plot_lines", "plot_quasi_periodic", "plot_sidebands"),
+    "sweeps": ("plot_loci", "plot_swept"),
 }
 __all__ = sorted(name for names in _HOME.values() for name in names)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,7 @@ from matplotlib.colors import ListedColormap, to_rgb
 
 from ..continuation.basins import Basins, StartAxis
 from ..petsc import MPI
-from ..record.units import suited
-from .drawing import BLACK, CYCLE, Sheet, dots
+from .drawing import BLACK, CYCLE, Scale, dots, legend
 from .picture import picture
 
 UNSETTLED = "#BBBBBB"
@@ -50,44 +50,34 @@ def plot_basins(
             f"plot_basins: basins has {len(basins.axes)} axes and the shape {basins.reached.shape}; a "
             "grid of two axes with at least two values each is expected"
         )
-    (across, x_label), (up, y_label) = (_scale(axis) for axis in basins.axes)
-    first, second = (factor * np.array(axis.values) for factor, axis in zip((across, up), basins.axes))
-    count = len(basins.orbits)
-    colours = [CYCLE[k % len(CYCLE)] for k in range(count)]
-    pale = [(1.0 - LIGHT) * np.array(to_rgb(colour)) + LIGHT for colour in colours]
-    (axes,) = Sheet.of(ax).panels((1, 1), 3.6, 5.2)
-    axes.pcolormesh(
-        first,
-        second,
-        basins.reached.T,
-        cmap=ListedColormap([to_rgb(UNSETTLED), *map(tuple, pale)]),
-        vmin=-1.5,
-        vmax=count - 0.5,
-        shading="nearest",
-        rasterized=True,
-    )
-    share = basins.share
-    for k, orbit in enumerate(basins.orbits):
+    scales = across, up = [_scale(axis) for axis in basins.axes]
+    first, second = (scale(axis.values) for scale, axis in zip(scales, basins.axes))
+    colours = [colour for colour, _ in zip(cycle(CYCLE), basins.orbits)]
+    pale = [tuple((1.0 - LIGHT) * np.array(to_rgb(colour)) + LIGHT) for colour in colours]
+    (axes,) = ax.panels((1, 1), 3.6, 5.2)
+    look: Any = {"cmap": ListedColormap([to_rgb(UNSETTLED), *pale]), "vmin": -1.5, "vmax": len(pale) - 0.5}
+    axes.pcolormesh(first, second, basins.reached.T, shading="nearest", rasterized=True, **look)
+    for k, (orbit, share, colour) in enumerate(zip(basins.orbits, basins.share, colours)):
         x, y = _place(basins, orbit.state)
         times = f"{orbit.periods} periods" if orbit.periods > 1 else "1 period"
-        reached = f"{100.0 * share[k]:.3g} %" if orbit.stable is not False else "unstable"
+        reached = f"{100.0 * share:.3g} %" if orbit.stable is not False else "unstable"
         edge = {"markeredgecolor": BLACK, "markeredgewidth": 0.8, "label": f"orbit {k}, {times}: {reached}"}
-        dots(axes, (x * across, y * up), "X" if orbit.stable is False else "o", 6, colours[k], **edge)
+        dots(axes, (across(x), up(y)), "X" if orbit.stable is False else "o", 6, colour, **edge)
     if (basins.reached < 0).any():
         dots(axes, ([], []), "s", 6, UNSETTLED, label="not settled")
-    axes.set(xlabel=x_label, ylabel=y_label, xlim=first[[0, -1]], ylim=second[[0, -1]])
-    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    axes.set(xlabel=across.label, ylabel=up.label, xlim=first[[0, -1]], ylim=second[[0, -1]])
+    legend(axes, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return axes
 
 
-def _scale(axis: StartAxis) -> tuple[float, str]:
-    """Factor on the values of an axis, and its label, in a unit that suits them."""
-    factor, unit = suited(axis.unit, axis.values)
-    if "kg" in unit:  # which has no smaller ones
-        top = max(map(abs, axis.values))
-        exponent = 3 * math.floor(math.log10(top) / 3.0) if top > 0.0 else 0
-        factor, unit = 10.0**-exponent, f"$10^{{{exponent}}}$ {unit}" if exponent else unit
-    return factor, f"{axis.quantity} ({unit})"
+def _scale(axis: StartAxis) -> Scale:
+    """Of an axis, in a unit that suits its values."""
+    top = max(map(abs, axis.values))
+    if "kg" not in axis.unit or not top > 0.0:
+        return Scale.of(axis.quantity, axis.unit, axis.values)
+    exponent = 3 * math.floor(math.log10(top) / 3.0)  # of units that have no smaller ones
+    unit = f"$10^{{{exponent}}}$ {axis.unit}" if exponent else axis.unit
+    return Scale(10.0**-exponent, f"{axis.quantity} ({unit})")
 
 
 def _place(basins: Basins, state: np.ndarray) -> tuple[float, float]:

@@ -16,7 +16,7 @@ from ..ranks.parallel import on_root
 from ..record.units import place_unit
 from ..system.model import Model
 from .crack import LABELS, Notch, Window
-from .drawing import WIDTH, Sheet
+from .drawing import WIDTH
 from .outlines import Region, gather_outline, gather_region
 from .picture import fields_by_name, one_of, picture
 from .solids import Solid
@@ -60,7 +60,7 @@ def plot_field(
         if not model.elements:
             raise ValueError("plot_field: the body has no elements to draw; give elements= with its nodes")
         states = {name: nodal_field(model, "plot_field", name, given) for name, given in fields.items()}
-        panels = Sheet.of(ax).panels((len(states), 1), 2.4 * len(states))
+        panels = ax.panels((len(states), 1), 2.4 * len(states))
         Solid(model, None).draw(panels, states, None, magnification)
         return panels
     view = Whole(model, colour)
@@ -75,7 +75,7 @@ def plot_field(
         # beside labels and the colour bar, whose own label takes more than a slender body
         tall = min((WIDTH - MARGIN) * height / width, 4.5)
         wide, total = min(WIDTH, tall * width / height + MARGIN), max(len(regions) * (tall + 0.7), 1.6)
-        panels = Sheet.of(ax).panels((len(regions), 1), total, wide, sharex=True)
+        panels = ax.panels((len(regions), 1), total, wide, sharex=True)
         view.draw(panels, regions, outline, magnification)
         return panels
 

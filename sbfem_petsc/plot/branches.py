@@ -1,11 +1,12 @@
-"""Pictures of branches: amplitudes over the frequency or the load, stable and unstable parts,
-bifurcations.
+"""Pictures of branches: amplitudes over the frequency or the load, tones of their own, free motions over
+their energy; stable and unstable parts, bifurcations.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -15,16 +16,18 @@ from scipy.interpolate import PchipInterpolator
 from ..checks import instance
 from ..continuation.bifurcations import Bifurcation
 from ..continuation.branch import Branch
+from ..continuation.problems.curve_branch import QuasiPeriodicBranch
 from ..continuation.problems.free_branch import Backbone
 from ..motion.states import Point
 from ..petsc import MPI
-from ..record.units import frequency_unit, length_unit
-from .drawing import BLACK, BLUE, CYCLE, DASHED, GREEN, GREY, VERMILION, Sheet, above, dots
-from .picture import divisors, named, picture, place_name, symbol
+from .drawing import BLACK, BLUE, CYCLE, DASHED, GREEN, GREY, VERMILION, Scale, above, dots, legend
+from .picture import divisors, named, picture, place_name, symbol, whole
 
 KINDS = {"fold": "o", "period doubling": "s", "Neimark-Sacker": "^", "branch point": "D", "grazing": "v"}
 # Lines between two points of a branch.
 BETWEEN = 12
+# Frequencies that differ by less, relative, are drawn as one.
+FLAT = 1e-5
 
 Part = tuple[bool, np.ndarray, np.ndarray]
 
@@ -123,77 +126,66 @@ def plot_branches(
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
     curves = named(branches)
-    _check_parameter(curves, backbone, forces)
-    shown, divisor = Height(point, direction, harmonic), divisors("plot_branches", curves, forces)
-    heights = {name: shown.along(curve) / divisor[name] for name, curve in curves.items()}
-    factor, unit = length_unit(max(float(h.max()) for h in heights.values()))
-    along, label = abscissa(curves)
-    (axes,) = Sheet.of(ax).panels((1, 1), 3.6)
-    shades = iter(CYCLE * len(curves))
-    broken, kinds = False, set[str]()
-    for name, curve in curves.items():
-        y, scale = heights[name] * factor, factor / divisor[name]
-        if not curve.contact:
-            axes.plot(curve.value * along, y, color=GREY, linewidth=1.6, zorder=1.5, label=name or "_")
-            continue
-        shade = next(shades)
-        axes.plot([], [], color=shade, linewidth=1.1, label=name or "_")
-        marks = marks_of(curve, shown, along, scale)
-        broken |= draw_parts(axes, smooth(split(curve.value * along, y, ~curve.unstable, marks)), shade)
-        kinds |= _draw_marks(axes, curve, marks, shade, every)
-    top = axes.get_ylim()[1]
-    if backbone is not None:
-        _, *free = smooth([(True, backbone.frequency * along, shown.along(backbone) * factor)])[0]
-        axes.plot(*free, color=BLACK, linewidth=1.1, linestyle=":", zorder=1.6, label="free motion")
-    name_verdicts(axes, broken)
-    for kind in KINDS:
-        if kind in kinds:
-            _mark(axes, [], [], kind, BLACK, kind)
-    values = np.concatenate([curve.value for curve in curves.values()])
-    start, stop = window or (float(values.min()), float(values.max()))
-    axes.set(xlim=(start * along, stop * along), xlabel=label, ylim=(0.0, top))
-    axes.set_ylabel(shown.label(curves) + (f" ({unit})" if forces is None else f" / force ({unit}/N)"))
-    if any(curves) or broken or kinds:
-        axes.legend()
-    return axes
-
-
-def _check_parameter(
-    curves: Mapping[str, Branch], backbone: Backbone | None, forces: Mapping[str, float] | None
-) -> None:
-    """Raise unless all that is drawn is over the same parameter."""
-    over = {curve.parameter for curve in curves.values()}
-    if len(over) > 1:
-        raise ValueError(
-            "plot_branches: some branches are over the frequency and some over the load; draw them apart"
-        )
+    along = abscissa("plot_branches", curves)
     if backbone is not None:
         instance("plot_branches", "backbone", backbone, Backbone, "a Backbone")
-        if forces is not None or over == {"load"}:
+        if forces is not None or "frequency" not in along.label:
             raise ValueError(
                 "plot_branches: backbone has its place below branches over the frequency whose "
                 "amplitudes are not divided by forces; leave it out"
             )
+    height, divisor = Height(point, direction, harmonic), divisors("plot_branches", curves, forces)
+    heights = {name: height.along(curve) / divisor[name] for name, curve in curves.items()}
+    words, per = height.label(curves), "" if forces is None else "/N"
+    up = Scale.of(words + (" / force" if per else ""), "m", *heights.values(), per=per)
+    (axes,) = ax.panels((1, 1), 3.6)
+    shades, kinds = cycle(CYCLE), set[str]()
+    for name, curve in curves.items():
+        x, y = along(curve.value), up(heights[name])
+        if not curve.contact:
+            axes.plot(x, y, color=GREY, linewidth=1.6, zorder=1.5, label=name)
+            continue
+        shade, marks = next(shades), marks_of(curve, height, along, up, divisor[name])
+        draw_parts(axes, smooth(split(x, y, ~curve.unstable, marks)), shade, name)
+        for item, (_, *at) in zip(in_order(curve), marks):
+            if every or _decides(curve, item):
+                _mark(axes, at, item.kind, shade)
+                kinds.add(item.kind)
+    top = axes.get_ylim()[1]
+    if backbone is not None:
+        _, *free = smooth([(True, along(backbone.frequency), up(height.along(backbone)))])[0]
+        axes.plot(*free, color=BLACK, linewidth=1.1, linestyle=":", zorder=1.6, label="free motion")
+    name_verdicts(axes, (curve for curve in curves.values() if curve.contact))
+    for kind in filter(kinds.__contains__, KINDS):
+        _mark(axes, ([], []), kind, BLACK, kind)
+    values = np.concatenate([curve.value for curve in curves.values()])
+    start, stop = window or (values.min(), values.max())
+    axes.set(xlim=(along(start), along(stop)), ylim=(0.0, top), xlabel=along.label, ylabel=up.label)
+    legend(axes)
+    return axes
 
 
-def marks_of(curve: Branch, shown: Height, along: float, scale: float) -> list[tuple[int, float, float]]:
-    """The bifurcations of a curve for `split`, in order; parameter and height in drawn units."""
-    return [(item.after, item.own_value * along, shown.at(curve, item) * scale) for item in in_order(curve)]
+def marks_of(
+    curve: Branch, height: Height, along: Scale, up: Scale, divisor: float = 1.0
+) -> list[tuple[int, float, float]]:
+    """The bifurcations of a curve for `split`, in order; parameter and height as they are drawn."""
+    return [
+        (item.after, along(item.own_value), up(height.at(curve, item) / divisor)) for item in in_order(curve)
+    ]
 
 
-def draw_parts(axes: Axes, parts: Iterable[Part], colour: str, width: float = 1.1) -> bool:
-    """Draw the parts of a curve, stable ones solid, unstable ones dashed; whether there are unstable ones."""
-    broken = False
+def draw_parts(axes: Axes, parts: Iterable[Part], colour: str, name: str = "", width: float = 1.1) -> None:
+    """Draw the parts of a curve, stable ones solid, unstable ones dashed, with its name in the legend."""
+    axes.plot([], [], color=colour, linewidth=width, label=name)
     for stable, x, y in parts:
         axes.plot(x, y, color=colour, linewidth=width, linestyle="-" if stable else DASHED, zorder=2)
-        broken = broken or not stable
-    return broken
 
 
-def name_verdicts(axes: Axes, broken: bool) -> None:
+def name_verdicts(axes: Axes, curves: Iterable[Any]) -> None:
     """Entries of the legend for stable and unstable parts, where there are unstable ones."""
-    for name, dashes in (("stable", "-"), ("unstable", DASHED)) if broken else ():
-        axes.plot([], [], color=BLACK, linewidth=1.1, linestyle=dashes, label=name)
+    if any(curve.unstable.any() for curve in curves):
+        for name, dashes in (("stable", "-"), ("unstable", DASHED)):
+            axes.plot([], [], color=BLACK, linewidth=1.1, linestyle=dashes, label=name)
 
 
 def split(
@@ -278,21 +270,9 @@ def _decides(curve: Branch, item: Bifurcation) -> bool:
     )
 
 
-def _draw_marks(
-    axes: Axes, curve: Branch, marks: Sequence[tuple[int, float, float]], colour: str, every: bool
-) -> set[str]:
-    """Mark the bifurcations of a curve; the kinds that are marked."""
-    kinds = set()
-    for item, (_, at, height) in zip(in_order(curve), marks):
-        if every or _decides(curve, item):
-            _mark(axes, at, height, item.kind, colour)
-            kinds.add(item.kind)
-    return kinds
-
-
-def _mark(axes, x, y, kind: str, colour: str, label: str | None = None) -> None:
+def _mark(axes: Axes, at: Any, kind: str, colour: str, label: str = "") -> None:
     style: Any = {"markerfacecolor": "white", "markeredgewidth": 0.8, "zorder": 3, "label": label}
-    dots(axes, (x, y), KINDS[kind], 4, colour, **style)
+    dots(axes, at, KINDS[kind], 4, colour, **style)
 
 
 def draw_growth(axes: Axes, curve: Branch) -> None:
@@ -301,10 +281,10 @@ def draw_growth(axes: Axes, curve: Branch) -> None:
     """
     largest = np.abs(curve.multipliers[:, 0]) - 1.0
     turns = bool((np.diff(curve.value)[1:] * np.diff(curve.value)[:-1] < 0.0).any())
-    factor, label = (1.0, "point of the curve") if turns else abscissa({"": curve})
-    x = np.arange(float(len(largest))) if turns else curve.value * factor
+    across = Scale(1.0, "point of the curve") if turns else abscissa("plot_multipliers", {"": curve})
+    x = across(np.arange(len(largest)) if turns else curve.value)
     marked = [item for item in in_order(curve) if _decides(curve, item)]
-    at = [item.after - 0.5 if turns else item.own_value * factor for item in marked]
+    at = [across(item.after - 0.5 if turns else item.own_value) for item in marked]
     crossings = [
         (item.after, place, 0.0)
         for item, place in zip(marked, at)
@@ -317,16 +297,115 @@ def draw_growth(axes: Axes, curve: Branch) -> None:
     for kind in KINDS:
         chosen = [place for item, place in zip(marked, at) if item.kind == kind]
         if chosen:
-            _mark(axes, chosen, np.zeros(len(chosen)), kind, GREEN, kind)
-    axes.set_xlabel(label)
-    if marked:
-        above(axes, len(KINDS), handletextpad=0.2)
+            _mark(axes, (chosen, np.zeros(len(chosen))), kind, GREEN, kind)
+    axes.set_xlabel(across.label)
+    above(axes, handletextpad=0.2)
 
 
-def abscissa(curves: Mapping[str, Branch]) -> tuple[float, str]:
-    """Factor and label of the parameter."""
-    first = next(iter(curves.values()))
-    if first.parameter == "load":
-        return 1.0, "factor on the load"
-    factor, unit = frequency_unit(max(float(c.value.max()) for c in curves.values()))
-    return factor, f"frequency ({unit})"
+def abscissa(owner: str, curves: Mapping[str, Any], words: str = "frequency") -> Scale:
+    """Of branches over one parameter; ValueError for others."""
+    if len({curve.parameter for curve in curves.values()}) > 1:
+        raise ValueError(
+            f"{owner}: some branches are over the frequency and some over the load; draw them apart"
+        )
+    if next(iter(curves.values())).parameter == "load":
+        return Scale(1.0, "factor on the load")
+    return Scale.of(words, "Hz", *(curve.value for curve in curves.values()))
+
+
+@picture(Backbone, several=True)
+def plot_backbone(
+    backbones: Backbone | Mapping[str, Backbone],
+    *,
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
+) -> Axes | None:
+    """Draw frequencies of free motions over their energy, broken where they are unstable, and below them the
+    damping ratios where there are damped motions; monotone cubics between their points. Collective.
+
+    Parameters
+    ----------
+    backbones : Backbone or dict of str to Backbone
+        On rank 0 at least.
+    title, ax, comm
+        As for `plot_branches`.
+
+    Returns
+    -------
+    Axes of the frequencies on rank 0, None elsewhere; `save_picture` writes the whole picture
+    """
+    curves = named(backbones)
+    up = Scale.of("frequency of free vibration", "Hz", *(backbone.frequency for backbone in curves.values()))
+    damped = any(backbone.damped for backbone in curves.values())
+    panels = ax.panels((1 + damped, 1), 4.6 if damped else 3.0, sharex=True)
+    for colour, (name, backbone) in zip(cycle(CYCLE), curves.items()):
+        drawn = [up(backbone.frequency)] + [backbone.damping_ratio] * backbone.damped
+        for panel, values in zip(panels, drawn):
+            parts = smooth(split(np.log10(backbone.energy), values, ~backbone.unstable))
+            drawn_parts = [(stable, 10.0**energy, value) for stable, energy, value in parts]
+            draw_parts(panel, drawn_parts, colour, name, 1.2)
+    axes = panels[0]
+    name_verdicts(axes, curves.values())
+    for panel, label in zip(panels, (up.label, "damping ratio (decay)")):
+        panel.set(xscale="log", xlabel="energy (J)", ylabel=label)
+        panel.tick_params(axis="x", which="minor", labelsize=7)
+        panel.margins(y=0.1)
+    legend(axes)
+    low, high = axes.get_ylim()
+    middle, half = 0.5 * (low + high), 0.5 * max(high - low, FLAT * high)
+    axes.set_ylim(middle - half, middle + half)
+    return axes
+
+
+@picture(QuasiPeriodicBranch, several=True, harmonic=whole(1, 20))
+def plot_quasi_periodic(
+    branches: QuasiPeriodicBranch | Mapping[str, QuasiPeriodicBranch],
+    point: Point = "A",
+    direction: str = "y",
+    *,
+    harmonic: int = 1,
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
+) -> list[Axes] | None:
+    """Draw branches of motions with a tone of their own: the tone's amplitude and, below it, its frequency
+    over the branch's parameter; unstable parts dashed. Collective.
+
+    Parameters
+    ----------
+    branches : QuasiPeriodicBranch or dict of str to QuasiPeriodicBranch
+        All over the frequency, or all over the load; on rank 0 at least, on all ranks for a place (x, y).
+    point : str or (x, y)
+        Name, or m. Motions at a place are integrated again.
+    direction : {"y", "x"}
+    harmonic : int
+        The multiple of the own tone whose amplitude is drawn.
+    title, ax, comm
+        As for `plot_branches`.
+
+    Returns
+    -------
+    Two axes on rank 0, None elsewhere; `save_picture` writes them
+    """
+    curves = named(branches)
+    along = abscissa("plot_quasi_periodic", curves, "forcing frequency")
+    found = {
+        name: (np.abs(branch.line(0, harmonic, point, direction)), branch.frequencies[:, 1])
+        for name, branch in curves.items()
+    }
+    of = "" if harmonic == 1 else f"harmonic {harmonic} of the "
+    label = f"{of}own tone of ${symbol(curves, direction, point)}$({place_name(point)})"
+    heights, tones = zip(*found.values())
+    scales = Scale.of(label, "m", *heights), Scale.of("its frequency", "Hz", *tones)
+    panels = ax.panels((2, 1), 4.6, sharex=True)
+    for colour, (name, branch) in zip(cycle(CYCLE), curves.items()):
+        x = along(branch.value)
+        for axes, scale, values in zip(panels, scales, found[name]):
+            draw_parts(axes, smooth(split(x, scale(values), ~branch.unstable)), colour, name, 1.2)
+            dots(axes, (x, scale(values)), ".", 3, colour)
+            axes.set(xlabel=along.label, ylabel=scale.label)
+    name_verdicts(panels[0], curves.values())
+    panels[0].set_ylim(bottom=0.0)
+    legend(panels[0])
+    return panels

@@ -19,7 +19,7 @@ from matplotlib.tri import Triangulation
 from ..ranks.parallel import collective, on_root
 from ..record.units import length_unit, place_unit, stress_unit
 from ..system.model import Model
-from .drawing import BLACK, Sheet, bar
+from .drawing import BLACK, bar
 from .outlines import Piece, Region, gather_outline, gather_region
 from .picture import fields_by_name, picture, require_crack
 
@@ -69,7 +69,7 @@ def plot_crack(
     outline = gather_outline(model, list(fields.values()), max(2 * model.order, 8))
 
     def draw() -> list[Axes]:
-        panels = Sheet.of(ax).panels((len(regions), 2), 3.15 * len(regions) + 0.15)
+        panels = ax.panels((len(regions), 2), 3.15 * len(regions) + 0.15)
         windows = [Window(facts, h, colour) for h in half]
         for row, (name, pair) in enumerate(regions.items()):
             for axes, window, region in zip(panels[2 * row :], windows, pair):

@@ -9,20 +9,23 @@ import functools
 import io
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from cycler import Cycler, cycler
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
-from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
+from matplotlib.ticker import ScalarFormatter
 
 from meshing.whole_file import destination, replaced
 
 from ..checks import path as checked_path
 from ..checks import shown
+from ..record.units import suited
 
 # Okabe and Ito's palette: told apart by colour-blind readers.
 BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE, BLACK = (
@@ -37,7 +40,12 @@ BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE, BLACK = (
 CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 MATERIAL, GRID, GREY = "#E8EDF2", "#DDDDDD", "#8A8A8A"
-DASHED = (0, (3.0, 1.6))
+DASHED: Any = (0, (3.0, 1.6))
+# What tells curves apart: a call gives one after the other without end. Of those that lie over each other
+# the first alone is whole.
+COLOURED = cycler(color=CYCLE)
+MARKED = COLOURED + cycler(marker=MARKERS)
+BROKEN = COLOURED + cycler(linestyle=["-", *3 * [DASHED, (0, (1, 1))]])
 WIDTH = 7.2  # inches: two columns of a journal
 RESOLUTION, INLINE = 200, 100  # dots per inch, of files and in notebooks
 FORMATS = ("png", "svg", "pdf")
@@ -77,12 +85,6 @@ class Sheet:
         self.given = list(np.ravel(np.array(target, dtype=object))) if several else [target]
         if not self.given or not all(isinstance(axes, Axes) for axes in self.given):
             raise TypeError(f"{owner}: ax = {shown(target)} must be axes of Matplotlib, several, or a figure")
-
-    @classmethod
-    def of(cls, ax: Any) -> Sheet:
-        """The sheet that `picture` has made of an argument."""
-        assert isinstance(ax, cls)
-        return ax
 
     def panels(
         self,
@@ -222,16 +224,55 @@ def style(axes) -> None:
             formatter.set_useOffset(False)  # values are read off as they are
 
 
-def above(axes: Axes, columns: int = 1, **options) -> None:
-    """A legend above the axes, where curves leave no corner free."""
-    axes.legend(
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        ncols=columns,
-        borderaxespad=0.0,
-        columnspacing=1.0,
-        **options,
-    )
+def legend(axes: Axes, **options) -> None:
+    """A legend of what has names in the axes, each once; none where there are no names."""
+    handles, labels = axes.get_legend_handles_labels()
+    each = dict(zip(labels, handles))
+    if each:
+        axes.legend(each.values(), each.keys(), **options)
+
+
+def above(axes: Axes, **options) -> None:
+    """A legend in one line above the axes, where curves leave no corner free."""
+    place: Any = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.0}
+    legend(axes, ncols=10, columnspacing=1.0, **place | options)
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Of an axis: the unit that suits the largest of its values. A call gives values as they are drawn.
+
+    Attributes
+    ----------
+    factor : float
+    label : str
+    """
+
+    factor: float
+    label: str
+
+    @classmethod
+    def of(cls, words: str, unit: str, *values: Any, per: str = "") -> Scale:
+        """For some values in a unit of `suited`; `per` stands behind the unit."""
+        factor, name = suited(unit, np.hstack([0.0, *map(np.ravel, values)]))
+        return cls(factor, f"{words} ({name}{per})" if name else words)
+
+    def __call__(self, values: Any) -> Any:
+        return np.asarray(values) * self.factor
+
+
+def curves(
+    axes: Axes,
+    drawn: Mapping[str, tuple[Any, Any]],
+    across: Scale,
+    up: Scale,
+    styles: Cycler = COLOURED,
+    **style: Any,
+) -> None:
+    """Draw values over others as curves by their names, and call the axes what they show."""
+    for own, (name, (x, y)) in zip(styles(), drawn.items()):
+        axes.plot(across(x), up(y), label=name, **{"linewidth": 1.1} | own | style)
+    axes.set(xlabel=across.label, ylabel=up.label)
 
 
 def bar(painted: Any, panels: Axes | Sequence[Axes], label: str, **options) -> Any:
@@ -255,28 +296,6 @@ def note(axes: Axes, words: str, at: tuple[float, float], lift: float = 2.0, **s
     axes.annotate(words, at, textcoords="offset points", annotation_clip=False, **usual | style)
 
 
-def stems(
-    sheet: Sheet, curves: Mapping[str, tuple[Any, Any]], height: float, room: float, size: float = 4.0
-) -> Axes:
-    """Heights over places as stems on a logarithmic scale, each curve with its colour, marker and name, up to
-    `room` times the highest. They stand on the power of ten below the lowest: the scale has no zero.
-    """
-    (axes,) = sheet.panels((1, 1), height)
-    levels = np.concatenate([y for _, y in curves.values()])
-    floor = 10.0 ** np.floor(np.log10(0.7 * levels.min()))
-    for k, (name, (x, y)) in enumerate(curves.items()):
-        colour = CYCLE[k % len(CYCLE)]
-        axes.vlines(x, floor, y, color=colour, linewidth=0.35 * size)
-        dots(axes, (x, y), MARKERS[k % len(MARKERS)], size, colour, label=name or "_")
-    axes.set(yscale="log", ylim=(floor, room * levels.max()))
-    axes.yaxis.set_major_locator(LogLocator(numticks=12))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.grid(axis="y")
-    if any(curves):
-        axes.legend(loc="upper right")
-    return axes
-
-
 def crack_title(crack) -> str:
     """A crack's name, recognisable as one: a user's model may call it anything."""
     return crack.name if crack.name.startswith("crack") else f"crack {crack.name}"
@@ -286,9 +305,5 @@ def fill(axes: Axes, rings, scale: float, **style) -> None:
     """Closed loops (m), holes running the other way round, as one filled shape in a style of
     Matplotlib's; drawn in units of 1 / scale.
     """
-    vertices, codes = [], []
-    for ring in rings:
-        points = np.concatenate(ring) * scale
-        vertices.append(np.vstack([points, points[:1]]))
-        codes += [Path.MOVETO] + [Path.LINETO] * (len(points) - 1) + [Path.CLOSEPOLY]
-    axes.add_patch(PathPatch(Path(np.concatenate(vertices), codes), **style))
+    loops = [Path(np.concatenate([*ring, ring[0][:1]]) * scale, closed=True) for ring in rings]
+    axes.add_patch(PathPatch(Path.make_compound_path(*loops), **style))

@@ -14,10 +14,10 @@ from matplotlib.ticker import MaxNLocator
 
 from ..analysis.static import Static
 from ..ranks.parallel import collective, on_root
-from ..record.units import frequency_unit, length_unit, place_unit, stress_unit
+from ..record.units import frequency_unit, place_unit
 from ..system.model import Model
 from ..system.solve.modal_result import Modal, chosen_modes
-from .drawing import BLUE, CYCLE, MARKERS, SKY, WIDTH, Sheet, crack_title, fill
+from .drawing import BLUE, MARKED, SKY, WIDTH, Scale, Sheet, crack_title, curves, fill
 from .outlines import Piece, gather_outline, loops
 from .picture import named, picture, require_crack
 
@@ -49,7 +49,7 @@ def plot_modes(
         count = len(modal.frequencies)
         chosen = chosen_modes("plot_modes", range(min(12, count)) if modes is None else modes, count)
     pieces = gather_outline(model, [modal.nodal(m) for m in chosen], max(2 * model.order, 8))
-    return on_root(model.comm, lambda: _draw_modes(Sheet.of(ax), pieces, modal.frequencies, chosen, columns))
+    return on_root(model.comm, lambda: _draw_modes(ax, pieces, modal.frequencies, chosen, columns))
 
 
 def _draw_modes(
@@ -152,41 +152,36 @@ def plot_contact(
     model = next(iter(of_loads.values())).model
     with collective(model.comm):
         require_crack("plot_contact", crack, len(model.cracks))
-    return on_root(model.comm, lambda: _draw_contact(Sheet.of(ax), model, of_loads, crack))
+    return on_root(model.comm, lambda: _draw_contact(ax, model, of_loads, crack))
 
 
 def _draw_contact(sheet: Sheet, model: Model, cases: Mapping[str, Static], crack: int) -> list[Axes]:
     pairs, length = model.pairs, model.cracks[crack].length
     rows = np.flatnonzero(pairs.crack == crack)
-    drawn = pairs.weight[rows]
+    drawn = pairs.weight[rows] * model.thickness
     if model.cracks[crack].tip_element >= 0 and len(rows):
         drawn[np.argmin(pairs.position[rows])] = np.nan
-    along, along_unit = length_unit(length)
-    distance = pairs.position[rows] * length * along
-    pressures = {name: case.contact_force[rows] / (drawn * model.thickness) for name, case in cases.items()}
-    press, press_unit = stress_unit(max(float(np.nanmax(p, initial=0.0)) for p in pressures.values()))
-    gaps = [pairs.gap[rows], *(case.gap[rows] for case in cases.values())]
-    wide, wide_unit = length_unit(max(float(np.abs(gap).max(initial=0.0)) for gap in gaps))
-    panels = pressure_axes, gap_axes = sheet.panels((2, 1), 4.6, sharex=True)
-    initial: dict[str, Any] = {"color": "#777777", "linestyle": (0, (4, 2)), "linewidth": 0.9}
-    gap_axes.plot(distance, pairs.gap[rows] * wide, label="initial", **initial)
-    for k, (name, case) in enumerate(cases.items()):
-        colour, marker = CYCLE[k % len(CYCLE)], MARKERS[k % len(MARKERS)]
-        marked: dict[str, Any] = dict(color=colour, marker=marker, markersize=3, linewidth=1.0)
+    distance = pairs.position[rows] * length
+    pressures, gaps = {}, {}
+    for name, case in cases.items():
         force = case.contact_force[rows].sum()
         # of several cracks it is not known apart
         inside = case.contact_resultant - force if len(model.cracks) == 1 else 0.0
         beside = f", the tip element's faces {inside:,.0f} N" if inside >= 0.5 else ""
         carried = f"{name}  ({case.active[rows].sum()} of {len(rows)} pairs carry {force:,.0f} N{beside})"
-        pressure_axes.plot(distance, pressures[name] * press, label=carried, **marked)
-        gap_axes.plot(distance, case.gap[rows] * wide, label=name, **marked)
-    pressure_axes.set(ylabel=f"contact pressure ({press_unit})")
-    pressure_axes.set_ylim(bottom=0.0)
-    pressure_axes.set_title(f"{crack_title(model.cracks[crack])}: nodal contact force per area of the face")
-    gap_axes.set(ylabel=f"gap ({wide_unit})")
-    for axes in panels:
-        axes.set_xlabel(f"distance from the tip along the crack ({along_unit})")
-        axes.set_xlim(0.0, length * along * 1.02)
+        pressures[carried] = distance, case.contact_force[rows] / drawn
+        gaps[name] = distance, case.gap[rows]
+    along = Scale.of("distance from the tip along the crack", "m", length)
+    pressure = Scale.of("contact pressure", "Pa", *(values for _, values in pressures.values()))
+    gap = Scale.of("gap", "m", pairs.gap[rows], *(values for _, values in gaps.values()))
+    panels = sheet.panels((2, 1), 4.6, sharex=True)
+    panels[0].set_title(f"{crack_title(model.cracks[crack])}: nodal contact force per area of the face")
+    initial: Any = {"color": "#777777", "linestyle": (0, (4, 2)), "linewidth": 0.9, "label": "initial"}
+    panels[1].plot(along(distance), gap(pairs.gap[rows]), **initial)
+    for axes, shown, up in zip(panels, (pressures, gaps), (pressure, gap)):
+        curves(axes, shown, along, up, MARKED, markersize=3, linewidth=1.0)
+        axes.set_xlim(0.0, along(length) * 1.02)
         axes.grid()
         axes.legend()
+    panels[0].set_ylim(bottom=0.0)
     return panels

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -16,12 +17,8 @@ from ..continuation.orbit import component
 from ..motion.history import Motion
 from ..motion.states import Point
 from ..petsc import MPI
-from ..record.units import force_unit, frequency_unit, length_unit, stress_unit, time_unit
-from .drawing import BLACK, CYCLE, Sheet, above, dots, note
+from .drawing import BLACK, BROKEN, CYCLE, Scale, Sheet, above, curves, dots, legend, note
 from .picture import CHECKS, a_text, curve, optional, picture, place_name, symbol, table_of, two_numbers
-
-# Above this many samples in a panel, the least and the greatest of each column of pixels are drawn.
-COLUMNS = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +84,7 @@ def plot_histories(
     several = instances("plot_histories", "panels", panels, Panel, "a Panel or a sequence of them")
     if not several:
         raise ValueError("plot_histories: no panel is given")
-    return _draw(Sheet.of(ax), several)
+    return _draw(ax, several)
 
 
 @picture(Motion, direction=optional(CHECKS["direction"]))
@@ -123,7 +120,7 @@ def plot_history(
     Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
     """
     panels = _moved(motion, point, direction, window)
-    return _draw(Sheet.of(ax), panels)
+    return _draw(ax, panels)
 
 
 @picture(LoadHistory, crack=optional(a_text), direction=optional(CHECKS["direction"]))
@@ -160,10 +157,10 @@ def plot_load_history(
     tips = list(history.states[0].stress_intensity)
     if tips:
         factors = history.stress_intensity(crack or tips[0])
-        curves = {name: (history.time, factors[:, k]) for k, name in enumerate(("$K_I$", "$K_{II}$"))}
-        scale, unit = stress_unit(float(np.nan_to_num(np.abs(factors)).max()))
-        panels.append(Panel(f"K of {crack or tips[0]} ({unit} m$^{{1/2}}$)", curves, scale))
-    return _draw(Sheet.of(ax), panels)
+        both = {name: (history.time, factors[:, k]) for k, name in enumerate(("$K_I$", "$K_{II}$"))}
+        up = Scale.of(f"K of {crack or tips[0]}", "Pa", factors, per=" m$^{1/2}$")
+        panels.append(Panel(up.label, both, up.factor))
+    return _draw(ax, panels)
 
 
 def _moved(
@@ -176,62 +173,36 @@ def _moved(
     states = motion.states if isinstance(motion, Motion) else motion
     u = states.displacement(point)
     axes = direction or ("y" if motion.of_rows else "yx")
-    shown = {axis: component(u, axis) for axis in axes}
-    scale, unit = length_unit(max(float(np.abs(values).max()) for values in shown.values()))
-    curves = {f"${symbol(motion, axis, point)}$": (motion.time, values) for axis, values in shown.items()}
+    shown = {f"${symbol(motion, axis, point)}$": (motion.time, component(u, axis)) for axis in axes}
     name = "displacement" if direction is None else f"${symbol(motion, direction, point)}$"
-    panels = [Panel(f"{name} of {place_name(point)} ({unit})", curves, scale, window)]
+    up = Scale.of(f"{name} of {place_name(point)}", "m", *(values for _, values in shown.values()))
+    panels = [Panel(up.label, shown, up.factor, window)]
     if (motion.states.contact if isinstance(motion, Motion) else motion.contact_force).shape[1]:
-        scale, unit = force_unit(float(motion.contact_resultant.max(initial=0.0)))
-        curves = {"": (motion.time, motion.contact_resultant)}
-        panels.append(Panel(f"contact resultant ({unit})", curves, scale, window))
+        up = Scale.of("contact resultant", "N", motion.contact_resultant)
+        panels.append(Panel(up.label, {"": (motion.time, motion.contact_resultant)}, up.factor, window))
     return panels
 
 
 def _draw(sheet: Sheet, panels: Sequence[Panel]) -> list[Axes]:
     grid = sheet.panels((len(panels), 1), 1.75 * len(panels) + 0.25)
     for axes, panel in zip(grid, panels):
-        start, stop = panel.window or (
-            min(t[0] for t, _ in panel.curves.values()),
-            max(t[-1] for t, _ in panel.curves.values()),
-        )
-        clock, unit = time_unit(max(abs(start), abs(stop)))
-        for k, (name, (time, values)) in enumerate(panel.curves.items()):
-            shown = (time >= start) & (time <= stop)
-            axes.plot(
-                *_thinned(np.asarray(time)[shown] * clock, np.asarray(values)[shown] * panel.scale),
-                color=CYCLE[k % len(CYCLE)],
-                label=name,
-                linewidth=1.5 if k == 0 and len(panel.curves) > 1 else 0.8,
-                linestyle="-" if k == 0 else (0, (4, 2)),
-            )
+        ends = [time[k] for time, _ in panel.curves.values() for k in (0, -1)]
+        start, stop = panel.window or (min(ends), max(ends))
+        clock, drawn = Scale.of("time", "s", start, stop), {}
+        for name, (time, values) in panel.curves.items():
+            shown = (np.asarray(time) >= start) & (np.asarray(time) <= stop)
+            drawn[name] = np.asarray(time)[shown], np.asarray(values)[shown]
+        curves(axes, drawn, clock, Scale(panel.scale, panel.quantity), BROKEN, linewidth=0.8)
+        if len(drawn) > 1:
+            axes.lines[-len(drawn)].set_linewidth(1.5)
+            above(axes)
         if panel.zero:
             axes.axhline(0.0, color="#999999", linewidth=0.4, zorder=0.5)
-        axes.set_xlim(start * clock, stop * clock)
+        axes.set_xlim(clock(start), clock(stop))
         axes.margins(y=0.08)
-        axes.set_xlabel(f"time ({unit})")
-        axes.set_ylabel(panel.quantity)
         axes.set_title(panel.title, loc="left")
         axes.yaxis.set_major_locator(MaxNLocator(5))
-        if len(panel.curves) > 1:
-            above(axes, len(panel.curves))
     return grid
-
-
-def _thinned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The least and the greatest value of each column of pixels, in their order: drawn, nothing is
-    missing.
-    """
-    width = len(x) // COLUMNS
-    if width < 3:
-        return x, y
-    rows = y[: len(y) // width * width].reshape(-1, width)
-    pair = (
-        np.sort(np.stack([rows.argmin(axis=1), rows.argmax(axis=1)], axis=1), axis=1)
-        + width * np.arange(len(rows))[:, None]
-    )
-    chosen = np.unique(np.concatenate([pair.ravel(), [len(x) - 1]]))
-    return x[chosen], y[chosen]
 
 
 @picture(window=two_numbers)
@@ -274,34 +245,30 @@ def plot_spectra(
         raise ValueError("plot_spectra: no spectrum is given")
     low, high = window
     lines, harmonics = lines or {}, harmonics or {}
-    height = 1.9 * len(spectra) + 0.45
-    grid = Sheet.of(ax).panels((len(spectra), 1), height, sharex=True, sharey=True)
-    top, (tone, unit) = 0.0, frequency_unit(high)
-    for k, (axes, (name, (frequency, amplitude))) in enumerate(zip(grid, spectra.items())):
+    height, along = 1.9 * len(spectra) + 0.45, Scale.of("frequency", "Hz", high)
+    grid, top = ax.panels((len(spectra), 1), height, sharex=True, sharey=True), 0.0
+    for colour, axes, (name, (frequency, amplitude)) in zip(cycle(CYCLE), grid, spectra.items()):
         seen = (frequency >= low) & (frequency <= high) & (frequency > 0.0)
         if not seen.any():
             raise ValueError(f"plot_spectra: spectra[{name!r}] has no frequency in window = {window!r}")
-        along, level = frequency[seen] * tone, np.abs(amplitude[seen])
+        places, level = frequency[seen], np.abs(amplitude[seen])
         top = max(top, float(level.max()))
         for place in lines.values():
-            axes.axvline(place * tone, color="#BBBBBB", linewidth=0.6, linestyle=(0, (3, 2)), zorder=0.5)
-        smallest = np.finfo(float).tiny
-        axes.plot(along, np.maximum(level, smallest), color=CYCLE[k % len(CYCLE)], linewidth=0.7)
-        for number, (family, places) in enumerate(harmonics.items()):
-            peaks = _peaks(along, level, [f * tone for f in places if low <= f <= high])
-            colour = BLACK if number == 0 else CYCLE[-1 - number]
-            dots(axes, (along[peaks], level[peaks]), "v", 3.5, colour, label=family, markeredgewidth=0)
-        axes.set(yscale="log", xlim=(low * tone, high * tone), ylabel=quantity, xlabel=f"frequency ({unit})")
+            axes.axvline(along(place), color="#BBBBBB", linewidth=0.6, linestyle=(0, (3, 2)), zorder=0.5)
+        axes.plot(along(places), np.maximum(level, np.finfo(float).tiny), color=colour, linewidth=0.7)
+        for shade, (family, tones) in zip((BLACK, *CYCLE[-2::-1]), harmonics.items()):
+            peaks = _peaks(places, level, [f for f in tones if low <= f <= high])
+            dots(axes, (along(places[peaks]), level[peaks]), "v", 3.5, shade, label=family, markeredgewidth=0)
+        axes.set(yscale="log", xlim=(along(low), along(high)), ylabel=quantity, xlabel=along.label)
         box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5}
         axes.text(0.995, 0.95, name, transform=axes.transAxes, fontsize=8, ha="right", va="top", bbox=box)
-    if harmonics:
-        grid[-1].legend(loc="lower left")
+    legend(grid[-1], loc="lower left")
     for axes in grid:
         axes.set_ylim(top * 10.0**-decades, 4.0 * top)
         axes.yaxis.set_major_locator(LogLocator(numticks=6))
     for name, place in lines.items():
         if low <= place <= high:
-            note(grid[0], name, (place * tone, 1.0), xycoords=grid[0].get_xaxis_transform())
+            note(grid[0], name, (along(place), 1.0), xycoords=grid[0].get_xaxis_transform())
     return grid
 
 

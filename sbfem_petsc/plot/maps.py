@@ -1,4 +1,4 @@
-"""Maps and curves of a sweep's indicators."""
+"""Maps and curves of a sweep's indicators, and of what is detected by them."""
 
 from __future__ import annotations
 
@@ -10,10 +10,14 @@ from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 
+from ..checks import real_array
+from ..petsc import MPI
 from ..record.units import suited
-from .drawing import CYCLE, MARKERS, STYLE, Sheet, bar, save_picture
+from .drawing import MARKED, STYLE, Scale, Sheet, bar, curves, save_picture
+from .picture import picture
 
 # Quantities that are drawn without being asked for: indicators of damage.
 _INDICATORS = re.compile(
@@ -94,7 +98,8 @@ def indicator_figure(sweep: Any, columns: Mapping[str, np.ndarray], unit: str) -
     grid = len(axes) >= 2 and all(len(np.unique(sweep.inputs[a])) > 2 for a in axes[:2])
     over = axes[: 2 if grid else 1]
     others = [name for name in sweep.inputs if name not in over and _matters(sweep, name, table)]
-    sheet, labels = Sheet("draw_sweep", None), [_label(name, unit) for name in columns]
+    sheet = Sheet("draw_sweep", None)
+    labels = (textwrap.fill(f"{words} ({unit})" if unit else words, 28) for words in columns)
     with rc_context(STYLE):
         (_maps if grid else _curves)(sheet, sweep, over, others, dict(zip(labels, table)))
         count = len(set(zip(*(sweep.inputs[n].tolist() for n in others))))
@@ -102,11 +107,6 @@ def indicator_figure(sweep: Any, columns: Mapping[str, np.ndarray], unit: str) -
             sheet.figure.suptitle(f"the first {_CURVES} of {count} combinations of the other parameters")
         sheet.finished(None, "")
     return sheet.figure
-
-
-def _label(words: str, unit: str) -> str:
-    """What a panel shows, in lines that it has room for."""
-    return textwrap.fill(f"{words} ({unit})" if unit else words, 28)
 
 
 def _matters(sweep: Any, name: str, table: np.ndarray) -> bool:
@@ -121,16 +121,9 @@ def _matters(sweep: Any, name: str, table: np.ndarray) -> bool:
     )
 
 
-def _parameter(sweep: Any, name: str) -> tuple[float, str, str]:
-    """Factor, label and unit of a parameter: "depth of notch 1" in mm."""
-    scale, unit = suited(sweep.input_units.get(name, ""), sweep.inputs[name])
-    return scale, sweep.input_words[name], unit
-
-
-def _axis(sweep: Any, name: str) -> tuple[np.ndarray, str]:
-    """Values of a numeric parameter, and the axis's label."""
-    scale, text, unit = _parameter(sweep, name)
-    return sweep.inputs[name] * scale, f"{text} ({unit})" if unit else text
+def _scale(sweep: Any, name: str) -> Scale:
+    """Of a numeric parameter: "depth of notch 1 (mm)"."""
+    return Scale.of(sweep.input_words[name], sweep.input_units.get(name, ""), sweep.inputs[name])
 
 
 def _axes(sweep: Any) -> list[str]:
@@ -156,8 +149,8 @@ def _value(sweep: Any, name: str, value: Any) -> str:
     """A parameter's value, "force of drive along y = 300 N"."""
     if not isinstance(value, (int, float)) or isinstance(value, bool):
         return f"{sweep.input_words[name]} = {value}"
-    scale, text, unit = _parameter(sweep, name)
-    return f"{text} = {value * scale:g} {unit}".rstrip()
+    factor, unit = suited(sweep.input_units.get(name, ""), sweep.inputs[name])
+    return f"{sweep.input_words[name]} = {value * factor:g} {unit}".rstrip()
 
 
 def _curves(
@@ -165,16 +158,13 @@ def _curves(
 ) -> None:
     """Curves over one parameter, one each combination of the others, below one another."""
     panels = sheet.panels((len(columns), 1), 0.6 + 2.1 * len(columns), NARROW, sharex=True)
-    places, label = _axis(sweep, over[0])
-    for panel, (text_of_axis, values) in zip(panels, columns.items()):
-        for k, (text, rows) in enumerate(_families(sweep, others)):
-            x, y = places[rows], values[rows]
-            order = np.argsort(x)
-            colour, marker = CYCLE[k % len(CYCLE)], MARKERS[k % len(MARKERS)]
-            panel.plot(x[order], y[order], color=colour, marker=marker, markersize=3, linewidth=1, label=text)
+    families, along, places = _families(sweep, others), _scale(sweep, over[0]), sweep.inputs[over[0]]
+    order = np.argsort(places, kind="stable")
+    for panel, (label, values) in zip(panels, columns.items()):
+        drawn = {text: (places[order][rows[order]], values[order][rows[order]]) for text, rows in families}
+        curves(panel, drawn, along, Scale(1.0, label), MARKED, markersize=3, linewidth=1)
         if _logarithmic(values):
             panel.set_yscale("log")
-        panel.set(xlabel=label, ylabel=text_of_axis)
     if others:
         sheet.figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left")
 
@@ -188,21 +178,21 @@ def _maps(
     sheet: Sheet, sweep: Any, over: Sequence[str], others: Sequence[str], columns: Mapping[str, np.ndarray]
 ) -> None:
     """Maps over two parameters, one each combination of the others, with one bar for each column."""
-    places, labels = zip(*(_axis(sweep, name) for name in over))
+    across, up = (_scale(sweep, name) for name in over)
+    x, y = (sweep.inputs[name] for name in over)
     families = _families(sweep, others)
-    across = min(2, len(families))
-    lines = -(-len(families) // across)
-    panels = sheet.panels(
-        (lines * len(columns), across), 0.4 + 2.2 * lines * len(columns), NARROW + 1.4 * (across - 1)
-    )
+    wide = min(2, len(families))
+    lines = -(-len(families) // wide)
+    rows_in_all = lines * len(columns)
+    panels = sheet.panels((rows_in_all, wide), 0.4 + 2.2 * rows_in_all, NARROW + 1.4 * (wide - 1))
     for number, (label, values) in enumerate(columns.items()):
-        own = panels[number * lines * across : (number + 1) * lines * across]
+        own = panels[number * lines * wide : (number + 1) * lines * wide]
         finite = values[np.isfinite(values)]
         low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
         norm = LogNorm(low, high) if _logarithmic(values) else Normalize(low, high)
         for panel, (text, rows) in zip(own, families):
-            drawn = _map(panel, places[0][rows], places[1][rows], values[rows], norm)
-            panel.set(xlabel=labels[0], ylabel=labels[1])
+            drawn = _map(panel, across(x[rows]), up(y[rows]), values[rows], norm)
+            panel.set(xlabel=across.label, ylabel=up.label)
             panel.set_title(text, fontsize=7)
         for panel in own[len(families) :]:
             panel.set_axis_off()
@@ -217,3 +207,67 @@ def _map(panel: Any, x: np.ndarray, y: np.ndarray, z: np.ndarray, norm: Any) -> 
     table = np.full((len(ys), len(xs)), np.nan)
     table[np.searchsorted(ys, y), np.searchsorted(xs, x)] = z
     return panel.pcolormesh(xs, ys, table, norm=norm, cmap="viridis", shading="nearest")
+
+
+@picture()
+def plot_detection(
+    depth: Any,
+    place: Any,
+    probability: Mapping[str, Any],
+    *,
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
+) -> list[Axes] | None:
+    """Draw the probability of detection of cracks of several depths at several places. Collective.
+
+    Parameters
+    ----------
+    depth, place : (n,) array
+        Depth and position of each crack, m: every depth at every place; on rank 0 at least.
+    probability : dict of str to (n,) array
+        Of each way to look for them, such as `indicators.detection_probability` gives it.
+    title, ax, comm
+        As for `plot_branches`.
+
+    Returns
+    -------
+    list of Axes on rank 0, None elsewhere
+        First the mean over the places, over the depth; then a map of each way over place and depth.
+
+    Raises
+    ------
+    ValueError
+        If the arrays do not belong together.
+    """
+    owner = "plot_detection"
+    depths = real_array(owner, "depth", depth, 1, "m")
+    places = real_array(owner, "place", place, 1, "m")
+    if not isinstance(probability, Mapping) or not probability:
+        raise TypeError(f"{owner}: probability must be a dict of names to arrays with at least one entry")
+    chances = {name: real_array(owner, f"probability[{name!r}]", p, 1) for name, p in probability.items()}
+    for name, values in {"place": places, **chances}.items():
+        if len(values) != len(depths):
+            raise ValueError(
+                f"{owner}: {name} has {len(values)} values for {len(depths)} depths; give one each"
+            )
+    steps, along = np.unique(depths), np.unique(places)
+    if not len(steps) * len(along) == len(set(zip(depths, places))) == len(depths):
+        raise ValueError(
+            f"{owner}: {len(depths)} cracks of {len(steps)} depths at {len(along)} places were given; every "
+            "depth at every place is expected, once"
+        )
+    ratios = [2.0] + [1.0] * len(chances)
+    mean, *maps = panels = ax.panels((1, len(ratios)), 2.6, 1.4 + 1.6 * len(ratios), width_ratios=ratios)
+    up, across = Scale.of("crack depth", "place", depths), Scale.of("position", "place", places)
+    means = {name: (steps, [chance[depths == at].mean() for at in steps]) for name, chance in chances.items()}
+    curves(mean, means, up, Scale(1.0, "probability, mean of positions"), MARKED, markersize=3.5)
+    mean.set_ylim(-0.02, 1.02)
+    mean.legend(loc="lower right")
+    mean.grid()
+    for panel, (name, chance) in zip(maps, chances.items()):
+        drawn = _map(panel, across(places), up(depths), chance, Normalize(0.0, 1.0))
+        panel.set(title=name, xlabel=across.label)
+    maps[0].set_ylabel(up.label)
+    bar(drawn, maps, "probability of detection")
+    return panels

@@ -51,7 +51,7 @@ def plot_discretisation(
     tall = (WIDTH - 0.8) * min(extent[1] / extent[0] * stretch, 1.2) + 0.75
     heights = [tall] + [3.45] * len(zoomed)
     layout = [["whole", "whole"]] + [[f"crack {k}", f"tip {k}"] for k in range(len(zoomed))]
-    sheet = Sheet.of(ax)
+    sheet = ax
     whole, *zooms = panels = sheet.panels(layout, sum(heights) + 0.3, height_ratios=heights)
     margin = np.array([0.015, 0.2 if stretch > 1 else 0.07]) * extent
     _panel(whole, mesh, lower - margin, upper + margin, nodes=len(mesh.nodes) < 1500, stretch=stretch)

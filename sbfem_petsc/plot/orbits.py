@@ -1,4 +1,4 @@
-"""Pictures of periodic motions: harmonics, phase planes, Floquet multipliers."""
+"""Pictures of periodic motions: phase planes, gaps and forces over a period, Floquet multipliers."""
 
 from __future__ import annotations
 
@@ -7,87 +7,26 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 
 from ..continuation.branch import Branch
 from ..continuation.orbit import Orbit, component
 from ..motion.states import Point
 from ..petsc import MPI
-from ..record.units import force_unit, length_unit
 from .branches import draw_growth
-from .drawing import BLACK, BLUE, CYCLE, DASHED, GREY, VERMILION, Sheet, above, dots, stems
-from .picture import divisors, named, picture, place_name, symbol
+from .drawing import BLACK, BLUE, BROKEN, GREY, VERMILION, Scale, above, curves, dots
+from .picture import picture, place_name, symbol
 
 LIGHT = "#BBBBBB"
 # Growth a period below which the scale of multipliers is linear, else logarithmic.
 LINEAR = 1e-4
-# Harmonics this far below the first are the rounding of the linear response.
-ROUND_OFF = 1e-12
 # Marks of multipliers inside the unit circle and outside.
 _MARKS: dict[str, Any] = {"linestyle": "none", "markersize": 3, "markeredgewidth": 0.5}
 INSIDE = {**_MARKS, "color": BLUE, "marker": ".", "label": "inside"}
 OUTSIDE = {**_MARKS, "color": VERMILION, "marker": "^", "label": "outside"}
 # Multipliers drawn of each point of a branch in the complex plane.
 OUTERMOST = 6
-
-
-# ---------------------------------------------------------------------- harmonics
-@picture(Orbit, several=True)
-def plot_harmonics(
-    orbits: Orbit | Mapping[str, Orbit],
-    point: Point = "A",
-    direction: str = "y",
-    *,
-    count: int = 10,
-    decades: float = 5.0,
-    forces: Mapping[str, float] | None = None,
-    title: str = "",
-    ax: Any = None,
-    comm: MPI.Comm | None = None,
-) -> Axes | None:
-    """Draw the moduli of the harmonics of several periodic motions as stems on a logarithmic scale.
-    Collective.
-
-    Parameters
-    ----------
-    orbits : Orbit or dict of str to Orbit
-        On rank 0 at least; on all ranks for a place (x, y).
-    point : str or (x, y)
-        Name, or m.
-    direction : {"y", "x"}
-    count : int
-        Highest harmonic.
-    decades : float
-        Below the largest harmonic at least that are shown, to a power of ten.
-    forces : dict of str to float, optional
-        N: harmonics are divided by them.
-    title, ax, comm
-        As for `plot_branches`.
-
-    Returns
-    -------
-    Axes on rank 0, None elsewhere; `save_picture` writes them
-    """
-    divisor = divisors("plot_harmonics", named(orbits), forces)
-    found = {
-        name: np.abs(orbit.harmonics(point, direction)[: count + 1]) / divisor[name]
-        for name, orbit in named(orbits).items()
-    }
-    top = max(float(levels.max()) for levels in found.values())
-    if not top > 0.0:
-        raise ValueError(f"plot_harmonics: point {point!r} does not move in {direction}")
-    # rounding is no harmonic
-    shown = [v[(v > top * 10.0**-decades) & (v > ROUND_OFF * v.max())] for v in found.values()]
-    least = 10.0 ** np.floor(np.log10(0.7 * np.concatenate(shown).min())) / 0.7  # the axis of `stems`
-    apart, curves = min(0.2, 0.7 / len(found)), {}
-    for k, (name, levels) in enumerate(found.items()):
-        seen = (levels > least) & (levels > ROUND_OFF * levels.max())
-        curves[name] = np.flatnonzero(seen) + apart * (k - 0.5 * (len(found) - 1)), levels[seen]
-    axes = stems(Sheet.of(ax), curves, 2.9, 4.0)
-    label = f"$|{symbol(orbits, direction, point)}|$({place_name(point)})"
-    axes.set_ylabel(label + (" (m)" if forces is None else " / force (m/N)"))
-    axes.set(xlim=(-0.6, count + 0.6), xticks=range(count + 1), xlabel="harmonic number")
-    return axes
 
 
 # ---------------------------------------------------------------------- phase plane and gaps
@@ -132,60 +71,40 @@ def plot_orbit(
             )
     states = orbit.states
     u, v = (_around(component(of(point), direction)) for of in (states.displacement, states.velocity))
-    factor, unit = length_unit(float(np.abs(u).max()))
-    speed, speed_unit = length_unit(float(np.abs(v).max()))
-    labels = (
-        f"${symbol(orbit, direction, point)}$({place_name(point)}) ({unit})",
-        f"velocity ({speed_unit}/s)",
-    )
+    across = Scale.of(f"${symbol(orbit, direction, point)}$({place_name(point)})", "m", u)
+    up = Scale.of("velocity", "m/s", v)
     layout = [["phase", "upper"], ["phase", "lower"]]
-    panels = phase, upper, lower = Sheet.of(ax).panels(layout, 3.0, width_ratios=(1.0, 1.25))
-    phase.plot(u * factor, v * speed, color=BLUE, linewidth=1.1)
+    panels = phase, upper, lower = ax.panels(layout, 3.0, width_ratios=(1.0, 1.25))
+    curves(phase, {"": (u, v)}, across, up)
     # one mark a forcing period, at the zero of its phase
     each = (len(u) - 1) // orbit.periods
     marked = "$t = 0$" if orbit.periods == 1 else "once a forcing period"
-    dots(phase, (u[:-1:each] * factor, v[:-1:each] * speed), "o", 4, VERMILION, label=marked)
-    phase.set(xlabel=labels[0], ylabel=labels[1])
+    dots(phase, (across(u[:-1:each]), up(v[:-1:each])), "o", 4, VERMILION, label=marked)
     phase.margins(0.1)
     above(phase, handletextpad=0.2)
-    cycles = np.arange(len(u)) * (orbit.periods / (len(u) - 1))
+    cycles, time = np.linspace(0.0, orbit.periods, len(u)), Scale(1.0, "time (forcing periods)")
     if count:
-        _draw_contact(upper, lower, orbit, cycles, pairs)
+        gaps = {name: (cycles, _around(orbit.gap[:, k])) for name, k in pairs.items()}
+        curves(upper, gaps, time, Scale.of("gap", "m", *(gap for _, gap in gaps.values())), BROKEN)
+        above(upper, handlelength=1.6)
+        resultant = _around(orbit.contact_resultant)
+        curves(lower, {"": (cycles, resultant)}, time, Scale.of("resultant", "N", resultant), color=BLACK)
     else:
-        for axes, values, label in zip((upper, lower), (u * factor, v * speed), labels):
-            axes.plot(cycles, values, color=BLUE, linewidth=1.1)
-            axes.set_ylabel(label)
+        curves(upper, {"": (cycles, u)}, time, across)
+        curves(lower, {"": (cycles, v)}, time, up)
     for axes in (upper, lower):
         axes.axhline(0.0, color=LIGHT, linewidth=0.5, zorder=0.5)
         axes.set_xlim(0.0, orbit.periods)
         axes.margins(y=0.1)
         axes.yaxis.set_major_locator(MaxNLocator(4))
+    upper.set_xlabel("")
     upper.tick_params(labelbottom=False)
-    lower.set_xlabel("time (forcing periods)")
     return panels
 
 
 def _around(values: np.ndarray) -> np.ndarray:
     """A whole period, both ends."""
     return np.concatenate([values, values[:1]])
-
-
-def _draw_contact(
-    upper: Axes, lower: Axes, orbit: Orbit, cycles: np.ndarray, pairs: Mapping[str, int]
-) -> None:
-    """Gaps of some pairs over a period, and the contact resultant."""
-    gaps = {name: _around(orbit.gap[:, k]) for name, k in pairs.items()}
-    factor, unit = length_unit(max((float(np.abs(g).max()) for g in gaps.values()), default=1.0))
-    for k, (name, gap) in enumerate(gaps.items()):
-        dashes = ("-", DASHED, (0, (1, 1)))[k % 3]
-        colour = CYCLE[k % len(CYCLE)]
-        upper.plot(cycles, gap * factor, color=colour, linewidth=1.1, linestyle=dashes, label=name)
-    upper.set_ylabel(f"gap ({unit})")
-    above(upper, len(gaps), handlelength=1.6)
-    resultant = _around(orbit.contact_resultant)
-    factor, unit = force_unit(float(resultant.max()))
-    lower.plot(cycles, resultant * factor, color=BLACK, linewidth=1.1)
-    lower.set_ylabel(f"resultant ({unit})")
 
 
 # ---------------------------------------------------------------------- multipliers
@@ -215,7 +134,7 @@ def plot_multipliers(
             "plot_multipliers: there are no multipliers; ask for them with stability=True, or draw a motion "
             "with contact"
         )
-    panels = plane, growth = Sheet.of(ax).panels((1, 2), 3.2, width_ratios=(1.0, 1.25))
+    panels = plane, growth = ax.panels((1, 2), 3.2, width_ratios=(1.0, 1.25))
     values = np.ravel(subject.multipliers)
     outside = np.abs(values) > 1.0 + np.repeat(
         np.nan_to_num(np.atleast_1d(subject.multiplier_error), nan=1e-9), np.shape(subject.multipliers)[-1]
@@ -237,8 +156,7 @@ def plot_multipliers(
 
 def _draw_plane(plane: Axes, subject: Orbit | Branch, values: np.ndarray, outside: np.ndarray) -> None:
     """Multipliers in the complex plane, with the unit circle."""
-    turn = np.linspace(0.0, 2.0 * np.pi, 361)
-    plane.plot(np.cos(turn), np.sin(turn), color=GREY, linewidth=0.8, zorder=2.5)
+    plane.add_patch(Circle((0.0, 0.0), 1.0, fill=False, edgecolor=GREY, linewidth=0.8, zorder=2.5))
     # of a whole curve the outermost ones: all together fill a ring
     shown = (
         np.ones(len(values), dtype=bool)
@@ -252,4 +170,4 @@ def _draw_plane(plane: Axes, subject: Orbit | Branch, values: np.ndarray, outsid
     plane.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach), xlabel="Re μ", ylabel="Im μ")
     for axis in (plane.xaxis, plane.yaxis):
         axis.set_major_locator(MaxNLocator(5))
-    above(plane, 2, handletextpad=0.2)
+    above(plane, handletextpad=0.2)

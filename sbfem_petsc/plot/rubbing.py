@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
-from matplotlib.patches import Patch
 
 from ..analysis.load_history import LoadHistory
 from ..checks import shown
@@ -19,8 +18,7 @@ from ..indicators.detection import friction_power
 from ..motion.history import Motion
 from ..motion.states import Point
 from ..petsc import MPI
-from ..record.units import force_unit, length_unit, place_unit, time_unit
-from .drawing import BLUE, CYCLE, DASHED, ORANGE, VERMILION, Sheet, above
+from .drawing import BLUE, BROKEN, ORANGE, VERMILION, Scale, above, curves, dots
 from .picture import a_text, named, optional, picture, place_name, symbol, whole
 
 Rubbing = LoadHistory | Motion
@@ -60,7 +58,7 @@ def plot_slips(
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    place, pairs, label, _ = _along("plot_slips", motion, crack)
+    along, place, pairs, _ = _along("plot_slips", motion, crack)
     _, slip, _ = _rubbed("plot_slips", motion)
     chosen = np.flatnonzero(_within("plot_slips", motion, window))
     chosen = chosen[:: -(-len(chosen) // _COLUMNS)]
@@ -68,21 +66,14 @@ def plot_slips(
     least = _ROUNDING * np.abs(slip).max(initial=0.0)
     state = np.where(moved > least, 3, np.where(moved < -least, 2, 1))
     state = np.where(motion.contact_force[chosen[1:]] > 0.0, state, 0)[:, pairs]
-    (axes,) = Sheet.of(ax).panels((1, 1), 2.6)
-    clock, unit = time_unit(float(np.abs(motion.time[chosen]).max()))
+    (axes,), clock = ax.panels((1, 1), 2.6), Scale.of("time", "s", motion.time[chosen])
     edges = np.concatenate([place[:1], 0.5 * (place[1:] + place[:-1]), place[-1:]])
-    axes.pcolormesh(
-        motion.time[chosen] * clock,
-        edges,
-        state.T,
-        cmap=ListedColormap(list(_STATES.values())),
-        vmin=-0.5,
-        vmax=3.5,
-        rasterized=True,
-    )
-    handles = [Patch(facecolor=colour, edgecolor="#999999", label=name) for name, colour in _STATES.items()]
-    above(axes, len(handles), handles=handles)
-    axes.set(xlabel=f"time ({unit})", ylabel=label)
+    colours: Any = {"cmap": ListedColormap(list(_STATES.values())), "vmin": -0.5, "vmax": 3.5}
+    axes.pcolormesh(clock(motion.time[chosen]), along(edges), state.T, rasterized=True, **colours)
+    for name, colour in _STATES.items():
+        dots(axes, ([], []), "s", 6, colour, markeredgecolor="#999999", label=name)
+    above(axes)
+    axes.set(xlabel=clock.label, ylabel=along.label)
     return axes
 
 
@@ -118,18 +109,12 @@ def plot_hysteresis(
         pair = int(np.argmax(friction_power(*first)))
     if pair >= (least := min(slip.shape[1] for _, slip, _ in found.values())):
         raise ValueError(f"plot_hysteresis: pair = {pair} does not exist; there are {least}")
-    (axes,) = Sheet.of(ax).panels((1, 1), 2.9, width=3.6)
-    scale, unit = length_unit(max(np.ptp(slip[:, pair]) for _, slip, _ in found.values()))
-    force, newton = force_unit(max(np.abs(along[:, pair]).max() for _, _, along in found.values()))
-    for k, (name, (_, slip, along)) in enumerate(found.items()):
-        style: Any = "-" if k == 0 else DASHED
-        colour = CYCLE[k % len(CYCLE)]
-        axes.plot(
-            slip[:, pair] * scale, along[:, pair] * force, color=colour, linestyle=style, label=name or "_"
-        )
-    axes.set(xlabel=f"slip of pair {pair} ({unit})", ylabel=f"friction ({newton})")
-    if any(found):
-        above(axes, len(found))
+    drawn = {name: (slip[:, pair], along[:, pair]) for name, (_, slip, along) in found.items()}
+    slips, forces = zip(*drawn.values())
+    (axes,) = ax.panels((1, 1), 2.9, width=3.6)
+    across = Scale.of(f"slip of pair {pair}", "m", *slips)
+    curves(axes, drawn, across, Scale.of("friction", "N", *forces), BROKEN, linewidth=1.5)
+    above(axes)
     return axes
 
 
@@ -159,20 +144,19 @@ def plot_friction_power(
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    (axes,) = Sheet.of(ax).panels((1, 1), 2.6)
+    drawn = {}
     each: Mapping[str, Rubbing] = named(motions)
-    for k, (name, motion) in enumerate(each.items()):
-        place, pairs, label, length = _along("plot_friction_power", motion, crack)
+    for name, motion in each.items():
+        along, place, pairs, length = _along("plot_friction_power", motion, crack)
         slid = motion.slid if isinstance(motion, LoadHistory) else None
         ways = None if slid is None else slid[_within("plot_friction_power", motion, window)]
-        power = friction_power(*_rubbed("plot_friction_power", motion, window), ways)[pairs] / length
-        colour = CYCLE[k % len(CYCLE)]
-        axes.plot(place, power, color=colour, marker=".", markersize=3, linewidth=0.9, label=name or "_")
-        unit = "W" if label.startswith("pair") else "W/m"
-        axes.set(xlabel=label, ylabel=f"power lost to friction ({unit})")
+        power = friction_power(*_rubbed("plot_friction_power", motion, window), ways)
+        drawn[name] = place, power[pairs] / length
+    (axes,) = ax.panels((1, 1), 2.6)
+    up = Scale(1.0, f"power lost to friction ({'W' if along.label == 'pair' else 'W/m'})")
+    curves(axes, drawn, along, up, marker=".", markersize=3, linewidth=0.9)
     axes.set_ylim(bottom=0.0)
-    if any(each):
-        above(axes, len(each))
+    above(axes)
     return axes
 
 
@@ -219,17 +203,18 @@ def plot_losses(
     levels = levels[order]
     if not levels[0, 1] > 0.0:
         raise ValueError(f"plot_losses: point {point!r} does not move in {direction} in one of the motions")
-    scale, unit = length_unit(float(levels[-1, 1]))
-    panels = Sheet.of(ax).panels((2, 1), 4.2, sharex=True)
-    panels[0].plot(levels[:, 1] * scale, np.array(losses)[order], color=BLUE, marker=".")
-    for k in range(2, levels.shape[1]):
-        style: Any = {"color": CYCLE[(k - 1) % len(CYCLE)], "marker": ".", "label": f"harmonic {k}"}
-        panels[1].plot(levels[:, 1] * scale, levels[:, k] / levels[:, 1], **style)
-    u = symbol(orbits[0], direction, point)
-    for axes, label in zip(panels, ("lost to friction a period (J)", "beside the first harmonic")):
-        axes.set(xlabel=f"first harmonic of ${u}$({place_name(point)}) ({unit})", ylabel=label)
+    first = levels[:, 1]
+    u = f"${symbol(orbits[0], direction, point)}$({place_name(point)})"
+    across = Scale.of(f"first harmonic of {u}", "m", first)
+    harmonics = {f"harmonic {k}": (first, levels[:, k] / first) for k in range(2, levels.shape[1])}
+    panels = ax.panels((2, 1), 4.2, sharex=True)
+    loss = {"": (first, np.array(losses)[order])}
+    for axes, drawn, label in zip(
+        panels, (loss, harmonics), ("lost to friction a period (J)", "beside the first harmonic")
+    ):
+        curves(axes, drawn, across, Scale(1.0, label), marker=".", linewidth=1.5)
         axes.set_ylim(bottom=0.0)
-    above(panels[1], levels.shape[1] - 2)
+    above(panels[1])
     return panels
 
 
@@ -255,9 +240,9 @@ def _rubbed(
     return motion.time[seen], slip[seen], along[seen]
 
 
-def _along(owner: str, motion: Rubbing, crack: str | None) -> tuple[np.ndarray, np.ndarray, str, Any]:
-    """Places of a crack's pairs in the order in which they are met, their numbers, what the places are
-    called, and the length (m) of face of each; without a model the numbers themselves, and 1.
+def _along(owner: str, motion: Rubbing, crack: str | None) -> tuple[Scale, np.ndarray, np.ndarray, Any]:
+    """Scale of the places of a crack's pairs, these in the order in which they are met, m, the pairs' numbers
+    and the length of face of each, m; without a model the numbers themselves, and 1.
     """
     _, slip, _ = _rubbed(owner, motion)
     if isinstance(motion, Motion):
@@ -267,7 +252,7 @@ def _along(owner: str, motion: Rubbing, crack: str | None) -> tuple[np.ndarray, 
     if model is None:
         if crack is not None:
             raise ValueError(f"{owner}: crack = {crack!r}, and the motion does not know which pairs it has")
-        return np.arange(slip.shape[1]), np.arange(slip.shape[1]), "pair", 1.0
+        return Scale(1.0, "pair"), np.arange(slip.shape[1]), np.arange(slip.shape[1]), 1.0
     names = [item.name for item in model.cracks]
     if crack is not None and crack not in names:
         raise ValueError(f"{owner}: crack = {crack!r} does not exist; the model has {', '.join(names)}")
@@ -275,5 +260,5 @@ def _along(owner: str, motion: Rubbing, crack: str | None) -> tuple[np.ndarray, 
     chosen = rubs[0] if crack is None else crack
     own = np.flatnonzero(model.pairs.crack == names.index(chosen))
     own = own[np.argsort(model.pairs.arc[own], kind="stable")]
-    scale, unit = place_unit(float(model.pairs.arc[own].max(initial=0.0)))
-    return model.pairs.arc[own] * scale, own, f"along {chosen} ({unit})", model.pairs.weight[own]
+    place = model.pairs.arc[own]
+    return Scale.of(f"along {chosen}", "place", place), place, own, model.pairs.weight[own]

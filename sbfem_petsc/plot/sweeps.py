@@ -1,4 +1,4 @@
-"""Amplitudes under a swept frequency, drawn over the response curve."""
+"""Amplitudes under a swept frequency over the response curve, and loci of its bifurcations."""
 
 from __future__ import annotations
 
@@ -9,12 +9,19 @@ from matplotlib.axes import Axes
 
 from ..checks import instance, instances
 from ..continuation.branch import Branch
+from ..continuation.problems.locus import KINDS, Locus
 from ..motion.swept import SweptResponse
 from ..petsc import MPI
-from ..record.units import frequency_unit, length_unit
 from .branches import Height, draw_parts, marks_of, name_verdicts, smooth, split
-from .drawing import BLACK, BLUE, GREEN, VERMILION, Sheet
+from .drawing import BLACK, BLUE, GREEN, PURPLE, VERMILION, Scale, legend
 from .picture import named_point, picture, symbol
+
+STYLES = {
+    "fold": (BLUE, "-"),
+    "period doubling": (VERMILION, "--"),
+    "Neimark-Sacker": (GREEN, "-."),
+    "grazing": (PURPLE, ":"),
+}
 
 
 @picture(point=named_point)
@@ -62,32 +69,76 @@ def plot_swept(
     shown: list[Branch | SweptResponse] = [*([] if branch is None else [branch]), *sweeps]
     if not shown:
         raise ValueError("plot_swept: swept is empty and there is no branch; give one SweptResponse at least")
-    factor, unit = length_unit(max(float(item.amplitude(point, direction).max()) for item in shown))
-    along, name = frequency_unit(max(float(item.frequency.max()) for item in shown))
-    (axes,) = Sheet.of(ax).panels((1, 1), 3.6)
+    of = symbol(shown[0], direction, point)
+    up = Scale.of(f"amplitude of ${of}$({point})", "m", *(item.amplitude(point, direction) for item in shown))
+    along = Scale.of("frequency", "Hz", *(item.frequency for item in shown))
+    (axes,) = ax.panels((1, 1), 3.6)
     if branch is not None:
         height = Height(point, direction)
-        marks = marks_of(branch, height, along, factor)
-        parts = split(branch.value * along, height.along(branch) * factor, ~branch.unstable, marks)
-        name_verdicts(axes, draw_parts(axes, smooth(parts), BLACK, 1.3))
-    for upwards, colour, label in ((True, VERMILION, "swept up"), (False, BLUE, "swept down")):
-        for number, item in enumerate(s for s in sweeps if s.upwards == upwards):
-            axes.plot(
-                item.frequency * along,
-                item.amplitude(point, direction) * factor,
-                color=colour,
-                linewidth=0.8,
-                label=label if number == 0 else None,
-            )
-            for jump in item.jumps(point, least, direction) if item.tells_jumps else ():
-                axes.annotate(
-                    "",
-                    (jump.frequency * along, jump.after * factor),
-                    (jump.frequency * along, jump.before * factor),
-                    arrowprops={"arrowstyle": "->", "color": GREEN, "linewidth": 1.2},
-                )
-    of = symbol(shown[0], direction, point)
-    axes.set(xlabel=f"frequency ({name})", ylabel=f"amplitude of ${of}$({point}) ({unit})")
+        marks = marks_of(branch, height, along, up)
+        parts = split(along(branch.value), up(height.along(branch)), ~branch.unstable, marks)
+        draw_parts(axes, smooth(parts), BLACK, width=1.3)
+        name_verdicts(axes, [branch])
+    for item in sweeps:
+        colour, label = (VERMILION, "swept up") if item.upwards else (BLUE, "swept down")
+        x, y = along(item.frequency), up(item.amplitude(point, direction))
+        axes.plot(x, y, color=colour, linewidth=0.8, label=label)
+        for jump in item.jumps(point, least, direction) if item.tells_jumps else ():
+            begin, end = ((along(jump.frequency), up(height)) for height in (jump.before, jump.after))
+            arrow = {"arrowstyle": "->", "color": GREEN, "linewidth": 1.2}
+            axes.annotate("", end, begin, arrowprops=arrow)
+    axes.set(xlabel=along.label, ylabel=up.label)
     axes.set_ylim(bottom=0.0)
-    axes.legend()
+    legend(axes)
+    return axes
+
+
+@picture()
+def plot_loci(
+    loci: Locus | Sequence[Locus],
+    *,
+    unit: float | None = None,
+    label: str | None = None,
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
+) -> Axes | None:
+    """Draw loci of one second parameter over the forcing frequency; monotone cubics between their points.
+    Collective.
+
+    Parameters
+    ----------
+    loci : Locus or sequence of Locus
+        On rank 0 at least.
+    unit : float, optional
+        What the factor 1 stands for, such as 300.0 (N); `label` then names it with its unit.
+    label : str, optional
+        Of the vertical axis. Default: "factor on the load".
+    title, ax, comm
+        As for `plot_branches`.
+
+    Returns
+    -------
+    Axes on rank 0, None elsewhere; `save_picture` writes them
+
+    Raises
+    ------
+    TypeError, ValueError
+        For something else than loci, and for loci of different second parameters.
+    """
+    lines = instances("plot_loci", "loci", loci, Locus, "a Locus, or several")
+    names = {line.parameter for line in lines}
+    if len(names) != 1:
+        raise ValueError(
+            f"plot_loci: loci over {', '.join(sorted(names)) or 'nothing'} were given; all of one second "
+            "parameter are expected"
+        )
+    factor = 1.0 if unit is None else unit
+    (axes,) = ax.panels((1, 1), 3.2, 5.0)
+    for line in sorted(lines, key=lambda line: KINDS.index(line.kind)):
+        colour, dashes = STYLES[line.kind]
+        _, *at = smooth([(True, line.frequency, factor * line.value)])[0]
+        axes.plot(*at, color=colour, linestyle=dashes, linewidth=1.2, label=line.kind)
+    axes.set(xlabel="forcing frequency (Hz)", ylabel=label or f"factor on the {names.pop()}")
+    legend(axes)
     return axes

@@ -217,7 +217,7 @@ def test_a_motion_of_two_periods(curves, tmp_path):
 def test_a_curve_over_the_load(oscillator, tmp_path):
     curve = sb.load_response(oscillator, (0.1,), 0.63 / (2.0 * math.pi), 0.1, steps=512, progress=None)
     drawn(plot_branches(curve, "two"), tmp_path / "load.png")
-    assert abscissa({"0.1 N": curve})[1] == "factor on the load"
+    assert abscissa("plot_branches", {"0.1 N": curve}).label == "factor on the load"
     with pytest.raises(ValueError, match="over the frequency and some over the load"):
         plot_branches({"load": curve, "frequency": replace(curve, parameter="frequency")}, "two")
 

@@ -134,7 +134,9 @@ def test_picture_of_tori():
     scaled = second * heights.max() / second.max()
     assert all(np.abs(heights - value).min() < 1e-9 * heights.max() for value in scaled)
     assert upper.get_ylabel().startswith("harmonic 2 of the own tone")
-    with pytest.raises(ValueError, match="branches of one parameter"):
+    with pytest.raises(
+        ValueError, match="plot_quasi_periodic: some branches are over the frequency and some over the load"
+    ):
         plot_quasi_periodic({"a": branch, "b": dataclasses.replace(branch, parameter="load")}, "1")
 
 

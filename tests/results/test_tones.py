@@ -5,7 +5,7 @@ import pytest
 
 from sbfem_petsc.indicators import Sidebands
 from sbfem_petsc.plot import plot_sidebands
-from sbfem_petsc.plot.tones import _line_name
+from sbfem_petsc.plot.lines import _line_name
 
 
 def test_sidebands():
