@@ -340,6 +340,13 @@ def collect(comm: MPI.Comm) -> None:
     PETSc.garbage_cleanup(comm)
 
 
+def summed(comm: MPI.Comm, array: np.ndarray) -> np.ndarray:
+    """The sum over the ranks of an array that each has, in its place if it is contiguous. Collective."""
+    array = np.asarray(array, order="C")
+    comm.Allreduce(MPI.IN_PLACE, array)
+    return array
+
+
 def dense_columns(matrix: PETSc.Mat, columns: np.ndarray) -> PETSc.Mat:
     """Columns (owned, k), in Fortran's order, as a dense matrix that shares their memory."""
     size = (matrix.getSizes()[0], columns.shape[1])

@@ -155,12 +155,12 @@ def modal(
 
     def solve(level: Model) -> Modal:
         if band is not None:
-            return Modal(*modes_in_band(level.statics, *band, auxiliary_tolerance, verify), level)
+            return modes_in_band(level, band, auxiliary_tolerance, verify)
         assert count is not None
         usual = auxiliary_tolerance == TOLERANCE and verify
         if usual:
             return level.modes(count)
-        return Modal(*lowest_modes(level.statics, count, auxiliary_tolerance, verify), level)
+        return lowest_modes(level, count, auxiliary_tolerance, verify)
 
     if accuracy is None:
         found = solve(model)

@@ -26,6 +26,7 @@ from ..reduction.reduced_model import SYSTEM, ReducedModel, require_rows
 from ..signals.signal import Constant
 from ..system.fields.fracture import contact_nodal_forces, energy_release_rates, notes, t_stresses
 from ..system.fields.resolution import warn_of_tips
+from ..system.fields.sampling import Field
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
 from ..system.solve.equilibrium import Equilibrium
@@ -301,10 +302,9 @@ def _solved(model: Model, load, contact: bool, former: Static | None = None) -> 
     model.statics.refinement.judge("static")
     model.statics.judge("static", found.owned)
     model.solver.judge("static")
-    points, field = model.layout.at_points(found.owned), model.nodal(found.owned)
+    points, field = model.layout.at_points(found.owned), model.nodal(found.owned, columns)
     if columns.lift is not None:
         points = {name: u + lift[:, 0] for (name, u), lift in zip(points.items(), columns.lift.points)}
-        field = field + columns.lift.nodal[..., 0]
     pressed = contact_nodal_forces(model.contact, model.tips, found.force)
     return Static(
         points,
@@ -318,7 +318,7 @@ def _solved(model: Model, load, contact: bool, former: Static | None = None) -> 
         found.residual,
         found.intensities,
         energy_release_rates(model.tips, found.intensities),
-        t_stresses(model.tips, field, found.force, columns.tip_forces),
+        t_stresses(model.tips, Field.of_forces(model.tips, field, found.force, columns)),
         model.support_forces(field, columns.nodal[..., 0] + pressed),
         as_loads(load),
         model,

@@ -215,8 +215,7 @@ class Static(Record):
     @property
     def interior(self) -> Field:
         """What determines displacement and stress inside the S-elements of this rank."""
-        loads = {number: forces[:, 0] for number, forces in self.columns.tip_forces.items()}
-        return Field.of_forces(self._solved.tips, self.field, self.equilibrium.force, loads)
+        return Field.of_forces(self._solved.tips, self.field, self.equilibrium.force, self.columns)
 
     def contact_pressure(self, crack: str | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Contact pressure along a crack, the first one by default: positions (m from its tip, of several

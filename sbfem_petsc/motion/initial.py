@@ -16,7 +16,6 @@ from ..selement.interior_motion import interior_fields
 from ..system.elements.elements import Elements
 from ..system.elements.shapes import Group
 from ..system.solve.modal_result import Modal
-from ..system.solve.modes import Modes
 from ..system.solve.pencil import Pencil
 
 # Gauss points along the radius, for functions that cells resolve.
@@ -135,7 +134,7 @@ def _values(function: Callable, places: np.ndarray, what: str) -> np.ndarray:
     return field
 
 
-def full_shapes(pencil: Pencil, found: Modes | Modal) -> np.ndarray:
+def full_shapes(pencil: Pencil, found: Modal) -> np.ndarray:
     """(local unknowns of the pencil, n): modes with their auxiliary unknowns, by the lower half of (K -
     omega^2 M) phi = 0.
     """

@@ -18,7 +18,7 @@ from ..checks import flag, instance, optional_integer, positive, real, shown
 from ..damping import DampingTable, ModalDamping, checked_damping, checked_rayleigh
 from ..errors import warn
 from ..loads import Load, SupportMotion, separate
-from ..petsc import MPI
+from ..petsc import MPI, summed
 from ..ranks.parallel import agreed, checked_communicator, collective
 from ..system.fields.resolution import warn_of_tips
 from ..system.idle_loads import warn_of_idle_loads
@@ -26,7 +26,7 @@ from ..system.model import Model, count_below, known_modes
 from ..system.solve.modal_result import Modal
 from ..system.solve.pencil import top_of_band
 from ..system.solve.static_solver import block_width
-from .left_out import BEHIND, OF_BOTH, OF_MODES, Space, left_out, unit_accelerations
+from .left_out import BEHIND, OF_BOTH, OF_MODES, Space, left_out, loads_in_modes, unit_accelerations
 from .matrices import reduce_matrices
 from .outputs import LinearOutput
 from .reduced_model import Lag, ReducedModel, wider_count
@@ -348,15 +348,11 @@ def _kept(model: Model, units: tuple[Load, ...], modes: int) -> ReducedModel:
 
 def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel:
     model.require_support("the reduction")
-    gap, tips, compliance = model.contact, model.tips.intensities, model.compliance
-    gap_modes = gap.rows(found.shapes)
-    point_modes = model.layout.point_rows(found.shapes).reshape(len(model.points), 2, len(found.frequencies))
-    tip_modes = tips.rows(found.shapes).reshape(len(tips.names), 2, len(found.frequencies))
-    translation = _translation(model, found)
-
+    gap, tips, layout, compliance = model.contact, model.tips.intensities, model.layout, model.compliance
+    translation = found.auxiliary_inertia - summed(model.comm, found.shapes.T @ unit_accelerations(model))
     columns = model.load_columns(units)
     forces = columns.forces
-    width = block_width(model.layout)
+    width = block_width(layout)
     solved = np.concatenate(
         [model.solver.columns(forces[:, k : k + width], "reduction") for k in range(0, len(units), width)]
         or [forces],
@@ -365,31 +361,24 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
     supports = Supports.of(model, units, found, columns, solved)
 
     omega2 = (2.0 * np.pi * found.frequencies) ** 2
-    load_modes, edges = _summed(model, found.shapes.T @ forces), supports.edges
-    for k, unit in enumerate(units):
-        if isinstance(unit, SupportMotion):  # the auxiliary unknowns have a share in it
-            load_modes[:, k] = -translation @ np.array([unit.ax, unit.ay])
-    load_modes[:, edges] = omega2[:, None] * supports.of_edges("inertia").T  # and in this
+    load_modes = loads_in_modes(model, units, found.shapes.T @ forces, translation)
+    # the auxiliary unknowns have a share in these, too
+    load_modes[:, supports.edges] = omega2[:, None] * supports.of_edges("inertia").T
+    gap_modes = gap.rows(found.shapes)
+    still = load_modes / omega2[:, None], gap_modes.T / omega2[:, None]
 
-    def residual(modes: np.ndarray, loads: np.ndarray, contact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Static responses less those of the modes."""
-        return loads - modes @ (load_modes / omega2[:, None]), contact - modes @ (
-            gap_modes.T / omega2[:, None]
-        )
+    def output(names, rows, contact: np.ndarray, direct=0.0) -> LinearOutput:
+        """Of the modes and the residual flexibility, from responses at rest."""
+        modes = gap_modes if rows is gap.rows else rows(found.shapes)
+        loads, shape = rows(solved) + direct, contact.shape[:-1]
+        static = LinearOutput(names, np.zeros((*shape, 0)), loads.reshape(*shape, len(units)), contact)
+        return static.with_modes(modes.reshape(*shape, len(omega2)), *still)
 
-    def output(names, rows, modes: np.ndarray, contact: np.ndarray, direct=0.0) -> LinearOutput:
-        loads = (rows(solved) + direct).reshape(*modes.shape[:-1], len(units))
-        return LinearOutput(names, modes, *residual(modes, loads, contact))
-
-    gaps = output((), gap.rows, gap_modes, compliance.gaps, columns.gaps)
-    gaps = LinearOutput((), gaps.modes, gaps.loads, 0.5 * (gaps.contact + gaps.contact.T))
+    gaps = output((), gap.rows, compliance.gaps, columns.gaps)
+    gaps = replace(gaps, contact=0.5 * (gaps.contact + gaps.contact.T))
     points = 0.0 if columns.lift is None else columns.lift.points.reshape(-1, len(units))
-    work = (
-        _summed(model, forces.T @ solved)
-        + columns.flexibility
-        - load_modes.T @ (load_modes / omega2[:, None])
-    )
-    work[np.ix_(edges, edges)] = 0.0  # these are no forces
+    work = summed(model.comm, forces.T @ solved) + columns.flexibility - load_modes.T @ still[0]
+    work[np.ix_(supports.edges, supports.edges)] = 0.0  # these are no forces
     damping = model.damping_ratios(2.0 * np.pi * found.frequencies)
     return ReducedModel(
         found.frequencies,
@@ -399,32 +388,15 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
         gap.pairs,
         load_modes,
         0.5 * (work + work.T),
-        output(tuple(model.points), model.layout.point_rows, point_modes, compliance.points, points),
-        output(
-            model.tips.intensities.names,
-            model.tips.intensities.rows,
-            tip_modes,
-            compliance.tips,
-            columns.tips,
-        ),
+        output(tuple(model.points), layout.point_rows, compliance.points, points),
+        output(tips.names, tips.rows, compliance.tips, columns.tips),
         translation,
         units,
         model,
         found,
         gap.laws,
-        model.tips.intensities.facts,
+        tips.facts,
         gap.friction,
         supports=supports,
         lag=Lag.of(model.rayleigh[1], math.sqrt(omega2[-1]), damping[-1], gap.flexibility.diagonal()),
     )
-
-
-def _translation(model: Model, found: Modal) -> np.ndarray:
-    """(m, 2): inertia forces of unit accelerations on the modes, the auxiliary unknowns' share included."""
-    return found.auxiliary_inertia - _summed(model, found.shapes.T @ unit_accelerations(model))
-
-
-def _summed(model: Model, array: np.ndarray) -> np.ndarray:
-    array = np.ascontiguousarray(array)
-    model.comm.Allreduce(MPI.IN_PLACE, array)
-    return array

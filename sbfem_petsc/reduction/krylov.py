@@ -11,7 +11,7 @@ from scipy import sparse
 from scipy.linalg.blas import dgemm, dger
 
 from ..errors import failed_solve, wrong_input
-from ..petsc import MPI
+from ..petsc import MPI, summed
 
 # Relative residual of K^-1 M x = x / w2, at most, that a mode has.
 TOLERANCE = 1e-11
@@ -189,7 +189,4 @@ class _Space:
         return kept, triangle[: len(kept)], least
 
     def _summed(self, array: np.ndarray) -> np.ndarray:
-        if self.comm.size > 1:
-            array = np.ascontiguousarray(array)
-            self.comm.Allreduce(MPI.IN_PLACE, array)
-        return array
+        return summed(self.comm, array) if self.comm.size > 1 else array

@@ -7,19 +7,19 @@ a block Krylov space, in which the further modes that loads and contact move com
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
 
-from ..loads import SupportMotion
-from ..petsc import MPI
+from ..loads import Load, SupportMotion
+from ..petsc import summed
 from ..system.model import Model
 from ..system.solve.demand import require_modes
 from ..system.solve.modes import TOLERANCE
 from ..system.solve.pencil import Pencil
-from .outputs import LinearOutput
 from .reduced_model import ReducedModel
 
 # What of the largest pattern of loads and contact rows in the upper half of the modes still counts, as many
@@ -77,29 +77,19 @@ class LeftOut:
         top = ratios[count - 1]
         further = ratios[count:] * (own.damping[-1] / top) if top else np.full(len(omega), own.damping[-1])
 
-        def wider(output: LinearOutput, modes: np.ndarray) -> LinearOutput:
-            return LinearOutput(
-                output.names,
-                np.concatenate([output.modes, modes], axis=-1),
-                output.loads - modes @ (self.load_modes / omega[:, None] ** 2),
-                output.contact - modes @ (self.gap.T / omega[:, None] ** 2),
-            )
-
+        still = self.load_modes / omega[:, None] ** 2, self.gap.T / omega[:, None] ** 2
         supports = None
         if own.supports is not None and self.inertia is not None:
-            inertia, mass = np.concatenate([own.supports.inertia, self.inertia], axis=2), own.supports.mass
-            flat, moved = self.inertia.reshape(-1, len(omega)), own.supports.moved
-            share = np.where(moved >= 0, flat @ flat[moved].T, 0.0)
-            supports = replace(own.supports, inertia=inertia, mass=mass - share.reshape(mass.shape))
-        work = self.load_modes.T @ (self.load_modes / omega[:, None] ** 2)
+            supports = own.supports.with_modes(self.inertia)
+        work = self.load_modes.T @ still[0]
         work[np.ix_(own.edges, own.edges)] = 0.0  # these are no forces
         return replace(
             own,
             frequencies=np.append(own.frequencies, self.frequencies),
             damping=np.append(own.damping, further),
-            gap=wider(own.gap, self.gap),
-            points=wider(own.points, self.points),
-            tips=wider(own.tips, self.tips),
+            gap=own.gap.with_modes(self.gap, *still),
+            points=own.points.with_modes(self.points, *still),
+            tips=own.tips.with_modes(self.tips, *still),
             load_modes=np.concatenate([own.load_modes, self.load_modes]),
             load_flexibility=own.load_flexibility - work,
             translation=np.concatenate([own.translation, self.translation]),
@@ -133,7 +123,7 @@ def left_out(own: ReducedModel, space: Space) -> LeftOut | None:
         momentum = basis[pencil.owned :].T @ pencil.auxiliary_translation()
         inertia = _inertia(model, pencil, basis) if space is BEHIND or len(own.edges) else None
     shapes = basis[: pencil.owned]
-    translation = _summed(model, momentum - shapes.T @ unit_accelerations(model))
+    translation = summed(model.comm, momentum - shapes.T @ unit_accelerations(model))
     gap, points = model.contact.rows(shapes), model.layout.point_rows(shapes)
     # signs by what moves, whatever the order of the loads
     seen = np.concatenate([gap, points, translation.T])
@@ -141,10 +131,7 @@ def left_out(own: ReducedModel, space: Space) -> LeftOut | None:
     shapes, gap, points = shapes * signs, gap * signs, points * signs
     inertia = None if inertia is None else inertia * signs
     translation *= signs[:, None]
-    load_modes = _summed(model, shapes.T @ forces)
-    for k, unit in enumerate(own.loads):
-        if isinstance(unit, SupportMotion):
-            load_modes[:, k] = -translation @ np.array([unit.ax, unit.ay])
+    load_modes = loads_in_modes(model, own.loads, shapes.T @ forces, translation)
     if len(own.edges):
         assert own.supports is not None and inertia is not None  # which has them
         where = own.supports.moved[own.edges]
@@ -172,6 +159,19 @@ def unit_accelerations(model: Model) -> np.ndarray:
         return -np.stack([layout.summed(elements.inertia_forces(field)) for field in fields], axis=1)
 
     return model.keep("unit accelerations", made)
+
+
+def loads_in_modes(
+    model: Model, units: Sequence[Load], pushed: np.ndarray, translation: np.ndarray
+) -> np.ndarray:
+    """(k, loads): unit loads in modes, of which this rank's forces have pushed (k, loads); supports that move
+    by their accelerations, in which auxiliary unknowns have a share. Collective.
+    """
+    found = summed(model.comm, pushed)
+    for k, unit in enumerate(units):
+        if isinstance(unit, SupportMotion):
+            found[:, k] = -translation @ np.array([unit.ax, unit.ay])
+    return found
 
 
 def _patterns(own: ReducedModel, model: Model) -> np.ndarray:
@@ -223,9 +223,9 @@ def _vectors(
     for _ in range(space.blocks):
         upper = model.solver.columns(np.asfortranarray(right[:owned]), "reduction")
         block = np.concatenate([upper, right[owned:] / stiff])
-        block -= modes @ (_summed(model, modes.T @ right) / squares[:, None])
+        block -= modes @ (summed(model.comm, modes.T @ right) / squares[:, None])
         # what soft modes, of springs, leave of themselves
-        block -= modes @ _summed(model, modes.T @ pencil.heavy_products(block))
+        block -= modes @ summed(model.comm, modes.T @ pencil.heavy_products(block))
         right = pencil.heavy_products(block)
         found.append(block)
         heavy.append(right)
@@ -234,7 +234,7 @@ def _vectors(
         basis.T @ pencil.stiff_products(np.asfortranarray(basis)),
         basis.T @ np.concatenate(heavy, axis=1),
     )
-    stiffness, mass = (0.5 * (gram + gram.T) for gram in (_summed(model, part) for part in grams))
+    stiffness, mass = (0.5 * (gram + gram.T) for gram in (summed(model.comm, part) for part in grams))
     sizes = np.sqrt(np.diag(stiffness))
     values, axes = np.linalg.eigh(stiffness / sizes / sizes[:, None])
     kept = values > ROUNDING * values[-1]
@@ -254,10 +254,4 @@ def _inertia(model: Model, pencil: Pencil, basis: np.ndarray) -> np.ndarray:
         shares[:, k] = np.einsum("nis,ni->s", following, forces)
     for s, field in enumerate(np.moveaxis(following, 2, 0)):
         shares[s] += pencil.auxiliary_momentum(field) @ basis[pencil.owned :]
-    return _summed(model, shares).reshape(-1, 2, basis.shape[1])
-
-
-def _summed(model: Model, array: np.ndarray) -> np.ndarray:
-    array = np.ascontiguousarray(array)
-    model.comm.Allreduce(MPI.IN_PLACE, array)
-    return array
+    return summed(model.comm, shares).reshape(-1, 2, basis.shape[1])

@@ -24,6 +24,22 @@ class LinearOutput(Record):
     loads: np.ndarray = quantity("SI", "shares of unit loads beyond those of the modes", "* load")
     contact: np.ndarray = quantity("SI", "shares of unit contact forces beyond those of the modes", "* force")
 
+    def with_modes(self, modes: np.ndarray, by_loads: np.ndarray, by_contact: np.ndarray) -> LinearOutput:
+        """The same in further modes, whose share of the static responses is theirs then.
+
+        Parameters
+        ----------
+        modes : (..., k) array
+        by_loads, by_contact : (k, l), (k, c) arrays
+            Their coordinates at rest under unit loads and contact forces.
+        """
+        return LinearOutput(
+            self.names,
+            np.concatenate([self.modes, modes], axis=-1),
+            self.loads - modes @ by_loads,
+            self.contact - modes @ by_contact,
+        )
+
     def __call__(self, q: np.ndarray, amplitudes: np.ndarray, force: np.ndarray) -> np.ndarray:
         """(n, ...) values of (n, m) coordinates, (n, l) load amplitudes and (n, c) contact forces."""
         shape = self.modes.shape[:-1]

@@ -17,7 +17,7 @@ from ..contact.friction import Friction, refuse_friction
 from ..contact.law import RowLaws
 from ..errors import failed_solve
 from ..loads import Load
-from ..petsc import MPI
+from ..petsc import MPI, summed
 from ..record.record import Record, derived, described, quantity
 from ..system.fields.places import Point
 from ..system.fields.sampling import Field
@@ -308,20 +308,15 @@ class ReducedModel(Record):
         columns = model.load_columns(self.loads)
         # K is symmetric: the responses to the form's own forces give those of all loads and contact rows
         answers = model.solver.columns(form.rows.columns(slice(None)), kind)
-        by_loads = np.ascontiguousarray(answers.T @ columns.forces)
-        model.comm.Allreduce(MPI.IN_PLACE, by_loads)
         modes = form.modes(found.shapes, self.omega[: self.natural])
         if self.vector_shapes is not None:  # inside S-elements inertia follows natural modes alone
             still = np.zeros(self.vectors)
             modes = np.concatenate([modes, form.modes(self.vector_shapes, still)], axis=1)
-        static = 1.0 / self.omega**2
-        loads = by_loads + form.direct(columns)
+        loads = summed(model.comm, answers.T @ columns.forces) + form.direct(columns)
         contact = model.contact.rows(answers).T + form.contact
-        return LinearOutput(
-            (),
-            modes,
-            loads - modes @ (static[:, None] * self.load_modes),
-            contact - (modes * static) @ self.gap.modes.T,
+        squares = self.omega[:, None] ** 2
+        return LinearOutput((), modes[:, :0], loads, contact).with_modes(
+            modes, self.load_modes / squares, self.gap.modes.T / squares
         )
 
     def _model(self, what: str) -> Model:
@@ -351,17 +346,13 @@ class ReducedModel(Record):
             return Field(self.body.nodal(self.whole(q[None], amplitudes[None], force[None])[0]))
         model, found = self._model("field"), self.modal
         assert found is not None
-        columns = model.load_columns(self.loads)
-        pulled = columns.forces @ amplitudes + model.contact.rows.forces(force)
+        load = model.load_columns(self.loads).combined(amplitudes)
+        pulled = load.forces[:, 0] + model.contact.rows.forces(force)
         static = (self.load_modes @ amplitudes + force @ self.gap.modes) / self.omega**2
         owned = model.solver.columns(pulled, "field") + found.shapes @ (q - static)[: self.natural]
         if self.vector_shapes is not None:
             owned += self.vector_shapes @ (q - static)[self.natural :]
-        loads = {number: forces @ amplitudes for number, forces in columns.tip_forces.items()}
-        nodal = model.nodal(owned)
-        if columns.lift is not None:
-            nodal += columns.lift.nodal @ amplitudes
-        return Field.of_forces(model.tips, nodal, force, loads)
+        return Field.of_forces(model.tips, model.nodal(owned, load), force, load)
 
     def __repr__(self) -> str:
         return (

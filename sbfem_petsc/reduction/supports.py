@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from ..loads import EdgeMotion, Load
-from ..petsc import MPI
+from ..petsc import summed
 from ..record.record import Record, described, quantity
 from ..system.contact.rows import rows_on
 from ..system.loads import LoadColumns
@@ -69,6 +70,13 @@ class Supports(Record):
         table = getattr(self, name)
         return table[self.moved[self.edges] // 2, self.moved[self.edges] % 2]
 
+    def with_modes(self, inertia: np.ndarray) -> Supports:
+        """The same in further modes (supports, 2, k), whose share of the mass is theirs then."""
+        flat = inertia.reshape(-1, inertia.shape[2])
+        share = np.where(self.moved >= 0, flat @ flat[self.moved].T, 0.0).reshape(self.mass.shape)
+        inertia = np.concatenate([self.inertia, inertia], axis=2)
+        return replace(self, inertia=inertia, mass=self.mass - share)
+
     @classmethod
     def of(
         cls, model: Model, units: Sequence[Load], found: Modal, columns: LoadColumns, solved: np.ndarray
@@ -78,15 +86,12 @@ class Supports(Record):
         """
         shares, omega = StaticShares.of(model, units, columns, solved), 2.0 * np.pi * found.frequencies
         names, moved = shares.names, shares.moved
-        inertia = -model.support_forces.of_modes(found.shapes, omega) / omega**2
-        flat = inertia.reshape(-1, len(omega))
-        mass = shares.mass - np.where(moved >= 0, flat @ flat[moved].T, 0.0)
         loads, contact, mass = (
-            part.reshape(len(names), 2, part.shape[1]) for part in (shares.loads, shares.contact, mass)
+            part.reshape(len(names), 2, part.shape[1]) for part in (shares.loads, shares.contact, shares.mass)
         )
-        return cls(
-            names, inertia, loads, contact, model.rayleigh[1] * np.where(moved >= 0, loads, 0.0), mass, moved
-        )
+        damping, none = model.rayleigh[1] * np.where(moved >= 0, loads, 0.0), np.zeros((len(names), 2, 0))
+        still = cls(names, none, loads, contact, damping, mass, moved)
+        return still.with_modes(-model.support_forces.of_modes(found.shapes, omega) / omega**2)
 
 
 class StaticShares(NamedTuple):
@@ -124,19 +129,15 @@ class StaticShares(NamedTuple):
         held = model.layout.held
         contact = model.contact.rows(model.layout.owned_values(following))
         contact += rows_on(held, model.tips)(held.owned_values(following))
-        loads, mass = (
-            np.einsum("nis,nil->sl", -following, columns.nodal),
-            np.zeros((2 * len(names), len(units))),
-        )
-        model.comm.Allreduce(MPI.IN_PLACE, loads)
+        loads = summed(model.comm, np.einsum("nis,nil->sl", -following, columns.nodal))
+        mass = np.zeros_like(loads)
         moved = np.array([_moved(names, unit) for unit in units], dtype=int)
         for k in np.flatnonzero(moved >= 0):
             assert columns.lift is not None  # it moves
             field = model.nodal(solved[:, k]) + columns.lift.nodal[..., k]
             loads[:, k] = np.ravel(list(forces(field, np.zeros_like(field)).values()))
             mass[:, k] = np.einsum("nis,ni->s", following, model.cells.inertia_forces(field))
-        model.comm.Allreduce(MPI.IN_PLACE, mass)
-        return cls(names, following, moved, loads, -contact.T, mass)
+        return cls(names, following, moved, loads, -contact.T, summed(model.comm, mass))
 
 
 def _moved(names: Sequence[str], unit: Load) -> int:

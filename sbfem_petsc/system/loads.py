@@ -80,16 +80,16 @@ class LoadColumns:
     def combined(self, amplitudes: np.ndarray) -> LoadColumns:
         """One column: the loads with their amplitudes (k,) together."""
         weights = np.asarray(amplitudes, dtype=float)[:, None]
-        flexibility = weights.T @ self.flexibility @ weights
-        return LoadColumns(
-            self.forces @ weights,
-            self.gaps @ weights,
-            self.tips @ weights,
-            flexibility,
-            self.nodal @ weights,
-            {number: table @ weights for number, table in self.tip_forces.items()},
-            self.acceleration @ weights,
-            None if self.lift is None else Lift(*(part @ weights for part in self.lift)),
+        of_loads = {
+            name: getattr(self, name) @ weights
+            for name in ("forces", "gaps", "tips", "nodal", "acceleration")
+        }
+        return replace(
+            self,
+            flexibility=weights.T @ self.flexibility @ weights,
+            tip_forces={number: table @ weights for number, table in self.tip_forces.items()},
+            lift=None if self.lift is None else Lift(*(part @ weights for part in self.lift)),
+            **of_loads,
         )
 
 
@@ -194,11 +194,8 @@ def load_columns(stiffness: Stiffness, contact: Contact, tips: Tips, loads: Sequ
         accelerations[:, k] = assembler.acceleration
     tip_forces: dict[int, np.ndarray] = {}
     count, factors = len(columns), tips.intensities
-    gaps, intensities, flexibility = (
-        np.zeros((len(contact), count)),
-        np.zeros((len(factors.rows), count)),
-        np.zeros((count, count)),
-    )
+    gaps, intensities = np.zeros((len(contact), count)), np.zeros((len(factors.rows), count))
+    flexibility = np.zeros((count, count))
     for faces in tips.faces.values():
         acting = [forces.get(faces.number) for forces in collected]
         if all(forces is None for forces in acting):

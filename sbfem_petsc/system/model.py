@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,15 +22,17 @@ from ..damping import (
     rayleigh_ratios,
 )
 from ..errors import UnknownName, listed, wrong_input
-from ..material import Material, OrthotropicMaterial
+from ..material import AnyMaterial, Material, OrthotropicMaterial, SectorMaterials
 from ..petsc import MPI, collect
 from ..ranks.parallel import agreed, checked_communicator, collective
 from ..supports import as_supports
+from .elements.elements import Elements
 from .elements.plausibility import warn_of_wave_speeds
-from .layout.distribution import declared_clamp
+from .fields.tips import Tips
+from .layout.distribution import declared_clamp, distribute
 from .solve.modal_result import Modal
 from .solve.modes import lowest_modes, modes_below
-from .structure import Named, Numbers, Structure
+from .structure import Structure
 
 # Stands for "what the mesh declares".
 _DECLARED = object()
@@ -134,15 +136,19 @@ class Model(Structure):
             contact_laws=contact_laws,
         )
         held = further if clamped is not _DECLARED else as_supports(declared_clamp(comm, mesh), ()) + further
-        super().__init__(
-            comm,
-            mesh,
-            held,
-            Named(functools.partial(_materials, material), functools.partial(_contact_laws, contact_laws)),
-            Numbers(terms, thickness, tip_modes),
-        )
+        layout = distribute(comm, mesh, held)
+        with collective(comm):
+            materials = _materials(material, layout.material_names)
+            sectors = [_around(tuple(materials[k] for k in parts)) for parts in layout.compositions]
+            laws = _contact_laws(contact_laws, tuple(crack.name for crack in layout.cracks))
+            if layout.count == 0:
+                raise ValueError(
+                    f"Model: the supports ({listed(s.where for s in held)}) leave no free displacement"
+                )
+        elements = Elements(layout, [*materials, *sectors], thickness, terms)
+        super().__init__(Tips(elements, MappingProxyType(laws), tip_modes), held)
         self._number = comm.bcast(next(_NUMBERS))
-        warn_of_wave_speeds(self.cells)
+        warn_of_wave_speeds(elements)
         self._modes: Modal | None = None
 
     def _fingerprint(self) -> object:
@@ -163,7 +169,7 @@ class Model(Structure):
         """
         count = integer("Model.modes", "count", count, least=0, most=self.boundary_unknowns // 2)
         if self._modes is None or len(self._modes.frequencies) < count:
-            self._modes = Modal(*lowest_modes(self.statics, max(count, 1)), self)  # none are taken from one
+            self._modes = lowest_modes(self, max(count, 1))  # none are taken from one
         return self._modes.selected(np.arange(count))
 
     def mesh_options(self, owner: str) -> dict[str, Any]:
@@ -226,6 +232,11 @@ class Model(Structure):
             f"contact pairs, {in_words(self.damping, self.rayleigh)}, "
             f"{self.comm.size} rank{'s' if self.comm.size > 1 else ''})"
         )
+
+
+def _around(parts: tuple[Material | OrthotropicMaterial, ...]) -> AnyMaterial:
+    """The material of an S-element from that of each edge's sector: materials of two names may be one."""
+    return SectorMaterials(parts) if len(set(parts)) > 1 else parts[0]
 
 
 def _materials(material: object, names: tuple[str, ...]) -> list[Material | OrthotropicMaterial]:

@@ -4,28 +4,24 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from types import MappingProxyType
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
-from meshing.boundary_mesh import BoundaryMesh
 from meshing.mesh_arrays import ContactPairs, Crack
 
 from ..contact.friction import Memory, refuse_friction
 from ..contact.law import ContactLaw
 from ..errors import listed
 from ..loads import Loads, as_loads
-from ..material import AnyMaterial, Material, OrthotropicMaterial, SectorMaterials
-from ..petsc import MPI, PETSc
+from ..material import AnyMaterial
+from ..petsc import PETSc
 from ..ranks.parallel import alone, collective
 from ..supports import Support
 from .contact.rows import Compliance, Contact, contact_of
-from .elements.elements import Elements
 from .fields.places import Places, Point, places
 from .fields.reactions import SupportForces
 from .fields.tips import Tips
-from .layout.distribution import distribute
 from .loads import LoadColumns, NodalForces, load_columns
 from .matrices import Matrices, matrices
 from .solve.equilibrium import Equilibrium, equilibrium
@@ -35,54 +31,14 @@ from .solve.stiffness import Stiffness
 Kept = TypeVar("Kept")
 
 
-class Named(NamedTuple):
-    """What a mesh knows by name alone.
-
-    Attributes
-    ----------
-    materials : callable
-        Materials in the order of the mesh's names, which it is given.
-    contact_laws : callable
-        Dict of the law of each crack by its name, from the names of the cracks.
-    """
-
-    materials: Callable
-    contact_laws: Callable
-
-
-class Numbers(NamedTuple):
-    """What a structure is computed with.
-
-    Attributes
-    ----------
-    continued_fraction : int
-        Its terms.
-    thickness : float
-        m.
-    tip_modes : int
-        Polynomials of the pressure on the faces inside each tip element.
-    """
-
-    continued_fraction: int
-    thickness: float
-    tip_modes: int
-
-
-def _around(parts: tuple[Material | OrthotropicMaterial, ...]) -> AnyMaterial:
-    """The material of an S-element from that of each edge's sector: materials of two names may be one."""
-    return SectorMaterials(parts) if len(set(parts)) > 1 else parts[0]
-
-
 class Structure:
     """A distributed structure of S-elements; `Model` is what a user sees of it.
 
     Parameters
     ----------
-    comm : Comm
-    mesh : BoundaryMesh or None
+    tips : Tips
+        Of the cracks between its S-elements.
     supports : tuple of Support
-    named : Named
-    numbers : Numbers
 
     Attributes
     ----------
@@ -91,33 +47,15 @@ class Structure:
     cells : Elements
         Its S-elements with their materials.
     tips : Tips
-        Of its cracks.
     statics : Stiffness
         On its supports, with the solver.
     """
 
-    def __init__(
-        self,
-        comm: MPI.Comm,
-        mesh: BoundaryMesh | None,
-        supports: tuple[Support, ...],
-        named: Named,
-        numbers: Numbers,
-    ):
-        self.comm, self.supports = comm, supports
-        self.layout = layout = distribute(comm, mesh, supports)
-        with collective(comm):
-            materials = named.materials(layout.material_names)
-            sectors = [_around(tuple(materials[k] for k in parts)) for parts in layout.compositions]
-            laws = named.contact_laws(tuple(crack.name for crack in layout.cracks))
-            if layout.count == 0:
-                raise ValueError(
-                    f"Model: the supports ({listed(s.where for s in supports)}) leave no free displacement"
-                )
-        self.cells = Elements(layout, [*materials, *sectors], numbers.thickness, numbers.continued_fraction)
-        self.tips = Tips(self.cells, MappingProxyType(laws), numbers.tip_modes)
+    def __init__(self, tips: Tips, supports: tuple[Support, ...]):
+        self.tips, self.cells, self.layout, self.supports = tips, tips.elements, tips.layout, supports
+        self.comm = self.layout.comm
         # the logarithm's row is one more than the polynomials'
-        most = len(layout.pairs) + (numbers.tip_modes + 1) * len(layout.tip_elements)
+        most = len(self.layout.pairs) + (tips.modes + 1) * len(self.layout.tip_elements)
         self.statics = Stiffness(self.cells, supports, most)
         self._kept: dict[Hashable, Any] = {}
 
@@ -277,11 +215,12 @@ class Structure:
         """
         return places(self.tips, points, inertia, moved)
 
-    def nodal(self, owned: np.ndarray) -> np.ndarray:
-        """Displacements (m, 2) of this rank's nodes from its displacement unknowns; 0 where held fixed.
-        Collective.
+    def nodal(self, owned: np.ndarray, load: LoadColumns | None = None) -> np.ndarray:
+        """Displacements (m, 2) of this rank's nodes from its displacement unknowns; 0 where held fixed, or as
+        one column of loads moves supports. Collective.
         """
-        return self.layout.nodal(owned)
+        field = self.layout.nodal(owned)
+        return field if load is None or load.lift is None else field + load.lift.nodal[..., 0]
 
     def keep(self, key: Hashable, make: Callable[[], Kept]) -> Kept:
         """The result of `make()`, made once for a key and kept until `destroy`."""

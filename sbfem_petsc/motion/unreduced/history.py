@@ -83,7 +83,7 @@ class UnreducedIntegrator:
         self.comm, self.chunk = model.comm, CHUNK
         responses = min(len(model.contact), KEPT_RESPONSES)
         require_steps("transient", model.cells, modes if model.damping else 0, responses)
-        found = lowest_modes(model.statics, modes, auxiliary_tolerance=0.0) if model.damping else None
+        found = lowest_modes(model, modes, auxiliary_tolerance=0.0) if model.damping else None
         with contextlib.ExitStack() as freed:  # here, if there is an error before anything is integrated
             self.pencil = Pencil(model.statics, 1.0, 0.0)
             freed.callback(self.pencil.destroy)

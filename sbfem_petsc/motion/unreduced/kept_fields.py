@@ -91,10 +91,6 @@ class KeptFields:
 
     def field(self, instant: int, contact: np.ndarray) -> Field:
         """Of one instant, with the forces (c,) of the contact rows. Collective."""
-        columns = self.model.load_columns(self.units)
-        amplitudes, owned = self._amplitudes[instant], self._states[instant][: self._owned]
-        nodal = self.model.nodal(owned)
-        loads = {n: forces @ amplitudes for n, forces in columns.tip_forces.items()}
-        if columns.lift is not None:
-            nodal = nodal + columns.lift.nodal @ amplitudes
-        return Field.of_forces(self.model.tips, nodal, contact, loads)
+        load = self.model.load_columns(self.units).combined(self._amplitudes[instant])
+        nodal = self.model.nodal(self._states[instant][: self._owned], load)
+        return Field.of_forces(self.model.tips, nodal, contact, load)

@@ -98,7 +98,7 @@ class UnreducedPeriod:
         self.steps = odd_steps(settings.steps, excitation.periods)
         self.excitation = excitation.below(0.5 * self.steps)
         self.contact, self.weight, self.products = settings.contact, 2.0 * np.pi * frequency, 0
-        self.found = lowest_modes(model.statics, settings.modes or MODES, auxiliary_tolerance=0.0)
+        self.found = lowest_modes(model, settings.modes or MODES, auxiliary_tolerance=0.0)
         self.pencil = Pencil(model.statics, 1.0, 0.0)
         self._marches: dict[float, UnreducedSteps] = {}
 

@@ -28,7 +28,7 @@ from ...damping import modal_ratios
 from ...loads import Load
 from ...petsc import MPI, PETSc, free, stage
 from ...system.model import Model
-from ...system.solve.modes import Modes
+from ...system.solve.modal_result import Modal
 from ...system.solve.pencil import CondensedSolve, Pencil
 from ...system.solve.static_solver import block_width
 from ..initial import full_shapes
@@ -64,7 +64,7 @@ class UnreducedSteps:
         With all auxiliary unknowns.
     units : sequence of Load
     steps : Steps
-    found : Modes or None
+    found : Modal or None
         The modes in which the model's damping ratios are met.
 
     Attributes
@@ -87,7 +87,7 @@ class UnreducedSteps:
     """
 
     def __init__(
-        self, model: Model, pencil: Pencil, units: Sequence[Load], steps: Steps, found: Modes | None
+        self, model: Model, pencil: Pencil, units: Sequence[Load], steps: Steps, found: Modal | None
     ):
         self.model, self.pencil = model, pencil
         step = self.step = steps.step
@@ -105,7 +105,7 @@ class UnreducedSteps:
             raise
 
     # ------------------------------------------------------------------ set-up
-    def _set_up(self, units: Sequence[Load], found: Modes | None, contact: bool) -> None:
+    def _set_up(self, units: Sequence[Load], found: Modal | None, contact: bool) -> None:
         """Everything but the large vectors and the factorisation."""
         self._probes(units, contact)
         self._modes(found)
@@ -166,7 +166,7 @@ class UnreducedSteps:
                 self.responses[:, block] = found
         self.probe_responses = self.summed(self.probe_responses)
 
-    def _modes(self, found: Modes | None) -> None:
+    def _modes(self, found: Modal | None) -> None:
         """Modes over all unknowns, and the scalars of their steps."""
         pencil = self.pencil
         self.omega = 2.0 * np.pi * found.frequencies if found is not None else np.zeros(0)

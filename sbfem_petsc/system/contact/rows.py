@@ -4,6 +4,7 @@ elements, and where faces rub, their slips behind them.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -12,10 +13,10 @@ from scipy import sparse
 
 from ...contact.friction import Friction
 from ...contact.law import ContactLaw, Coulomb, RowLaws, Unilateral
-from ...petsc import MPI, stage
+from ...petsc import stage, summed
 from ..fields.tips import Tips
 from ..layout.layout import Layout
-from ..layout.rows import Rows
+from ..layout.rows import Rows, flat
 from ..solve.assembly import Triples
 from ..solve.static_solver import block_width
 from ..solve.stiffness import Stiffness
@@ -121,7 +122,7 @@ def contact_of(tips: Tips) -> Contact:
         modes, numbers = faces.modes, np.arange(count)[faces.contact]
         initial[numbers] = faces.initial_gap()
         block = faces.flexibility[:modes, :modes] + compliance[faces.first] * faces.layer(thickness)
-        blocks.append(_entries(numbers, np.tile(numbers, (modes, 1)), block))
+        blocks.append((numbers, numbers, block))
         if faces.rubbing >= 0:
             sliding, behind = faces.sliding, np.arange(count)[faces.tangential]
             across = (faces.flexibility @ sliding)[:modes]
@@ -129,21 +130,18 @@ def contact_of(tips: Tips) -> Contact:
             law = laws[faces.first]
             assert isinstance(law, Coulomb)  # for it rubs
             own += law.tangential_compliance * faces.layer(thickness)
-            blocks += [
-                _entries(numbers, np.tile(behind, (modes, 1)), across),
-                _entries(behind, np.tile(numbers, (modes, 1)), across.T),
-                _entries(behind, np.tile(behind, (modes, 1)), 0.5 * (own + own.T)),
-            ]
-    layout.comm.Allreduce(MPI.IN_PLACE, initial)
+            blocks.append((numbers, behind, across))
+            blocks.append((behind, numbers, across.T))
+            blocks.append((behind, behind, 0.5 * (own + own.T)))
+    initial = summed(layout.comm, initial)
     initial[:pairs] = layout.pairs.gap
     every, layers = np.arange(pairs), compliance[:pairs] / (layout.pairs.weight * thickness)
-    layered = [(every, every, layers)]
+    layered = [(every, every[:, None], layers[:, None])]
     if friction is not None:
         along = np.array([getattr(law, "tangential_compliance", 0.0) for law in laws[:pairs]])
         along = along / (layout.pairs.weight * thickness) + _slack(layout, tips.elements.modulus * thickness)
-        layered.append((gaps + every, gaps + every, along))
-    own = [*layered, *(block for part in layout.comm.allgather(blocks) for block in part)]
-    at, across, flexibility = (np.concatenate(parts) for parts in zip(*own))
+        layered.append((gaps + every, gaps + every[:, None], along[:, None]))
+    at, across, flexibility = flat(itertools.chain(layered, *layout.comm.allgather(blocks)))
     row_laws = RowLaws.of(laws)
     return Contact(
         rows_on(layout, tips),
@@ -157,20 +155,19 @@ def contact_of(tips: Tips) -> Contact:
 
 def rows_on(layout: Layout, tips: Tips) -> Rows:
     """G over the unknowns of a layout: those of displacements, or of what supports hold. Collective."""
-    pairs, gaps, entries = len(layout.pairs), int(tips.first_rows[-1]), []
+    pairs, gaps, blocks = len(layout.pairs), int(tips.first_rows[-1]), list[Triples]()
     if layout.comm.rank == 0:  # known to all: one rank gives them
         unknowns = layout.pair_unknowns.reshape(pairs, 4)
-        entries.append(_entries(np.arange(pairs), unknowns, _pair_rows(layout)))
+        blocks.append((np.arange(pairs), unknowns, _pair_rows(layout)))
         if tips.rub:
-            entries.append(_entries(gaps + np.arange(pairs), unknowns, _slip_rows(layout)))
+            blocks.append((gaps + np.arange(pairs), unknowns, _slip_rows(layout)))
     for faces in tips.faces.values():
         numbers = np.arange(tips.count)
-        unknowns = np.tile(layout.part.unknowns[faces.nodes].ravel(), (faces.modes, 1))
-        entries.append(_entries(numbers[faces.contact], unknowns, faces.rows[: faces.modes]))
+        unknowns = layout.part.unknowns[faces.nodes].ravel()
+        blocks.append((numbers[faces.contact], unknowns, faces.rows[: faces.modes]))
         if faces.rubbing >= 0:
-            entries.append(_entries(numbers[faces.tangential], unknowns, faces.sliding.T @ faces.rows))
-    rows, columns, coefficients = (np.concatenate(parts) for parts in zip(_entries(*_NOTHING), *entries))
-    return Rows.gathered(layout.comm, layout.ranges, (rows, columns, coefficients), tips.count)
+            blocks.append((numbers[faces.tangential], unknowns, faces.sliding.T @ faces.rows))
+    return Rows.gathered(layout.comm, layout.ranges, blocks, tips.count)
 
 
 def _pair_rows(layout: Layout) -> np.ndarray:
@@ -206,12 +203,6 @@ _ROUND_OFF = 1e-9
 # Slack of rows that depend on each other, in units of what the body gives way: rounding is some 1e-14 of it,
 # and both are multiplied by its inverse where compiled steps hold such rows one by one.
 _SLACK = 1e-7
-_NOTHING = (np.empty(0, dtype=np.int64), np.empty((0, 1), dtype=np.int64), np.empty((0, 1)))
-
-
-def _entries(numbers: np.ndarray, unknowns: np.ndarray, values: np.ndarray) -> Triples:
-    """Flat entries of rows (k,) with unknowns and coefficients (k, n)."""
-    return np.repeat(numbers, unknowns.shape[1]), unknowns.ravel(), values.ravel()
 
 
 def _friction(tips: Tips, laws: list[ContactLaw]) -> Friction | None:

@@ -17,7 +17,7 @@ from scipy import sparse
 from meshing.warnings import RoundOffWarning
 
 from ...errors import failed_solve, warn
-from ...petsc import MPI, PETSc
+from ...petsc import MPI, PETSc, summed
 from ...selement.rigid_motions import rigid_body_basis
 from .elements import Elements
 from .shapes import Group
@@ -211,6 +211,4 @@ class Refinement:
 
     def _dot(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """Inner products (c,) of columns, or of two vectors."""
-        sums = np.array((first * second).sum(axis=0))
-        self._comm.Allreduce(MPI.IN_PLACE, sums)
-        return sums
+        return summed(self._comm, (first * second).sum(axis=0))

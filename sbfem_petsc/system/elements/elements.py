@@ -55,6 +55,21 @@ class Elements:
             for group, inertia in zip(self.groups, found)
         ]
 
+    @functools.cached_property
+    def _members(self) -> np.ndarray:
+        """(e, 2): number of the group of each S-element of this rank, and its row there."""
+        result = np.empty((len(self.layout.part.elements), 2), dtype=int)
+        for number, group in enumerate(self.groups):
+            result[group.elements] = np.stack(
+                [np.full(len(group.sizes), number), np.arange(len(group.sizes))], 1
+            )
+        return result
+
+    def one_of(self, groups: list[Group], row: int) -> Group:
+        """A group of one, the S-element of a row of this rank's part; of `groups` or `moving`."""
+        number, member = self._members[row]
+        return groups[number].select(slice(member, member + 1))
+
     @property
     def modulus(self) -> float:
         """The largest of the materials', Pa."""

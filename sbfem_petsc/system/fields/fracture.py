@@ -7,9 +7,10 @@ import numpy as np
 from ...checks import shown
 from ...errors import UnknownName, listed
 from ...material import SectorMaterials
-from ...petsc import MPI
 from ...selement.fracture import energy_release_rate, interface_energy_release_rate
 from ..contact.rows import Contact
+from .sampling import Field
+from .tip_faces import TipElement
 from .tips import Tips
 
 # Places along the faces inside a tip element at which the pressure is given, from the tip (0) to its
@@ -24,20 +25,16 @@ def energy_release_rates(tips: Tips, intensities: dict[str, tuple[float, float]]
     """G of each tip, J/m^2; nan where it is none: at notches, and at tips that end at an interface.
     Collective.
     """
-    values = np.zeros(len(intensities))
-    factors = list(intensities.values())
-    for place in tips.places:
-        number, material = place.number, place.material
-        if not tips.intensities.cracks[number]:
-            values[number] = np.nan
-            continue
+
+    def rate(place: TipElement) -> float:
+        factors, material = np.array(intensities[place.tip.name]), place.material
+        if not tips.intensities.cracks[place.number]:
+            return np.nan
         if isinstance(material, SectorMaterials):
-            values[number] = _at_interface(factors[number], material)
-            continue
-        elasticity, axis = material.modulus * material.elasticity, np.array(place.tip.axis)
-        values[number] = energy_release_rate(np.array(factors[number]), elasticity, axis)
-    tips.layout.comm.Allreduce(MPI.IN_PLACE, values)
-    return dict(zip(intensities, values.tolist()))
+            return _at_interface(factors, material)
+        return energy_release_rate(factors, material.modulus * material.elasticity, np.array(place.tip.axis))
+
+    return tips.told(rate)
 
 
 def unresolved_contact(
@@ -55,35 +52,34 @@ def unresolved_contact(
     beyond it, K_I is rounding. Faces that are tied close no wedge, and those with a layer between them have a
     K_I of their own.
     """
-    values = np.zeros(len(intensities))
-    factors = list(intensities.values())
-    for place in tips.places:
+
+    def resultant(place: TipElement) -> float:
         number, tip, material = place.number, place.tip, place.material
-        first = factors[number][0]
+        first = intensities[tip.name][0]
         crack = abs(tips.intensities.exponents[number][0] - 0.5) < NEARLY_A_CRACK
         law = tips.law_of(tip)
         rigid = law.parts and not law.compliance
         rows = force[tips.first_rows[number] : tips.first_rows[number + 1]]
         left = first < 0.0 or 0 < np.count_nonzero(rows) < len(rows)
         if not (rigid and tips.wedges[number] and left and crack and material.isotropic):
-            continue
+            return 0.0
         shear = material.elasticity[2, 2]
         kappa = 1.0 + 2.0 * shear / (material.elasticity[0, 1] + shear)
         stiffness = 8.0 * shear / (kappa + 1.0) * material.modulus  # E'
         opening = tips.gaps[number, 2] / abs(tip.arc[1] - tip.arc[0])
-        values[number] = -first * abs(first) / (stiffness * opening) * tips.elements.thickness
-    tips.layout.comm.Allreduce(MPI.IN_PLACE, values)
-    return dict(zip(intensities, values.tolist()))
+        return -first * abs(first) / (stiffness * opening) * tips.elements.thickness
+
+    return tips.told(resultant)
 
 
-def _at_interface(intensity: tuple[float, float], material: SectorMaterials) -> float:
+def _at_interface(intensity: np.ndarray, material: SectorMaterials) -> float:
     """G of a crack along an interface of two isotropic materials; nan of others."""
     first, last = material.parts[0], material.parts[-1]
     change = [one != other for one, other in zip(material.parts, material.parts[1:])]
     if sum(change) != 1 or not (first.isotropic and last.isotropic):
         return np.nan
     return interface_energy_release_rate(
-        np.array(intensity), np.stack([part.modulus * part.elasticity for part in (first, last)])
+        intensity, np.stack([part.modulus * part.elasticity for part in (first, last)])
     )
 
 
@@ -92,8 +88,10 @@ def notes(tips: Tips, force: np.ndarray, tip_forces: dict[int, np.ndarray]) -> t
 
     Parameters
     ----------
-    force, tip_forces
-        As of `t_stresses`.
+    force : (c,) array
+        Of the contact rows, N.
+    tip_forces : dict of int to (modes, 1) array
+        Of loads on the faces inside this rank's tip elements, N.
     """
     facts = tips.intensities
     loaded = np.zeros(len(facts.names))
@@ -109,32 +107,18 @@ def notes(tips: Tips, force: np.ndarray, tip_forces: dict[int, np.ndarray]) -> t
     return found
 
 
-def t_stresses(
-    tips: Tips, field: np.ndarray, force: np.ndarray, tip_forces: dict[int, np.ndarray]
-) -> dict[str, float]:
-    """T of each tip, Pa; nan where there is none. Collective.
+def t_stresses(tips: Tips, field: Field) -> dict[str, float]:
+    """T of each tip, Pa; nan where there is none. Collective."""
 
-    Parameters
-    ----------
-    field : (m, 2) array
-        Displacements of this rank's nodes, m.
-    force : (c,) array
-        Of the contact rows, N.
-    tip_forces : dict of int to (modes, 1) array
-        Of loads on the faces inside this rank's tip elements, N.
-    """
-    values = np.zeros(len(tips.layout.tip_elements))
-    values[[place.number for place in tips.places]] = np.nan
-    for number, nodes, row, faces, columns in tips.t_stress_forms:
-        values[number] = float((row * field[nodes]).sum())
-        if faces is not None:
-            forces = faces.pressing(force)
-            if number in tip_forces:
-                forces += tip_forces[number][:, 0]
-            acting = np.flatnonzero(forces)
-            values[number] += float(columns[acting] @ forces[acting])
-    tips.layout.comm.Allreduce(MPI.IN_PLACE, values)
-    return {tip.name: float(value) for tip, value in zip(tips.layout.tip_elements, values)}
+    def stress(place: TipElement) -> float:
+        if place.number not in tips.t_stress_forms:
+            return np.nan
+        row, columns = tips.t_stress_forms[place.number]
+        forces = field.tip_forces.get(place.number, np.zeros(0))
+        acting = np.flatnonzero(forces)
+        return float((row * field.nodal[place.nodes]).sum()) + float(columns[acting] @ forces[acting])
+
+    return tips.told(stress)
 
 
 def contact_nodal_forces(contact: Contact, tips: Tips, force: np.ndarray) -> np.ndarray:
@@ -150,9 +134,7 @@ def contact_nodal_forces(contact: Contact, tips: Tips, force: np.ndarray) -> np.
     for rows, sign in zip(layout.pair_rows.T, (1.0, -1.0)):
         np.add.at(result, rows[rows >= 0], sign * pressing[rows >= 0])
     for faces in tips.faces.values():
-        forces = faces.rows[: faces.modes].T @ force[faces.contact]
-        if faces.rubbing >= 0:
-            forces = faces.rows.T @ faces.pressing(force)
+        forces = faces.rows.T @ faces.pressing(force)
         np.add.at(result, faces.nodes, forces.reshape(-1, 2))
     return result
 

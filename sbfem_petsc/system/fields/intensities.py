@@ -13,7 +13,7 @@ from ...ranks.parallel import collective
 from ...selement.intensity import IntensityRows, intensity_rows
 from ..elements.elements import Elements
 from ..layout.layout import Layout
-from ..layout.rows import Rows, flat_entries
+from ..layout.rows import Rows
 from .tip_faces import TipElement, TipFaces
 from .tip_facts import TipFacts
 
@@ -116,9 +116,8 @@ def _form(place: TipElement) -> IntensityRows:
 
 def rows_on(layout: Layout, local: dict[int, tuple[np.ndarray, np.ndarray]]) -> Rows:
     """The rows of `TipIntensities.local` over the unknowns of a layout. Collective."""
-    rows = {
-        2 * number + k: (layout.part.unknowns[nodes].ravel(), placed[k])
+    blocks = [
+        (2 * number + np.arange(2), layout.part.unknowns[nodes].ravel(), placed)
         for number, (nodes, placed) in local.items()
-        for k in (0, 1)
-    }
-    return Rows.gathered(layout.comm, layout.ranges, flat_entries(rows), 2 * len(layout.tip_elements))
+    ]
+    return Rows.gathered(layout.comm, layout.ranges, blocks, 2 * len(layout.tip_elements))

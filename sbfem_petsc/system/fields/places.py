@@ -20,12 +20,13 @@ from ...ranks.parallel import collective
 from ...selement.coefficients import edge_nodes
 from ...selement.interior import Located
 from ...selement.interior_motion import inertial_operators
-from ...selement.points import TOLERANCE, locate, point_operators
+from ...selement.points import TOLERANCE, PointOperators, locate, point_operators
 from ...selement.sectors import Sectors
 from ..elements.elements import Elements
 from ..elements.shapes import Group
-from ..layout.rows import Rows, flat_entries
+from ..layout.rows import Rows, flat
 from ..loads import LoadColumns
+from ..solve.assembly import Triples
 from .tips import Tips
 
 # The name of a point, or coordinates in m.
@@ -34,7 +35,8 @@ Point = str | tuple[float, float]
 _ALONE = 1e-9
 # Components of a place: two of displacement, three of stress.
 _ALL = 5
-_NONE = (np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0))
+# Numbers of points and where they are, by the row of their S-element.
+Held = dict[int, tuple[list[int], Located]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,54 +182,59 @@ def places(tips: Tips, points: Sequence[Point], inertia: bool = False, moved: bo
         On rank 0, if a point lies where the faces of a crack coincide.
     """
     elements, layout, comm = tips.elements, tips.layout, tips.layout.comm
-    layouts = [layout, layout.held] if moved else [layout]
     held = _held(elements, points)
     _warn_of_faces(tips, points, held)
-    numbers = {int(tip.element): number for number, tip in enumerate(layout.tip_elements)}
-    count, size = len(points), tips.count
-    local: list[dict[int, tuple[np.ndarray, np.ndarray]]] = [{} for _ in layouts]
-    every, contact = np.arange(_ALL * count).reshape(-1, _ALL), np.zeros((_ALL * count, size))
+    every = np.arange(_ALL * len(points)).reshape(-1, _ALL)
+    blocks, contact = list[Triples](), np.zeros((every.size, tips.count))
     face_forms: dict[int, np.ndarray] = {}
-    for k, (element, group, member, located) in held:
-        material = elements.materials[group.material]
-        faces = tips.faces.get(numbers.get(element, -1))
+    for row, (numbers, located) in held.items():
+        group = elements.one_of(elements.groups, row)
+        faces = next((f for f in tips.faces.values() if f.tip.element == layout.part.elements[row]), None)
         forms = point_operators(
             group.solution.radial,
-            Sectors(group.shape, group.order, material.elasticity),
+            Sectors(group.shape, group.order, elements.materials[group.material].elasticity),
             located=located,
             closed=group.closed,
             tractions=None if faces is None else faces.tractions,
-        ).turned(group.rotations[member])
-        stress = material.modulus / float(group.sizes[member]) * forms.stress[0]
-        form, nodes = np.concatenate([forms.displacement[0], stress]), group.nodes[member]
-        for numbered, of in zip(local, layouts):
-            unknowns = of.part.unknowns[nodes].ravel()
-            numbered |= {row: (unknowns, own[: forms.unknowns]) for row, own in zip(every[k], form)}
+        )
+        rows, form = every[numbers].ravel(), _in_own_frame(elements, group, forms)
+        blocks.append((rows, group.nodes[0], form[:, : forms.unknowns]))
         if faces is not None:
-            columns = form[:, forms.unknowns :] / faces.stiffness
-            faces.place(contact[every[k, 0] : every[k, 0] + _ALL], columns)
-            table = face_forms.setdefault(faces.number, np.zeros((_ALL * count, columns.shape[1])))
-            table[every[k]] = columns
-    rows, *of_held = (
-        Rows.gathered(comm, of.ranges, flat_entries(numbered), _ALL * count)
-        for numbered, of in zip(local, layouts)
-    )
-    own = _inertial(elements, held, every) if inertia else None
-    found = PlaceRows(rows, comm.allreduce(contact), face_forms, own, *of_held)
+            columns, own = form[:, forms.unknowns :] / faces.stiffness, np.zeros((len(rows), tips.count))
+            faces.place(own, columns)
+            contact[rows] = own
+            face_forms[faces.number] = np.zeros((every.size, columns.shape[1]))
+            face_forms[faces.number][rows] = columns
+    rows_on = [
+        Rows.gathered(
+            comm, of.ranges, [(r, of.part.unknowns[nodes].ravel(), v) for r, nodes, v in blocks], every.size
+        )
+        for of in ([layout, layout.held] if moved else [layout])
+    ]
+    moving = _inertial(elements, held, every) if inertia else None
+    found = PlaceRows(rows_on[0], comm.allreduce(contact), face_forms, moving, *rows_on[1:])
     return Places(found.some(every[:, :2].ravel()), found.some(every[:, 2:].ravel()))
 
 
-def _held(elements: Elements, points: Sequence[Point]) -> list[tuple[int, tuple]]:
-    """Numbers of the points that this rank evaluates, with what `_home` tells of them. Collective.
+def _in_own_frame(elements: Elements, group: Group, forms: PointOperators) -> np.ndarray:
+    """(5 places, n): displacement and stress of each place, m and Pa, in one S-element of a group of one."""
+    turned = forms.turned(group.rotations[0])
+    unit = elements.materials[group.material].modulus / float(group.sizes[0])
+    both = np.concatenate([turned.displacement, unit * turned.stress], axis=1)
+    return both.reshape(-1, both.shape[2])
+
+
+def _held(elements: Elements, points: Sequence[Point]) -> Held:
+    """The points that this rank evaluates. Collective.
 
     Raises
     ------
     ValueError
         If a point lies outside the structure; on all ranks.
     """
-    comm = elements.layout.comm
+    comm, part = elements.layout.comm, elements.layout.part
     homes = [_home(elements, point) for point in points]
-    mine = np.array([-1 if home is None else home[0] for home in homes], dtype=np.int64)
+    mine = np.array([-1 if home is None else part.elements[home[0]] for home in homes], dtype=np.int64)
     owner = np.where(mine < 0, np.iinfo(np.int64).max, mine)
     comm.Allreduce(MPI.IN_PLACE, owner, MPI.MIN)
     with collective(comm):
@@ -239,14 +246,29 @@ def _held(elements: Elements, points: Sequence[Point]) -> list[tuple[int, tuple]
                     f"from ({lower[0]:g}, {lower[1]:g}) to ({upper[0]:g}, {upper[1]:g}) m (and not inside "
                     "holes)"
                 )
-    return [(k, home) for k, home in enumerate(homes) if home is not None and home[0] == owner[k]]
+    inside: dict[int, list[tuple[int, Located]]] = {}
+    for k, home in enumerate(homes):
+        if home is not None and mine[k] == owner[k]:
+            inside.setdefault(home[0], []).append((k, home[1]))
+    return {
+        row: ([k for k, _ in some], Located(*map(np.concatenate, zip(*(located for _, located in some)))))
+        for row, some in inside.items()
+    }
 
 
-def _warn_of_faces(tips: Tips, points: Sequence[Any], held: list) -> None:
+def _warn_of_faces(tips: Tips, points: Sequence[Any], held: Held) -> None:
     """Warn of coordinates where faces of a crack coincide, of which this rank holds some. Collective."""
-    unnamed = (entry for entry in held if not isinstance(points[entry[0]], str))
-    mine = {k: crack for k, home in unnamed if (crack := _coinciding_faces(tips, *home)) is not None}
-    found = {k: crack for part in tips.layout.comm.allgather(mine) for k, crack in part.items()}
+    mine = {}
+    for row, (numbers, located) in held.items():
+        for k, *place in zip(numbers, *located):
+            if not isinstance(points[k], str):
+                mine[k] = _coinciding_faces(tips, row, Located(*place))
+    found = {
+        k: crack
+        for part in tips.layout.comm.allgather(mine)
+        for k, crack in part.items()
+        if crack is not None
+    }
     if not found or tips.layout.comm.rank > 0:
         return
     first = min(found)
@@ -260,82 +282,71 @@ def _warn_of_faces(tips: Tips, points: Sequence[Any], held: list) -> None:
     )
 
 
-def _coinciding_faces(tips: Tips, element: int, group: Group, member: int, located: Located) -> int | None:
+def _coinciding_faces(tips: Tips, row: int, located: Located) -> int | None:
     """Number of the crack of which an S-element's place is on two faces, that are at the same place."""
+    group, (number, eta, level) = tips.elements.one_of(tips.elements.groups, row), located
     edges = edge_nodes(len(group.shape), group.order, group.closed)
-    number, eta = int(located.edge[0]), float(located.eta[0])
     begins, ends = eta <= TOLERANCE - 1.0, eta >= 1.0 - TOLERANCE
-    if located.level[0] >= 1.0 - TOLERANCE:
+    if level >= 1.0 - TOLERANCE:
         edge = edges[number][:1] if begins else edges[number][-1:] if ends else edges[number]
-        nodes, pairs = tips.layout.part.nodes[group.nodes[member][edge]], tips.layout.pairs
+        nodes, pairs = tips.layout.part.nodes[group.nodes[0, edge]], tips.layout.pairs
         closed = np.isin(pairs.nodes, nodes) & (pairs.gap == 0.0)[:, None]
         if np.isin(nodes, pairs.nodes[closed]).all():
             return int(pairs.crack[closed.any(axis=1)][0])
     on_face = (number == 0 and begins) or (number == len(edges) - 1 and ends)
     for tip, gaps in zip(tips.layout.tip_elements, tips.gaps):
-        if tip.element == element and on_face and located.level[0] > 0.0 and not gaps.any():
+        inside = tip.element == tips.layout.part.elements[row] and on_face and level > 0.0
+        if inside and not gaps.any():
             return int(tip.crack)
     return None
 
 
-def _inertial(elements: Elements, held: list, every: np.ndarray) -> Inertial:
+def _inertial(elements: Elements, held: Held, every: np.ndarray) -> Inertial:
     """Of displacement and stress, rows (points, 5), at places of which this rank holds some. Collective."""
-    layout, moving = elements.layout, elements.moving
-    comm = layout.comm
-    order = {id(group): number for number, group in enumerate(elements.groups)}
-    inside: dict[int, list] = {}
-    for k, home in held:
-        inside.setdefault(home[0], []).append((k, home))
-    sizes = [moving[order[id(places[0][1][1])]].solution.inertia.size for places in inside.values()]
+    comm, moving = elements.layout.comm, elements.moving
+    groups = [elements.one_of(moving, row) for row in held]
+    sizes = [group.solution.inertia.size for group in groups]
     before = np.concatenate([[0], np.cumsum(comm.allgather(sum(sizes)))]).astype(int)
     first, total = int(before[comm.rank]), int(before[-1])
-    coupling: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     stretch, squared, slices = np.zeros(total), np.zeros(total), {}
-    entries, body = [_NONE], np.zeros((every.size, 2))  # rows, columns and values of the fields
-    for places, size in zip(inside.values(), sizes):
-        _, (_, group, member, _) = places[0]
-        group = moving[order[id(group)]].select(np.array([member]))
+    coupling, fields, body = list[Triples](), list[Triples](), np.zeros((every.size, 2))
+    for (row, (numbers, located)), group, size in zip(held.items(), groups, sizes):
         solution, own = group.solution, np.arange(first, first + size)
-        slices[int(group.elements[0])] = slice(first, first + size)
+        slices[row] = slice(first, first + size)
         modulus, mass = elements.scales(group)
         scale = float(mass[0]) / modulus
-        unknowns = elements.unknowns_of(group)[0]
-        for number, row in zip(own, group.turned(solution.coupling)[0].T):
-            coupling[number] = (unknowns, row)
+        coupling.append((own, elements.unknowns_of(group)[0], group.turned(solution.coupling)[0].T))
         stretch[own], squared[own] = scale, scale * solution.inertia
-        located = Located(*map(np.concatenate, zip(*(home[3] for _, home in places))))
-        forms = inertial_operators(solution, elements.terms, located).turned(group.rotations[0])
-        unit = elements.materials[group.material].modulus / float(group.sizes[0])
-        for (k, _), part in zip(places, np.concatenate([forms.displacement, unit * forms.stress], axis=1)):
-            entries.append((np.repeat(every[k], size), np.tile(own, _ALL), part[:, :size].ravel()))
-            body[every[k]] = scale * part[:, size:] @ group.rotations[0]
+        operators = inertial_operators(solution, elements.terms, located)
+        rows, forms = every[numbers].ravel(), _in_own_frame(elements, group, operators)
+        fields.append((rows, own, forms[:, :size]))
+        body[rows] = scale * forms[:, size:] @ group.rotations[0]
         first += size
-    rows = Rows.gathered(comm, layout.ranges, flat_entries(coupling), total)
+    rows_on = Rows.gathered(comm, elements.layout.ranges, coupling, total)
     stretch, squared = comm.allreduce(stretch), comm.allreduce(squared)
-    at, which, values = (np.concatenate([*parts]) for parts in zip(*entries))
-    fields = sparse.coo_matrix((values, (at, which)), shape=(every.size, total)).tocsr()
-    return Inertial(rows, stretch, squared, fields, body, slices)
+    at, which, values = flat(fields)
+    table = sparse.coo_matrix((values, (at, which)), shape=(every.size, total)).tocsr()
+    return Inertial(rows_on, stretch, squared, table, body, slices)
 
 
-def _home(elements: Elements, point: Point) -> tuple[int, Any, int, Located] | None:
-    """The S-element of this rank with the lowest number that holds a point, the node of a named one: its
-    number, group, member, place.
+def _home(elements: Elements, point: Point) -> tuple[int, Located] | None:
+    """The S-element of this rank with the lowest number that holds a point, the node of a named one: its row,
+    and the place in it.
     """
     boxes, part = elements.layout.element_boxes, elements.layout.part
     at, _, node = elements.layout.points[point] if isinstance(point, str) else (point, None, None)
     slack = TOLERANCE * (boxes[:, 2:] - boxes[:, :2]).max(axis=1, initial=0.0)[:, None]
     inside = ((at >= boxes[:, :2] - slack) & (at <= boxes[:, 2:] + slack)).all(axis=1)
-    for row in sorted(np.flatnonzero(inside), key=lambda r: int(part.elements[r])):
-        group = next(g for g in elements.groups if (g.elements == row).any())
-        member = int(np.flatnonzero(group.elements == row)[0])
-        nodes = part.nodes[group.nodes[member]]
+    for row in sorted(np.flatnonzero(inside).tolist(), key=lambda r: int(part.elements[r])):
+        group = elements.one_of(elements.groups, row)
+        nodes = part.nodes[group.nodes[0]]
         if node is not None and node not in nodes:
             continue
-        relative = group.rotations[member] @ (at - part.centres[row]) / group.sizes[member]
+        relative = group.rotations[0] @ (at - part.centres[row]) / group.sizes[0]
         located = locate(group.shape, group.order, group.closed, relative[None])
         if node == nodes[-1] and not group.closed:  # the face of a tip's S-element that `locate` finds last
             last = len(edge_nodes(len(nodes), group.order, group.closed)) - 1
             located = Located(np.array([last]), np.ones(1), np.ones(1))
         if located.edge[0] >= 0:
-            return int(part.elements[row]), group, member, located
+            return row, located
     return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
-from ...petsc import MPI
+from ...petsc import summed
 from ..elements.elements import Elements
 from ..elements.shapes import Group, add_forces
 from ..solve.stiffness import Stiffness
@@ -91,8 +91,7 @@ class SupportForces:
         """
         total = (self._stiffness @ field.ravel()).reshape(-1, 2)
         total += self._resting(self._springs(field), external)
-        self._layout.comm.Allreduce(MPI.IN_PLACE, total)
-        return dict(zip(self.names, total))
+        return dict(zip(self.names, summed(self._layout.comm, total)))
 
     def of_modes(self, shapes: np.ndarray, omega: np.ndarray) -> np.ndarray:
         """(names, 2, n): in free vibrations of unit amplitude, inertia of what is held included, N.
@@ -122,8 +121,7 @@ class SupportForces:
             forces = dynamic_forces(self._elements, part, moved, omega)
             held = self._held[:, part.nodes].astype(float)
             total += np.einsum("skai,kain->sin", held, forces.reshape(*part.nodes.shape, 2, -1))
-        layout.comm.Allreduce(MPI.IN_PLACE, total)
-        return total
+        return summed(layout.comm, total)
 
     def following(self) -> np.ndarray:
         """(m, 2, 2 names): static displacements of this rank's nodes where the ground of one support after

@@ -18,6 +18,7 @@ from ...selement.interior import Located, fields_at, in_own_frames, static_field
 from ...selement.sectors import Sectors
 from ..elements.shapes import Group
 from ..layout.layout import Layout
+from ..loads import LoadColumns
 from .tips import Tips
 
 # xi of the innermost ring of points. The stress shown at the scaling centre is that at xi = CENTRE: at a
@@ -49,18 +50,13 @@ class Field:
         return np.asarray(self.nodal, dtype=dtype)
 
     @classmethod
-    def of_forces(
-        cls, tips: Tips, nodal: np.ndarray, force: np.ndarray, loads: Mapping[int, np.ndarray]
-    ) -> Field:
-        """With the forces of the contact rows (c,) and, by the tips' numbers, those (modes,) of loads on the
-        faces inside tip elements, N.
+    def of_forces(cls, tips: Tips, nodal: np.ndarray, force: np.ndarray, load: LoadColumns) -> Field:
+        """With the forces of the contact rows (c,), N, and one column of loads on the faces inside tip
+        elements.
         """
-        forces = {}
-        for number, faces in tips.faces.items():
-            total = faces.pressing(force)
-            if number in loads:
-                total += loads[number]
-            forces[number] = total
+        forces = {number: faces.pressing(force) for number, faces in tips.faces.items()}
+        for number, acting in load.tip_forces.items():
+            forces[number] += acting[:, 0]
         return cls(nodal, forces)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,47 +11,27 @@ from ...material import SectorMaterials
 from ...selement.fracture import TStressRow, t_stress_row
 from .tip_faces import TipElement, TipFaces
 
-
-class TStressForm(NamedTuple):
-    """T of a tip as a linear form, Pa.
-
-    Attributes
-    ----------
-    number : int
-        Of the tip.
-    nodes : (n,) int array
-        This rank's nodes of its S-element.
-    row : (n, 2) array
-        For their displacements, m.
-    faces : TipFaces or None
-    columns : (modes,) array
-        For the forces of its traction modes, N.
-    """
-
-    number: int
-    nodes: np.ndarray
-    row: np.ndarray
-    faces: TipFaces | None
-    columns: np.ndarray
+# T of a tip, Pa: row (n, 2) for displacements of the nodes of its S-element, m, and columns (modes,) for the
+# forces of its traction modes, N.
+TStressForm = tuple[np.ndarray, np.ndarray]
 
 
 def t_stress_forms(
     places: list[TipElement], faces_of: Mapping[int, TipFaces], thickness: float
-) -> list[TStressForm]:
-    """Those of the tips that this rank holds, but for open notches and interfaces, which have no T."""
-    found, known = [], dict[tuple, TStressRow]()
+) -> dict[int, TStressForm]:
+    """By the numbers of the tips that this rank holds; open notches and interfaces have no T."""
+    found, known = dict[int, TStressForm](), dict[tuple, TStressRow]()
     for place in places:
-        material = place.material
+        material, faces = place.material, faces_of.get(place.number)
         if isinstance(material, SectorMaterials):
             continue
         form = place.shared(known, partial(_form, place), *np.round(place.axis, 12))
         if np.isnan(form.row).any():
             continue
-        faces, columns = faces_of.get(place.number), np.zeros(0)
+        row, columns = form.placed(place.rotation, place.size, material.modulus), np.zeros(0)
         if faces is not None:
             columns = form.of_tractions(faces.tractions) / (place.size * thickness)
-        row = form.placed(place.rotation, place.size, material.modulus)
-        found.append(TStressForm(place.number, place.nodes, row, faces, columns))
+        found[place.number] = row, columns
     return found
 
 

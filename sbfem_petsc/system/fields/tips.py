@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from meshing.mesh_arrays import Tip
 
 from ...contact.law import ContactLaw
-from ...petsc import MPI
+from ...petsc import summed
 from ...ranks.parallel import collective
 from ...selement.face_tractions import GAP_POWERS, FaceTractions
 from ..elements.elements import Elements
@@ -40,6 +40,11 @@ class Tips:
         return self.laws[self.layout.cracks[tip.crack].name]
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """In order."""
+        return tuple(tip.name for tip in self.layout.tip_elements)
+
+    @property
     def rub(self) -> bool:
         """Whether any faces do."""
         return any(law.rubs for law in self.laws.values())
@@ -48,6 +53,13 @@ class Tips:
     def places(self) -> list[TipElement]:
         """Those that this rank holds."""
         return tip_elements(self.elements)
+
+    def told(self, of: Callable[[TipElement], float]) -> dict[str, float]:
+        """A number of each tip by its name, from the rank that holds it. Collective."""
+        values = np.zeros(len(self.layout.tip_elements))
+        for place in self.places:
+            values[place.number] = of(place)
+        return dict(zip(self.names, summed(self.layout.comm, values).tolist()))
 
     @functools.cached_property
     def gaps(self) -> np.ndarray:
@@ -60,8 +72,7 @@ class Tips:
             gaps[place.number, 2] = drawn
             if given is not None and abs(given.sum() - drawn) > 1e-6 * max(given.sum(), drawn):
                 gaps[place.number] = given
-        self.layout.comm.Allreduce(MPI.IN_PLACE, gaps)
-        return gaps
+        return summed(self.layout.comm, gaps)
 
     @property
     def wedges(self) -> np.ndarray:
@@ -130,6 +141,6 @@ class Tips:
         return tip_intensities(self.elements, self.places, self.faces, self.first_rows, self.count)
 
     @functools.cached_property
-    def t_stress_forms(self) -> list[TStressForm]:
+    def t_stress_forms(self) -> dict[int, TStressForm]:
         """T-stress of those that this rank holds and that have one. Collective."""
         return t_stress_forms(self.places, self.faces, self.elements.thickness)

@@ -139,10 +139,11 @@ class Layout:
 
     @functools.cached_property
     def point_rows(self) -> Rows:
-        """x and y displacement of each named point, two rows a point."""
-        one = np.ones(1)
-        unknowns = [np.array([u]) for _, place, _ in self.points.values() for u in place]
-        return Rows.of(self.comm, self.ranges, [(u, one) for u in unknowns])
+        """x and y displacement of each named point, two rows a point. Collective."""
+        unknowns = np.array([place for _, place, _ in self.points.values()]).reshape(-1, 1)
+        blocks = [(np.arange(len(unknowns)), unknowns, np.ones_like(unknowns, dtype=float))]
+        own = blocks if self.comm.rank == 0 else []
+        return Rows.gathered(self.comm, self.ranges, own, len(unknowns))
 
     @functools.cached_property
     def element_boxes(self) -> np.ndarray:

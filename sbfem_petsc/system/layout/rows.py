@@ -5,13 +5,15 @@ intensities.
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from scipy import sparse
 
-from ...petsc import MPI
+from ...petsc import MPI, summed
 from ..solve.assembly import Triples, route
+
+_NONE = np.empty(0, dtype=np.int64)
 
 
 class Rows:
@@ -29,44 +31,21 @@ class Rows:
         self._transposed = matrix.T.tocsr()
 
     @classmethod
-    def of(cls, comm: MPI.Comm, ranges: np.ndarray, rows: Sequence[tuple[np.ndarray, np.ndarray]]) -> Rows:
-        """Rows that every rank knows whole.
+    def gathered(cls, comm: MPI.Comm, ranges: np.ndarray, blocks: Iterable[Triples], count: int) -> Rows:
+        """Rows of which each is known to one rank, or several of which each knows a part; those that all know
+        are given by one. Collective.
 
         Parameters
         ----------
-        comm : Comm
-        ranges : (ranks + 1,) int array
-            Ownership of the unknowns.
-        rows : sequence of (unknowns, coefficients)
-            Global numbers; -1 (held fixed) is dropped, and what stands twice is summed.
-        """
-        first, last = int(ranges[comm.rank]), int(ranges[comm.rank + 1])
-        lengths = [len(numbers) for numbers, _ in rows]
-        numbers = np.concatenate([n for n, _ in rows] or [np.empty(0, dtype=int)])
-        values = np.concatenate([v for _, v in rows] or [np.empty(0)])
-        places = np.repeat(np.arange(len(rows)), lengths)
-        mine = (numbers >= first) & (numbers < last)
-        entries = (values[mine], (places[mine], numbers[mine] - first))
-        return cls(comm, sparse.coo_matrix(entries, shape=(len(rows), last - first)).tocsr())
-
-    @classmethod
-    def gathered(cls, comm: MPI.Comm, ranges: np.ndarray, entries: Triples, count: int) -> Rows:
-        """Rows of which each is known to one rank, or several of which each knows a part. Collective.
-
-        Parameters
-        ----------
-        entries : (rows, unknowns, coefficients)
-            This rank's, flat; unknowns that are -1 (held fixed) are dropped, and what stands twice is summed.
+        blocks : iterable of (rows, unknowns, coefficients)
+            This rank's, as of `flat`; unknowns that are -1 (held fixed) are dropped, and what stands twice is
+            summed.
         count : int
             Number of rows.
         """
-        numbers, unknowns, values = (np.asarray(part) for part in entries)
+        numbers, unknowns, values = flat(blocks)
         free = unknowns >= 0
-        numbers, unknowns, values = (
-            numbers[free].astype(np.int64),
-            unknowns[free].astype(np.int64),
-            values[free],
-        )
+        numbers, unknowns, values = numbers[free], unknowns[free], values[free]
         if comm.size > 1:
             unknowns, numbers, values = route(comm, ranges, unknowns, numbers, values)
         first, last = int(ranges[comm.rank]), int(ranges[comm.rank + 1])
@@ -88,9 +67,7 @@ class Rows:
 
     def lengths(self) -> np.ndarray:
         """(rows,): sums of the moduli of the coefficients, on all ranks. Collective."""
-        result = np.asarray(abs(self.matrix).sum(axis=1)).ravel()
-        self.comm.Allreduce(MPI.IN_PLACE, result)
-        return result
+        return summed(self.comm, np.asarray(abs(self.matrix).sum(axis=1)).ravel())
 
     def local(self, owned: np.ndarray) -> np.ndarray:
         """This rank's share of the values of one field (owned,) or of n fields (owned, n)."""
@@ -99,9 +76,7 @@ class Rows:
 
     def __call__(self, owned: np.ndarray) -> np.ndarray:
         """Values (rows,) or (rows, n) of one or n fields, on all ranks. Collective."""
-        result = np.ascontiguousarray(self.local(owned))
-        self.comm.Allreduce(MPI.IN_PLACE, result)
-        return result
+        return summed(self.comm, self.local(owned))
 
     def forces(self, weights: np.ndarray) -> np.ndarray:
         """(owned,): rows^T weights."""
@@ -112,13 +87,12 @@ class Rows:
         return self._transposed[:, chosen].toarray(order="F")
 
 
-def flat_entries(rows: dict[int, tuple[np.ndarray, np.ndarray]]) -> Triples:
-    """(rows, unknowns, coefficients) of a dict of row numbers to (unknowns, coefficients)."""
-    numbers = np.repeat(
-        np.array(list(rows), dtype=np.int64), [len(unknowns) for unknowns, _ in rows.values()]
+def flat(blocks: Iterable[Triples]) -> Triples:
+    """Rows, columns and values of all entries of blocks: rows (k,), columns (n,) or (k, n), and values
+    (k, n).
+    """
+    whole = [np.broadcast_arrays(rows[:, None], columns, values) for rows, columns, values in blocks]
+    rows, columns, values = zip(
+        (_NONE, _NONE, np.empty(0)), *([part.ravel() for part in one] for one in whole)
     )
-    return (
-        numbers,
-        np.concatenate([np.empty(0, dtype=np.int64), *(unknowns for unknowns, _ in rows.values())]),
-        np.concatenate([np.empty(0), *(values for _, values in rows.values())]),
-    )
+    return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)

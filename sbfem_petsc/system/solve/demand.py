@@ -50,15 +50,10 @@ def require_factor(elements: Elements, columns: int) -> None:
     """
     if asked("static_ksp_type") not in (None, "preonly"):
         return  # an iterative solver's memory is another one
-    comm, unknowns = elements.layout.comm, elements.layout.count
+    unknowns = elements.layout.count
     needed = factor_memory(elements) + 16.0 * unknowns * min(256, columns)
-    require_memory(
-        "static",
-        comm,
-        needed / comm.size,
-        f"a factor of {unknowns:,d} unknowns",
-        lambda share: f"{COARSER}, or an iterative solver (-static_ksp_type cg -static_pc_type gamg)",
-    )
+    remedy = f"{COARSER}, or an iterative solver (-static_ksp_type cg -static_pc_type gamg)"
+    _require("static", elements, needed, f"a factor of {unknowns:,d} unknowns", remedy)
 
 
 def require_modes(elements: Elements, count: int, basis: int, whole: bool = False) -> None:
@@ -82,16 +77,10 @@ def require_modes(elements: Elements, count: int, basis: int, whole: bool = Fals
     unknowns = elements.unknowns if whole else elements.layout.count
     mass = matrix_entries(elements, elements.terms if whole else 0)
     pencil = ENTRY * (matrix_entries(elements) + mass)
-    comm = elements.layout.comm
     needed = pencil + factor_memory(elements) + 8 * unknowns * (basis + 4 * count)
     give_back(unknowns)
-    require_memory(
-        "modal",
-        comm,
-        needed / comm.size,
-        f"{count} modes of {unknowns:,d} unknowns",
-        lambda share: f"ask for fewer modes, {COARSER}",
-    )
+    what = f"{count} modes of {unknowns:,d} unknowns"
+    _require("modal", elements, needed, what, f"ask for fewer modes, {COARSER}")
 
 
 def require_steps(owner: str, elements: Elements, modes: int, responses: int, *, vectors: int = 0) -> None:
@@ -112,14 +101,14 @@ def require_steps(owner: str, elements: Elements, modes: int, responses: int, *,
     ValueError
     """
     own, whole = matrix_entries(elements), matrix_entries(elements, elements.terms)
-    comm = elements.layout.comm
     columns = 16 + modes + 2 * responses + 2 * vectors
     needed = ENTRY * (own + whole) + INERTIA * own + MADE * whole
     needed += factor_memory(elements) + 8.0 * elements.unknowns * columns
-    require_memory(
-        owner,
-        comm,
-        needed / comm.size,
-        f"the unreduced model of {elements.unknowns:,d} unknowns",
-        lambda share: f"{COARSER}, or the reduced model (reduction = 'modes')",
-    )
+    what = f"the unreduced model of {elements.unknowns:,d} unknowns"
+    _require(owner, elements, needed, what, f"{COARSER}, or the reduced model (reduction = 'modes')")
+
+
+def _require(owner: str, elements: Elements, needed: float, what: str, remedy: str) -> None:
+    """Refuse what takes so many bytes of all ranks together, unless there is room."""
+    comm = elements.layout.comm
+    require_memory(owner, comm, needed / comm.size, what, lambda share: remedy)

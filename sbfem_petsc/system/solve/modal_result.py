@@ -14,7 +14,6 @@ from ...ranks.parallel import agreed
 from ...record.gather import whole
 from ...record.record import Record, described, quantity
 from ..structure import Structure
-from .modes import Modes
 
 
 @described
@@ -81,8 +80,14 @@ class Modal(Record):
 
     def selected(self, keep: np.ndarray) -> Modal:
         """Some of the modes."""
-        found = Modes(*(getattr(self, name) for name in Modes._fields)).selected(keep)
-        return replace(self, **found._asdict())
+        return replace(
+            self,
+            frequencies=self.frequencies[keep],
+            residuals=self.residuals[keep],
+            shapes=self.shapes[:, keep],
+            point_shapes={name: shape[keep] for name, shape in self.point_shapes.items()},
+            auxiliary_inertia=self.auxiliary_inertia[keep],
+        )
 
     def __repr__(self) -> str:
         shown = ", ".join(f"{f:.6g}" for f in self.frequencies[:6]) + (

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,11 +18,14 @@ from ...petsc import (
     solving,
     stage,
     stepping,
+    summed,
 )
 from ..elements.element_stiffness import NEEDED
 from ..elements.elements import Elements
+from ..structure import Structure
 from .demand import require_modes
 from .krylov_step import KrylovStep
+from .modal_result import Modal
 from .pencil import CondensedSolve, Pencil, top_of_band
 from .stiffness import Stiffness
 
@@ -38,44 +40,9 @@ COUNTED = 100
 TOLERANCE = 1e-5
 
 
-class Modes(NamedTuple):
-    """Eigenpairs in ascending order; see `Modal`, which has the structure beside them.
-
-    Attributes
-    ----------
-    frequencies, residuals : (n,) arrays
-        Hz, and relative residuals.
-    shapes : (owned, n) array
-        This rank's displacement unknowns, mass-normalised.
-    point_shapes : dict of str to (n, 2) array
-    auxiliary_inertia : (n, 2) array
-    solver : str
-    iterations, unknowns : int
-    """
-
-    frequencies: np.ndarray
-    residuals: np.ndarray
-    shapes: np.ndarray
-    point_shapes: dict[str, np.ndarray]
-    auxiliary_inertia: np.ndarray
-    solver: str
-    iterations: int
-    unknowns: int
-
-    def selected(self, keep: np.ndarray) -> Modes:
-        """Some of them."""
-        return self._replace(
-            frequencies=self.frequencies[keep],
-            residuals=self.residuals[keep],
-            shapes=self.shapes[:, keep],
-            point_shapes={name: shape[keep] for name, shape in self.point_shapes.items()},
-            auxiliary_inertia=self.auxiliary_inertia[keep],
-        )
-
-
 def lowest_modes(
-    stiffness: Stiffness, count: int, auxiliary_tolerance: float = TOLERANCE, verify: bool = True
-) -> Modes:
+    model: Structure, count: int, auxiliary_tolerance: float = TOLERANCE, verify: bool = True
+) -> Modal:
     """The `count` lowest modes; see `analysis.modal.modal` for the arguments. Collective.
 
     Raises
@@ -85,15 +52,15 @@ def lowest_modes(
     SolveError
         If SLEPc does not converge or a residual is too large.
     """
-    require_modes(stiffness.elements, count, _basis(count, 0), auxiliary_tolerance == 0.0)
-    highest = top_of_band(stiffness.elements, count)
+    require_modes(model.cells, count, _basis(count, 0), auxiliary_tolerance == 0.0)
+    highest = top_of_band(model.cells, count)
     while True:
-        with Pencil(stiffness, highest, auxiliary_tolerance) as pencil:
+        with Pencil(model.statics, highest, auxiliary_tolerance) as pencil:
             below = pencil.eigenvalues_below(highest**2) if count >= COUNTED else None
             if below is not None and below < count:  # the law is too low
                 highest *= 1.1 * math.sqrt(count / max(below, 1))
                 continue
-            found = _solve_lowest(pencil, count, verify)
+            found = _solve_lowest(model, pencil, count, verify)
         reached = 2.0 * math.pi * float(found.frequencies[-1])
         if reached <= highest:
             return found
@@ -115,7 +82,7 @@ def _basis(count: int, attempt: int) -> int:
     return max(count + 15, math.ceil((1.9 + 0.5 * attempt) * count))
 
 
-def _solve_lowest(pencil: Pencil, count: int, verify: bool) -> Modes:
+def _solve_lowest(model: Structure, pencil: Pencil, count: int, verify: bool) -> Modal:
     """The `count` lowest eigenpairs, none left out.
 
     A single-vector Krylov method meets the second vector of a multiple eigenvalue through round-off only and
@@ -123,7 +90,7 @@ def _solve_lowest(pencil: Pencil, count: int, verify: bool) -> Modes:
     """
     wanted = count
     for attempt in range(4):
-        found = _solve(pencil, wanted, 0.0, attempt)
+        found = _solve(model, pencil, wanted, attempt=attempt)
         values = (2.0 * math.pi * found.frequencies) ** 2
         # far enough below for round-off not to count the last one itself: a residual of 1e-7 is usual; the
         # eigenvalues that are counted are those of the assembled stiffness, refined or not
@@ -151,34 +118,35 @@ def _solve_lowest(pencil: Pencil, count: int, verify: bool) -> Modes:
 
 
 def modes_in_band(
-    stiffness: Stiffness, low: float, high: float, auxiliary_tolerance: float = TOLERANCE, verify: bool = True
-) -> Modes:
+    model: Structure, band: tuple[float, float], auxiliary_tolerance: float = TOLERANCE, verify: bool = True
+) -> Modal:
     """Eigenpairs nearest to the middle of the band, more of them until they reach beyond both of its ends and
     none is left out.
     """
-    ends = (2.0 * math.pi * np.array([low, high])) ** 2
+    (low, high), elements = band, model.cells
+    ends = (2.0 * math.pi * np.array(band)) ** 2
     middle = float(ends.mean())
-    require_modes(stiffness.elements, 8, _basis(8, 0))
+    require_modes(elements, 8, _basis(8, 0))
     # half as high again: what is left out has its largest effect at the top, where frequencies are asked for
-    with Pencil(stiffness, 1.5 * float(np.sqrt(ends[1])), auxiliary_tolerance) as pencil:
+    with Pencil(model.statics, 1.5 * float(np.sqrt(ends[1])), auxiliary_tolerance) as pencil:
         count, most, expected = 8, pencil.unknowns // 2, None
-        carried = min(most, stiffness.elements.layout.count // 2)
+        carried = min(most, elements.layout.count // 2)
         below = pencil.eigenvalues_below(ends[1]) if verify else None
         if below is not None:
             lower = pencil.eigenvalues_below(ends[0]) if ends[0] > 0.0 else 0
             assert lower is not None  # by the same direct solver
             expected = below - lower
             if expected > carried:
-                end = top_of_band(stiffness.elements, carried) / (2.0 * math.pi)
+                end = top_of_band(elements, carried) / (2.0 * math.pi)
                 raise wrong_input(
                     f"modal: band = ({low:g}, {high:g}) Hz holds {expected} frequencies, more than half of "
                     f"the {2 * carried} unknowns on boundaries, with which the mesh carries modes up to some "
                     f"{end:.1g} Hz; lower the band, or refine the mesh"
                 )
             count = min(max(count, expected + 4), most)
-            require_modes(stiffness.elements, count, _basis(count, 0))
+            require_modes(elements, count, _basis(count, 0))
         for attempt in range(12):
-            found = _solve(pencil, min(count, most), middle, attempt)
+            found = _solve(model, pencil, min(count, most), target=middle, attempt=attempt)
             values = (2.0 * math.pi * found.frequencies) ** 2
             keep = np.flatnonzero((found.frequencies >= low) & (found.frequencies <= high))
             reached = np.abs(values - middle).max() > ends[1] - middle or count >= most
@@ -193,7 +161,7 @@ def modes_in_band(
     )
 
 
-def _solve(pencil: Pencil, count: int, target: float, attempt: int) -> Modes:
+def _solve(model: Structure, pencil: Pencil, count: int, *, target: float = 0.0, attempt: int) -> Modal:
     """`count` eigenpairs nearest to omega^2 = `target`; a structure without full support is shifted below
     zero.
     """
@@ -236,20 +204,19 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int) -> Modes:
                 "raise -modal_eps_max_it or -modal_eps_ncv, or choose another "
                 "-modal_st_pc_factor_mat_solver_type"
             )
-        values = np.array([eps.getEigenvalue(i).real for i in range(count)])
-        name = f"SLEPc {eps.getType()}, shift-invert by {solver_name(solve.ksp)}"
-        return _collect(eps, solve, values, name)
+        return _collect(model, eps, solve, count)
     finally:
         step.release()
         free(comm, inner, outer, st, eps)
         solve.release()
 
 
-def _collect(eps: SLEPc.EPS, solve: CondensedSolve, values: np.ndarray, solver: str) -> Modes:
+def _collect(model: Structure, eps: SLEPc.EPS, solve: CondensedSolve, count: int) -> Modal:
     """Eigenpairs in ascending order with their residuals."""
     pencil = solve.pencil
     layout, statics, comm = pencil.layout, pencil.statics, pencil.layout.comm
-    count, order = len(values), np.argsort(values)
+    values = np.array([eps.getEigenvalue(i).real for i in range(count)])
+    order = np.argsort(values)
     values = values[order]
     x = pencil.stiffness.createVecRight()
     array = np.empty((x.getLocalSize(), count), order="F")
@@ -308,9 +275,7 @@ def _collect(eps: SLEPc.EPS, solve: CondensedSolve, values: np.ndarray, solver: 
     del kx, mx
     array /= np.sqrt(sums[0])
     shapes = array[: pencil.owned].copy(order="F")
-    inertia = array[pencil.owned :].T @ pencil.auxiliary_translation()
-    comm.Allreduce(MPI.IN_PLACE, inertia)
-    iterations = eps.getIterationNumber()
+    inertia = summed(comm, array[pencil.owned :].T @ pencil.auxiliary_translation())
     limits = np.maximum(RESIDUAL_LIMIT, round_off)
     limits[slender] = RESIDUAL_LIMIT
     if len(slender):
@@ -322,23 +287,22 @@ def _collect(eps: SLEPc.EPS, solve: CondensedSolve, values: np.ndarray, solver: 
             f"{limits[worst]:.2g}; tighten -modal_eps_tol or choose another "
             "-modal_st_pc_factor_mat_solver_type"
         )
-    return Modes(
+    return Modal(
         np.sqrt(np.maximum(values, 0.0)) / (2.0 * math.pi),
         residuals,
         shapes,
         layout.at_points(shapes),
         inertia,
-        solver,
-        iterations,
+        f"SLEPc {eps.getType()}, shift-invert by {solver_name(solve.ksp)}",
+        eps.getIterationNumber(),
         pencil.unknowns,
+        model,
     )
 
 
 def _inner(comm: MPI.Comm, one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """(n,): inner products of the columns of two distributed arrays."""
-    sums = np.einsum("ij,ij->j", one, other)
-    comm.Allreduce(MPI.IN_PLACE, sums)
-    return sums
+    return summed(comm, np.einsum("ij,ij->j", one, other))
 
 
 def _misfits(kx: np.ndarray, values: np.ndarray, mx: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 from meshing.warnings import SolverWarning
 
 from ...errors import warn
-from ...petsc import MPI, PETSc, make_ksp, solver_name
+from ...petsc import PETSc, make_ksp, solver_name, summed
 from ..elements.element_stiffness import Refinement
 from ..layout.layout import Layout
 from .linear_solver import LinearSolver
@@ -61,8 +61,7 @@ class StaticSolver(LinearSolver):
         alone: what contact adds, unless it takes most of them away, which would leave few digits. Collective.
         """
         found = free + self.columns(contact, "static")
-        squares = np.array([free @ free, found @ found])
-        self._comm.Allreduce(MPI.IN_PLACE, squares)
+        squares = summed(self._comm, np.array([free @ free, found @ found]))
         return found if squares[0] <= _LOST**2 * squares[1] else self.columns(load + contact, "static")
 
     def judge(self, owner: str) -> None:
