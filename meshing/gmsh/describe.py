@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -80,7 +79,7 @@ def described(gmsh: Any, groups: Groups, order: int, geometry: bool) -> FileMode
         whole = {tag: signed_curves(gmsh, tag) for tag in whole}
         given = gmsh.model.mesh.getSizes([(0, tag) for tag in points]) if whole else ()
         sizes = {node: float(h) for tag, h in zip(points, given) if 0 < h < NO_SIZE for node in points[tag]}
-        shapes = _true_curves(gmsh, order, curves)
+        shapes = _true_curves(gmsh, order, curves, points)
     blocks = (element_blocks(gmsh, 1, curves) if lines is None else lines) + element_blocks(gmsh, 2, surfaces)
     tags, where = np.asarray(tags, np.int64), np.reshape(positions, (-1, 3))
     return FileModel(geometry, groups, blocks, tags, where, points, whole=whole, sizes=sizes, **shapes)
@@ -117,35 +116,25 @@ def _line_blocks(gmsh: Any, curves: list[int], ends: set[int]) -> list[Block] | 
     return [Block(1, tag, "Line 2", 1, 2, line) for tag, line in zip(curves, lines)]
 
 
-def _true_curves(gmsh: Any, order: int, curves: list[int]) -> dict[str, np.ndarray]:
+def _true_curves(
+    gmsh: Any, order: int, curves: list[int], points: dict[int, list[int]]
+) -> dict[str, np.ndarray]:
     """GLL nodes of the line elements on curved geometry by its parametrisation."""
     at = 0.5 * (gll_nodes(order) + 1.0)
     ends_of, points_of = [np.zeros((0, 2), np.int64)], [np.zeros((0, order + 1, 2))]
     for curve in curves:
-        if gmsh.model.getType(1, curve) in ("Line", "Discrete curve"):
+        straight = gmsh.model.getType(1, curve) in ("Line", "Discrete curve")
+        if straight or not len(used := line_ends(gmsh, curve)):
             continue
-        parameter_of = _parameters(gmsh, curve)
-        ends = line_ends(gmsh, curve)
-        pairs = [product(parameter_of[first], parameter_of[last]) for first, last in ends.tolist()]
-        spans = [min(pair, key=lambda span: abs(span[1] - span[0])) for pair in pairs]
-        where = np.array([start + at * (stop - start) for start, stop in spans])
+        # Not combined: gmsh would leave out the point at which a closed curve starts and ends.
+        (_, first), (_, last) = gmsh.model.getBoundary([(1, curve)], combined=False, oriented=False)
+        tags, _, parameters = gmsh.model.mesh.getNodes(1, curve, returnParametricCoord=True)
+        inner = sorted((p, tag) for p, tag in zip(parameters.tolist(), tags.tolist()) if tag in used)
+        nodes = np.array([*points[first], *(tag for _, tag in inner), *points[last]], np.int64)
+        low, high = (float(bound[0]) for bound in gmsh.model.getParametrizationBounds(1, curve))
+        places = np.array([low, *(p for p, _ in inner), high])
+        where = places[:-1, None] + at * np.diff(places)[:, None]
         values = np.array(gmsh.model.getValue(1, curve, where.ravel()))
-        ends_of.append(ends)
-        points_of.append(values.reshape(len(ends), order + 1, 3)[..., :2])
+        ends_of.append(np.stack([nodes[:-1], nodes[1:]], axis=1))
+        points_of.append(values.reshape(len(where), order + 1, 3)[..., :2])
     return {"curved_ends": np.vstack(ends_of), "curved_points": np.concatenate(points_of)}
-
-
-def _parameters(gmsh: Any, curve: int) -> dict[int, list[float]]:
-    """Parameters of the nodes on a curve."""
-    low, high = (float(bound[0]) for bound in gmsh.model.getParametrizationBounds(1, curve))
-    tags, _, parameters = gmsh.model.mesh.getNodes(1, curve, includeBoundary=True, returnParametricCoord=True)
-    parameter_of: dict[int, list[float]] = {}
-    for tag, parameter in zip(tags, parameters):
-        parameter_of.setdefault(int(tag), []).append(float(parameter))
-    # Not combined: gmsh would leave out the point at which a closed curve starts and ends.
-    bounds = gmsh.model.getBoundary([(1, curve)], combined=False, oriented=False)
-    seam = {int(tag) for _, point in bounds for tag in gmsh.model.mesh.getNodes(0, point)[0]}
-    if len(seam) < 2:  # a closed curve: its seam has two parameters
-        for tag in seam:
-            parameter_of[tag] = [low, high]
-    return parameter_of

@@ -188,8 +188,8 @@ def _area(gmsh, surface: int) -> float:
 
 
 def _refuse_crossing_outlines(gmsh, surfaces: list[int]) -> None:
-    """Surfaces whose outline and embedded curves cross each other, on which gmsh may work for ever; needs the
-    mesh of the curves.
+    """Surfaces whose outline and embedded curves cross each other, on which gmsh may work for ever, or have
+    two edges between the same nodes, as a hole of two edges has; needs the mesh of the curves.
     """
     where = describe.node_positions(gmsh)
     for surface in surfaces:
@@ -201,6 +201,12 @@ def _refuse_crossing_outlines(gmsh, surfaces: list[int]) -> None:
         segments = where[tags]
         if np.ptp(segments[..., 2]) > 1e-9 * np.ptp(segments.reshape(-1, 3), axis=0).max():
             continue  # not plane: refused with its cells
+        _, first, times = np.unique(np.sort(tags, axis=1), axis=0, return_index=True, return_counts=True)
+        for x, y, _ in segments[first[times > 1]].mean(axis=1):
+            raise Refusal(
+                f"two edges on the curves of surface {surface} have the same ends, near ({x:.6g}, {y:.6g}) "
+                "(in the file's unit), and gmsh fills what is between them; give smaller sizes there."
+            )
         crossing = find_crossing(segments[..., :2], tags)
         if crossing is not None:
             raise Refusal(

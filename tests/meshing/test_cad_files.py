@@ -194,6 +194,20 @@ def test_closed_circle_in_a_geo_file(tmp_path):
     check_mesh(mesh, np.pi * 0.02**2, 1e-9)
 
 
+def test_a_hole_of_two_edges(tmp_path):
+    """Which gmsh fills: the area had been that of the plate without a hole, without a word."""
+    path = tmp_path / "plate.geo"
+    path.write_text(
+        'SetFactory("OpenCASCADE"); Rectangle(1) = {-1, -1, 0, 2, 2}; Disk(2) = {0, 0, 0, 0.4};\n'
+        "BooleanDifference(3) = { Surface{1}; Delete; }{ Surface{2}; Delete; };\n"
+        'Physical Surface("steel") = {3}; Transfinite Curve {5} = 3;\n'
+    )
+    with pytest.raises(ValueError, match=r"two edges on the curves of surface 3 have the same ends, near"):
+        read_gmsh(path, size=0.5)
+    path.write_text(path.read_text().replace("{5} = 3", "{5} = 25"))
+    assert read_gmsh(path, size=0.5).area == pytest.approx(4.0 - np.pi * 0.4**2, rel=1e-9)
+
+
 def test_a_session_of_the_user_keeps_its_unit(folder):
     gmsh.initialize([], readConfigFiles=False, interruptible=False)
     try:
