@@ -35,18 +35,15 @@ def gaps_with(mesh: MeshArrays, crack: str, gap: Gap) -> np.ndarray:
     mine = np.flatnonzero(mesh.pairs.crack == names.index(crack))
     where = f"with_gap: gap of crack {crack!r}"
     if callable(gap):
-        places = mesh.nodes[mesh.pairs.nodes[mine]].mean(axis=1)
+        x, y = mesh.nodes[mesh.pairs.nodes[mine]].mean(axis=1).T.copy()
         try:
-            given = gap(places[:, 0].copy(), places[:, 1].copy())
+            gap = gap(x, y)
         except Exception as error:  # whatever a user's function does
             raise ValueError(
                 f"{where} failed as a function of arrays x and y: {type(error).__name__}: {error}"
             ) from error
-    else:
-        given = gap
-    values = _numbers(where, given, len(mine))
     result = mesh.pairs.gap.copy()
-    result[mine] = values
+    result[mine] = _numbers(where, gap, len(mine))
     return result
 
 

@@ -83,11 +83,6 @@ class Fan:
         """Triangles from the tip to the sides; the rings around it come with the crack."""
         notch, name = self.feature.shape, self.feature.name
         assert isinstance(notch, VNotch)
-        if tip_size is not None and tip_size >= self.largest:
-            raise ValueError(
-                f"beam: crack {name!r}: tip_size {tip_size:g} m does not fit in the cells around the tip, "
-                f"which reach {self.largest:g} m; make it smaller."
-            )
         mouths = [tuple(corner) for corner in self.beam.triangle(notch)[1:]]
         turn = 3 if notch.edge == "top" else 1
         right, left = mouths if notch.edge == "top" else mouths[::-1]
@@ -151,8 +146,6 @@ def outline(
     loop = len(corners) == 4
     path = np.array([*corners, corners[0]] if loop else corners, float)
     turn = np.unwrap(np.arctan2(*(path - centre).T[::-1]))
-    if turn[-1] - turn[0] < math.pi:  # a closed crack
-        turn[-1] += 2 * math.pi
     reach = _SLIDE * np.ptp(path[:, 1])
 
     def slid(place: Sequence[float]) -> np.ndarray:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NoReturn
+from itertools import chain
 
 import numpy as np
 import shapely
@@ -16,6 +16,8 @@ from meshing.cells.complex import Point
 SNAP = 1e-7  # distance that counts as touching, relative to the body's diagonal
 _CLOSE = 1e-4  # least distance of features that do not touch, relative to the diagonal
 Circle = tuple[Point, float]
+# Pieces of cracks, and what is wrong with each.
+Conflicts = Iterator[tuple[int, str]]
 
 
 @dataclass
@@ -53,6 +55,22 @@ class Graph:
     def segments(self) -> list[tuple[int, int]]:
         """Pieces of cracks."""
         return [pair for path in self.cracks.values() for pair in zip(path, path[1:])]
+
+    @property
+    def owners(self) -> list[str]:
+        """Crack of each of these."""
+        return [name for name, path in self.cracks.items() for _ in path[1:]]
+
+    @property
+    def inner(self) -> set[int]:
+        """Vertices of cracks inside."""
+        return {v for path in self.cracks.values() for v in path} - self.outline
+
+    def at(self, vertex: int, sentence: str) -> tuple[int, str]:
+        """The first piece of a crack that has a vertex, and the vertex' place ahead of what is said of it."""
+        x, y = self.vertices[vertex]
+        first = next(k for k, pair in enumerate(self.segments()) if vertex in pair)
+        return first, f"its point ({x:.6g}, {y:.6g}) m {sentence}"
 
 
 def plane_graph(
@@ -137,7 +155,7 @@ class _Body:
         own = dict(zip(points, number[len(places) - len(named) :].tolist()))
         graph = Graph(vertices, sides, holes, circles, paths, own)
         self.check_points(graph)
-        _Clearances(self, graph).check()
+        self.check_clearances(graph)
         return graph
 
     def on_edge(self, places: np.ndarray) -> np.ndarray:
@@ -203,6 +221,52 @@ class _Body:
                         f"corners are {crack}_right and {crack}_left); move it into the material."
                     )
 
+    def check_clearances(self, graph: Graph) -> None:
+        """ValueError for the first crack that is close to what it does not touch."""
+        if pairs := graph.segments():
+            lines = shapely.linestrings(graph.vertices[np.array(pairs)])
+            close = (self.close_holes, self.close_vertices, self.close_edge)
+            for k, sentence in chain.from_iterable(found(graph, lines) for found in close):
+                raise ValueError(f"crack {graph.owners[k]!r}: {sentence}.")
+
+    def close_holes(self, graph: Graph, lines: np.ndarray) -> Conflicts:
+        """Lines that cross holes, or pass close by."""
+        expected = f"{self.least:.3g} m or an end on the hole was expected; move it or let it end there"
+        for i, (centre, radius) in enumerate(self.holes, 1):
+            gap = shapely.distance(lines, shapely.Point(centre)) - radius
+            for k in np.flatnonzero(gap < self.least):
+                if gap[k] < -self.snap:
+                    yield k, f"it crosses hole {i}; give each piece outside the hole as a crack of its own"
+                if not set(graph.segments()[k]) & set(graph.circles[i - 1]):
+                    yield k, f"it passes hole {i} at {max(gap[k], 0.0):.3g} m, {expected}"
+
+    def close_vertices(self, graph: Graph, lines: np.ndarray) -> Conflicts:
+        """Lines close to corners, and to vertices of cracks, that are not on them."""
+        expected = f"{self.least:.3g} m or a point on the corner was expected; move it or let it end there"
+        spots, inner, pairs = shapely.points(graph.vertices), graph.inner, graph.segments()
+        near = shapely.STRtree(lines).query(spots, predicate="dwithin", distance=self.least)
+        for v, k in near.T.tolist():
+            x, y = graph.vertices[v]
+            if v in pairs[k]:
+                continue
+            if v < len(self.corners):
+                gap = f"({x:.6g}, {y:.6g}) m at {spots[v].distance(lines[k]):.3g} m"
+                yield k, f"it passes the outline's corner {gap}, {expected}"
+            if v in inner:
+                apart = "without touching it; join them or move them apart"
+                yield graph.at(v, f"is too close to crack {graph.owners[k]!r} {apart}")
+
+    def close_edge(self, graph: Graph, _: np.ndarray) -> Conflicts:
+        """Vertices of cracks inside that are close to the edge."""
+        expected = f"{self.least:.3g} m or touching was expected; end it on the edge or move it"
+        inner = sorted(graph.inner)
+        places = graph.vertices[inner]
+        gaps = [shapely.distance(self.area.exterior, shapely.points(places))]
+        gaps += [np.abs(_gaps(places, hole)) for hole in self.holes]
+        for vertex, gap in zip(inner, np.min(gaps, axis=0)):
+            if gap < self.least:
+                yield graph.at(vertex, f"is {gap:.3g} m from the edge, {expected}")
+
 
 def _gaps(places: np.ndarray, hole: Circle) -> np.ndarray:
     """Distances of places (n, 2) from a hole's edge, negative inside, m."""
@@ -227,76 +291,3 @@ def _crossings(segments: np.ndarray, owner: Sequence[str], snap: float) -> np.nd
         for end in np.moveaxis(ends, 1, 0):
             reached |= shapely.distance(shapely.points(end), segments[second]) <= snap
     return shapely.get_coordinates(meet[(shapely.get_type_id(meet) == 0) & ~reached])
-
-
-class _Clearances:
-    """Cracks keep clear of what they do not touch."""
-
-    def __init__(self, body: _Body, graph: Graph) -> None:
-        self.body, self.graph = body, graph
-        self.pairs = graph.segments()
-        self.owner = [name for name, path in graph.cracks.items() for _ in path[1:]]
-
-    def check(self) -> None:
-        """ValueError for the first that does not."""
-        if self.pairs:
-            lines = shapely.linestrings(self.graph.vertices[np.array(self.pairs)])
-            self.check_holes(lines)
-            self.check_vertices(lines)
-            self.check_edge()
-
-    def fail(self, segment: int, sentence: str) -> NoReturn:
-        """ValueError that names the crack of a segment."""
-        raise ValueError(f"crack {self.owner[segment]!r}: {sentence}.")
-
-    def fail_at(self, vertex: int, sentence: str) -> NoReturn:
-        """ValueError that names the first crack at a vertex and its place."""
-        x, y = self.graph.vertices[vertex]
-        segment = next(k for k, pair in enumerate(self.pairs) if vertex in pair)
-        self.fail(segment, f"its point ({x:.6g}, {y:.6g}) m {sentence}")
-
-    def check_holes(self, lines: np.ndarray) -> None:
-        """Lines do not cross holes, nor pass close by."""
-        expected = f"{self.body.least:.3g} m or an end on the hole was expected; move it or let it end there"
-        for i, (centre, radius) in enumerate(self.body.holes, 1):
-            gap = shapely.distance(lines, shapely.Point(centre)) - radius
-            for k in np.flatnonzero(gap < self.body.least):
-                if gap[k] < -self.body.snap:
-                    self.fail(
-                        k, f"it crosses hole {i}; give each piece outside the hole as a crack of its own"
-                    )
-                if not set(self.pairs[k]) & set(self.graph.circles[i - 1]):
-                    self.fail(k, f"it passes hole {i} at {max(gap[k], 0.0):.3g} m, {expected}")
-
-    def check_vertices(self, lines: np.ndarray) -> None:
-        """Lines keep clear of corners and of vertices of cracks that are not on them."""
-        expected = (
-            f"{self.body.least:.3g} m or a point on the corner was expected; move it or let it end there"
-        )
-        spots = shapely.points(self.graph.vertices)
-        on_cracks, outline = {v for pair in self.pairs for v in pair}, self.graph.outline
-        near = shapely.STRtree(lines).query(spots, predicate="dwithin", distance=self.body.least)
-        for v, k in near.T.tolist():
-            (x, y), crack = self.graph.vertices[v], self.owner[k]
-            if v in self.pairs[k]:
-                continue
-            if v < len(self.body.corners):
-                gap = spots[v].distance(lines[k])
-                self.fail(
-                    k, f"it passes the outline's corner ({x:.6g}, {y:.6g}) m at {gap:.3g} m, {expected}"
-                )
-            if v in on_cracks and v not in outline:
-                self.fail_at(
-                    v, f"is too close to crack {crack!r} without touching it; join them or move them apart"
-                )
-
-    def check_edge(self) -> None:
-        """Vertices of cracks inside keep clear of the edge."""
-        expected = f"{self.body.least:.3g} m or touching was expected; end it on the edge or move it"
-        inner = sorted({v for pair in self.pairs for v in pair} - self.graph.outline)
-        places = self.graph.vertices[inner]
-        gaps = [shapely.distance(self.body.area.exterior, shapely.points(places))]
-        gaps += [np.abs(_gaps(places, hole)) for hole in self.body.holes]
-        for vertex, gap in zip(inner, np.min(gaps, axis=0)):
-            if gap < self.body.least:
-                self.fail_at(vertex, f"is {gap:.3g} m from the edge, {expected}")

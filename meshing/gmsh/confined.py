@@ -182,22 +182,19 @@ def _received(answers: socket.socket, sayings: socket.socket, until: float) -> t
     """All that comes from one socket, and the beginning of what comes from another meanwhile."""
     answer, said = bytearray(), bytearray()
     with selectors.DefaultSelector() as waiting:
-        for source in (answers, sayings):
-            waiting.register(source, selectors.EVENT_READ)
+        waiting.register(answers, selectors.EVENT_READ, answer)
+        waiting.register(sayings, selectors.EVENT_READ, said)
         while answers in waiting.get_map():
             left = until - time.monotonic()
             ready = waiting.select(min(left, _LONGEST)) if left > 0 else []
             if not ready:
                 raise TimeoutError
-            for source in (answers, sayings):
-                if source in [key.fileobj for key, _ in ready]:
-                    part = source.recv(_PART)
-                    if not part:
-                        waiting.unregister(source)
-                    elif source is answers:
-                        answer += part
-                    elif len(said) < _PART:
-                        said += part
+            for key, _ in ready:
+                part = os.read(key.fd, _PART)
+                if not part:
+                    waiting.unregister(key.fileobj)
+                elif key.data is answer or len(said) < _PART:
+                    key.data.extend(part)
     with contextlib.suppress(BlockingIOError):
         said += sayings.recv(_PART, socket.MSG_DONTWAIT)
     return bytes(answer), bytes(said)

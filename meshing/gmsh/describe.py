@@ -98,13 +98,7 @@ def element_blocks(gmsh: Any, dimension: int, entities: list[int]) -> list[Block
 
 def _point_nodes(gmsh: Any) -> dict[int, list[int]]:
     """Node tags of each point."""
-    tags = [tag for _, tag in gmsh.model.getEntities(0)]
-    nodes = gmsh.model.mesh.getNodes(0)[0].tolist()
-    if len(nodes) == len(tags) and (
-        not tags or gmsh.model.mesh.getNodes(0, tags[-1])[0].tolist() == nodes[-1:]
-    ):
-        return {tag: [node] for tag, node in zip(tags, nodes)}
-    return {tag: gmsh.model.mesh.getNodes(0, tag)[0].tolist() for tag in tags}
+    return {tag: gmsh.model.mesh.getNodes(0, tag)[0].tolist() for _, tag in gmsh.model.getEntities(0)}
 
 
 def _line_blocks(gmsh: Any, curves: list[int], ends: set[int]) -> list[Block] | None:
