@@ -177,9 +177,16 @@ def _matrix(file: str, count: int) -> sparse.csr_matrix:
             f"{OWNER}: {file} has rows {place.min():g} to {place.max():g}, whole numbers from 1 to {count} "
             "were expected, the unknowns of .dof; it is cut, or of another run"
         )
-    matrix = sparse.csr_matrix((value, place.astype(np.int64) - 1), (count, count))
-    if matrix.nnz < len(value):
-        raise ValueError(f"{OWNER}: {file} has {len(value) - matrix.nnz} entries twice; is it of two runs?")
+    return without_doubles(OWNER, file, value, place.astype(np.int64) - 1, count)
+
+
+def without_doubles(
+    owner: str, file: str, values: np.ndarray, places: np.ndarray, count: int
+) -> sparse.csr_matrix:
+    """A matrix of values at (2, n) rows and columns, of which none may be given twice."""
+    matrix = sparse.csr_matrix((values, places), (count, count))
+    if matrix.nnz < len(values):
+        raise ValueError(f"{owner}: {file} has {len(values) - matrix.nnz} entries twice; is it of two runs?")
     return matrix
 
 

@@ -12,7 +12,7 @@ from scipy import sparse
 from meshing.whole_file import require_regular
 
 from ..checks import instance, path, shown
-from .calculix import read_deck
+from .calculix import read_deck, without_doubles
 from .finite_element_model import FiniteElementModel
 
 OWNER = "read_matrices"
@@ -67,7 +67,7 @@ def read_matrices(
             f"{OWNER}: unknowns = {shown(unknowns)}; give it unless both files are of Abaqus or Ansys"
         )
     if unknowns is None:
-        matrices, unknowns, supports = _numbered(matrices)
+        matrices, unknowns, supports = _numbered(files, matrices)
         held += supports
     elif isinstance(unknowns, (str, os.PathLike)):
         unknowns = _read(path(OWNER, "unknowns", unknowns), 2)
@@ -137,7 +137,7 @@ def _petsc(file: str) -> sparse.csr_matrix:
     return made
 
 
-def _numbered(tables: list[np.ndarray]) -> tuple[list[sparse.coo_matrix], np.ndarray, Any]:
+def _numbered(files: list[str], tables: list[np.ndarray]) -> tuple[list[sparse.csr_matrix], np.ndarray, Any]:
     """Matrices over one numbering, nodes and directions of their rows, and which of them are held."""
     pairs = np.concatenate([table[:, :4].astype(int).reshape(-1, 2) for table in tables])
     unknowns, place = np.unique(pairs, axis=0, return_inverse=True)
@@ -147,11 +147,11 @@ def _numbered(tables: list[np.ndarray]) -> tuple[list[sparse.coo_matrix], np.nda
             "and connectors out of the step that writes the matrices"
         )
     matrices, held = [], np.zeros(len(unknowns), dtype=bool)
-    for table, ends in zip(tables, np.split(place.reshape(-1, 2), [len(tables[0])])):
+    for file, table, ends in zip(files, tables, np.split(place.reshape(-1, 2), [len(tables[0])])):
         (rows, columns), values = ends.T, table[:, 4]
         much = (rows == columns) & (values >= HELD)
         held[rows[much]] = True
-        entries = np.where(much, 1.0, values), (rows, columns)
-        matrices.append(sparse.coo_matrix(entries, (len(unknowns), len(unknowns))))
+        values = np.where(much, 1.0, values)
+        matrices.append(without_doubles(OWNER, file, values, ends.T, len(unknowns)))
     unknowns = unknowns - [0, 1]
     return matrices, unknowns, unknowns[held].tolist()

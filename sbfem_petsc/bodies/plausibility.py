@@ -23,7 +23,7 @@ SLOWEST, FASTEST, HEAVIEST = 10.0, 1e5, 3e4
 # Forces beside their parts that rounding of double precision leaves at most; the least that is divided by.
 EXACT, TINY = 1e-11, 1e-300
 # Forces beside their parts, unknowns of which some are too many, and bodies of whose order, and of whose
-# digits, nothing is asked: the latter may be written by hand.
+# digits, nothing is asked: they may be written by hand; one of solid elements is none of these.
 FORCED, NEARLY, FEW, SMALL = 1e-2, 0.9, 200, 50
 
 
@@ -59,7 +59,7 @@ def warn_of_units(
         )
 
 
-def warn_of_order(stiffness: sparse.csr_matrix, places: np.ndarray, columns: np.ndarray) -> None:
+def warn_of_order(stiffness: sparse.csr_matrix, places: np.ndarray, columns: np.ndarray, few: int) -> None:
     """Warn where a body, turned as a whole, meets forces nearly everywhere but beside supports.
 
     Parameters
@@ -69,6 +69,8 @@ def warn_of_order(stiffness: sparse.csr_matrix, places: np.ndarray, columns: np.
         m, of the nodes.
     columns : (m, 6) array of int
         Unknowns of each node, as of `FiniteElementModel`.
+    few : int
+        Unknowns away from supports below which nothing is told.
     """
     moves, about = columns >= 0, np.array([1.0, -0.6, 0.8])
     turned = np.cross(about, places - places[moves.any(axis=1)].mean(axis=0))
@@ -79,7 +81,7 @@ def warn_of_order(stiffness: sparse.csr_matrix, places: np.ndarray, columns: np.
     near = tree_of(places).query(places, met)[1].reshape(len(places), -1)
     far = moves & ~held[near].any(axis=1, keepdims=True)
     forced = np.abs(_forces(stiffness, rigid))[columns[far]] > FORCED
-    if len(forced) >= FEW and forced.mean() > NEARLY:
+    if len(forced) >= few and forced.mean() > NEARLY:
         warn(
             f"{OWNER}: turned as a whole, the body meets forces at {forced.sum()} of {len(forced)} "
             "unknowns away from supports; are unknowns and nodes those of the matrices' rows, in order?",

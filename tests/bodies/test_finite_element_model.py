@@ -382,6 +382,20 @@ def test_unknowns_in_another_order(body):
         sb.FiniteElementModel(both.mass, both.stiffness, both.unknowns, given[0], **given[1])
 
 
+def test_few_unknowns_in_another_order(parts):
+    """Of a body of solid elements 50 unknowns away from supports are enough; such a one may be written
+    by hand without elements.
+    """
+    turned = {**parts, "unknowns": parts["unknowns"][::-1]}
+    with pytest.warns(
+        sb.MeshWarning, match="at 106 of 114 unknowns away from supports; are unknowns and nodes"
+    ):
+        sb.FiniteElementModel(**turned)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sb.FiniteElementModel(**{**turned, "elements": {}})
+
+
 @pytest.mark.parametrize("thick", [2e-4, 1e-3, 4e-3])
 def test_plates_that_are_held_over_a_face(thick):
     """One element thick, cells of 1 mm: all free nodes are beside held ones, and nothing is told of their

@@ -328,6 +328,7 @@ WRONG = [
     ("petsc", lambda text: text[:-8], "stiffness.petsc is missing or cut.*has no 150 rows"),
     ("txt", lambda text: text[:-30], "stiffness.txt is missing or cut"),
     ("txt", lambda text: text.replace(b"\n", b"\n-7,1, -7,1, 1.0\n", 1), "node -7 is an internal one"),
+    ("txt", lambda text: text + text, r"stiffness.txt has \d+ entries twice; is it of two runs\?"),
     ("txt", lambda text: b"1 2 3\n", "lines of node, direction, node, direction, value were expected"),
     ("txt", lambda text: b"1 2\n", "lines of node, direction, node, direction, value were expected"),
 ]
