@@ -18,9 +18,8 @@ except ImportError as error:  # pragma: no cover - depends on the machine
 _HOME = {
     "animation": ("animate_crack",),
     "basins": ("plot_basins",),
-    "bodies": ("plot_field",),
     "branches": ("plot_backbone", "plot_branches", "plot_quasi_periodic"),
-    "crack": ("plot_crack",),
+    "deformed": ("plot_crack", "plot_field"),
     "drawing": ("save_picture", "save_pictures"),
     "fields": ("plot_contact", "plot_modes"),
     "histories": ("Panel", "plot_histories", "plot_history", "plot_load_history", "plot_spectra"),

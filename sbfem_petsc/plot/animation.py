@@ -19,13 +19,11 @@ from ..errors import SolveError
 from ..motion.history import Motion, model_with_fields
 from ..petsc import MPI
 from ..ranks.parallel import agreed, collective, on_root, ranks_of
-from ..record.units import force_unit, length_unit, time_unit
 from ..system.model import Model
-from .crack import Window, plain
-from .drawing import BLUE, STYLE, VERMILION, Sheet, crack_title
-from .outlines import Piece, gather_outline, gather_region
+from .drawing import BLUE, STYLE, VERMILION, Scale, Sheet, crack_title, curves
+from .outlines import gather_outline, gather_region
 from .picture import CHECKS, require_crack
-from .solids import Solid
+from .views import Solid, Window, magnification_of, plain
 
 DOTS = 100  # per inch
 
@@ -90,17 +88,12 @@ def animate_crack(
         instants = _instants(motion, between, frames)
         writer = _writer(path, len(instants) / seconds)
     fields = [motion.field(float(motion.time[instant])) for instant in instants]
-    window, regions, outline, rows, title = _content(motion, model, fields, crack, colour)
+    view, states, outline, rows, title = _content(motion, model, fields, crack, colour)
 
     def work() -> str:
-        # gap of the last row, the mouth's, and resultant
-        curves = {"gap": motion.gap[:, rows[-1]] if len(rows) else np.zeros(len(motion.time))}
-        curves["resultant"] = motion.contact_resultant
-        closed = (motion.contact_force[:, rows] > 0.0).sum(axis=1)
         with rc_context(STYLE):
-            film = _Film(window, regions, outline, motion.time, curves, magnification)
-            told = [f"{count} of {len(rows)} pairs closed" for count in closed]
-            film.write(path, writer, instants, title, told)
+            film = _Film(view, states, outline, motion, rows)
+            film.write(path, writer, instants, title, magnification)
         return os.fspath(path)
 
     return on_root(model.comm, work) if isinstance(model, Model) else work()
@@ -163,80 +156,69 @@ def _said(output: bytes | str | None) -> str:
 
 
 class _Film:
-    """One figure whose states follow one another: the crack on the left, its gap and force on the right."""
+    """One figure whose states follow one another: the crack on the left, its gap and force on the right;
+    `rows` are those of its contact, the mouth's last.
+    """
 
     def __init__(
-        self,
-        window: Window | Solid,
-        regions: list[Any],
-        outline: list[Piece] | None,
-        time: np.ndarray,
-        curves: dict[str, np.ndarray],
-        magnification: float | None,
+        self, view: Window | Solid, states: list[Any], outline: Any, motion: Motion, rows: np.ndarray
     ):
-        states = [region for region in regions if region is not None]
-        assert outline is not None  # on rank 0
-        self.window, self.regions, self.outline, self.time = window, states, outline, time
-        self.factor = magnification or window.magnification(states)
-        self.colours = window.colours(states)
-        sheet = Sheet("animate_crack", None)
+        self.view, self.states, self.outline, self.motion, self.rows = view, states, outline, motion, rows
+        sheet, time = Sheet("animate_crack", None), motion.time
         layout = [["crack", "gap"], ["crack", "resultant"]]
         self.axes, *panels = sheet.panels(layout, 3.3, width_ratios=(1.35, 1.0))
-        self.drawing = sheet.figure
-        self.unit_of_time, name = time_unit(float(time[-1]))
-        self.curves, self.marks = [], []
-        units = {"gap": length_unit, "resultant": force_unit}
-        labels = {"gap": window.gap, "resultant": "contact resultant"}
-        for row, (key, values) in enumerate(curves.items()):
-            scale, unit = units[key](float(np.abs(values).max()))
-            axes = panels[row]
-            axes.plot(time * self.unit_of_time, values * scale, color=(BLUE, VERMILION)[row], linewidth=1.0)
-            axes.set_ylabel(f"{labels[key]} ({unit})")
-            axes.set_xlim(time[0] * self.unit_of_time, time[-1] * self.unit_of_time)
+        self.figure, self.clock, self.marks = sheet.figure, Scale.of("time", "s", time), []
+        gap = motion.gap[:, rows[-1]] if len(rows) else np.zeros(len(time))
+        drawn = ((view.gap, "m", gap), ("contact resultant", "N", motion.contact_resultant))
+        for axes, (words, unit, values), colour in zip(panels, drawn, (BLUE, VERMILION)):
+            up = Scale.of(words, unit, values)
+            curves(axes, {"": (time, values)}, self.clock, up, color=colour, linewidth=1.0)
+            axes.set_xlim(self.clock(time[[0, -1]]))
             axes.grid()
-            self.curves.append(values * scale)
-            self.marks += axes.plot([], [], "o", color="black", markersize=4, clip_on=False, zorder=5)
-        axes.set_xlabel(f"time ({name})")
-        self.drawing.align_ylabels()
-        window.frame(self.axes)
+            (mark,) = axes.plot([], [], "o", color="black", markersize=4, clip_on=False, zorder=5)
+            self.marks.append((mark, up(values)))
+        panels[0].set_xlabel("")
+        self.figure.align_ylabels()
+        view.frame(self.axes)
         sheet.finished(self.axes, "")
-        self.unit_name = name
 
     def write(
-        self, path: str, writer: AbstractMovieWriter, instants: np.ndarray, title: str, told: Sequence[str]
+        self,
+        path: str,
+        writer: AbstractMovieWriter,
+        instants: np.ndarray,
+        title: str,
+        magnification: float | None,
     ) -> None:
-        """Draw and write the states of some instants; `told` is said of each instant of the motion."""
-        title = f"{title}, {self.window.magnified} × {plain(self.factor)}"
+        """Draw and write the states, which are those of some instants."""
+        factor, colours = (
+            magnification or magnification_of(self.view, self.states),
+            self.view.colours(self.states),
+        )
+        closed = (self.motion.contact_force[:, self.rows] > 0.0).sum(axis=1)
         with replaced(path, "animation") as temporary:
             try:
-                with writer.saving(self.drawing, temporary, DOTS):
-                    self._draw(writer, instants, title, told)
+                with writer.saving(self.figure, temporary, DOTS):
+                    for number, (instant, state) in enumerate(zip(instants, self.states)):
+                        painted = self.view.paint(
+                            self.axes, state, self.outline, number, factor=factor, colours=colours
+                        )
+                        at = self.clock(self.motion.time[instant])
+                        for mark, values in self.marks:
+                            mark.set_data([at], [values[instant]])
+                        self.axes.set_title(
+                            f"{title}, {self.view.magnified} × {plain(factor)}\n{at:.4g} {self.clock.unit}, "
+                            f"{closed[instant]} of {len(self.rows)} pairs closed"
+                        )
+                        if number == 0:  # the layout of the first is that of all
+                            colours.bar(painted[0], self.axes)
+                            self.figure.draw_without_rendering()
+                            self.figure.set_layout_engine(None)  # which would draw every state twice
+                        writer.grab_frame()
+                        for artist in painted:
+                            artist.remove()
             except subprocess.CalledProcessError as error:
                 raise SolveError(
                     f"animation {path!r}: the program ffmpeg ended with code {error.returncode}"
                     f"{_said(error.stderr)}; write a .gif, or mend its installation"
                 ) from None
-
-    def _draw(
-        self, writer: AbstractMovieWriter, instants: np.ndarray, title: str, told: Sequence[str]
-    ) -> None:
-        for number, instant in enumerate(instants):
-            painted = self._state(number, int(instant))
-            at = f"{self.time[instant] * self.unit_of_time:.4g} {self.unit_name}"
-            self.axes.set_title(f"{title}\n{at}, {told[instant]}")
-            if number == 0:  # the layout of the first is that of all
-                self.colours.bar(painted[0], self.axes)
-                self.drawing.draw_without_rendering()
-                self.drawing.set_layout_engine(None)  # which would draw every state twice
-            writer.grab_frame()
-            for artist in painted:
-                artist.remove()
-
-    def _state(self, number: int, instant: int) -> list[Any]:
-        painted = self.window.paint(
-            self.axes, self.regions[number], self.outline, number, factor=self.factor, colours=self.colours
-        )
-        at = self.time[instant] * self.unit_of_time
-        for mark, values in zip(self.marks, self.curves):
-            mark.set_data([at], [values[instant]])
-        return painted

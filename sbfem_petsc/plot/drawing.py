@@ -246,16 +246,19 @@ class Scale:
     ----------
     factor : float
     label : str
+        With the unit.
+    unit : str
     """
 
     factor: float
     label: str
+    unit: str = ""
 
     @classmethod
     def of(cls, words: str, unit: str, *values: Any, per: str = "") -> Scale:
         """For some values in a unit of `suited`; `per` stands behind the unit."""
         factor, name = suited(unit, np.hstack([0.0, *map(np.ravel, values)]))
-        return cls(factor, f"{words} ({name}{per})" if name else words)
+        return cls(factor, f"{words} ({name}{per})" if name else words, name)
 
     def __call__(self, values: Any) -> Any:
         return np.asarray(values) * self.factor
@@ -290,7 +293,7 @@ def dots(axes: Axes, at: Any, marker: str | tuple, size: float, colour: str, **s
     axes.plot(*at, linestyle="none", marker=marker, markersize=size, color=colour, **style)
 
 
-def note(axes: Axes, words: str, at: tuple[float, float], lift: float = 2.0, **style: Any) -> None:
+def note(axes: Axes, words: str, at: Any, lift: float = 2.0, **style: Any) -> None:
     """Words some points above a place, or beside it as a style of Matplotlib's says."""
     usual: Any = {"xytext": (0, lift), "fontsize": 7, "ha": "center", "va": "bottom"}
     axes.annotate(words, at, textcoords="offset points", annotation_clip=False, **usual | style)

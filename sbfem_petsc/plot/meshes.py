@@ -88,14 +88,13 @@ def _draw_zooms(around: Axes, at_tip: Axes, mesh: BoundaryMesh, crack: Any) -> N
 
 def _add_legend(sheet: Sheet, panels: list[Axes]) -> None:
     """Below the figure, or in the axes that were given: what is drawn in any panel."""
-    found = [axes.get_legend_handles_labels() for axes in panels]
-    drawn = {label: handle for handles, labels in found for handle, label in zip(handles, labels)}
+    drawn = {label: line for axes in panels for line, label in zip(*axes.get_legend_handles_labels())}
     style: Any = {"handles": drawn.values(), "labels": drawn.keys(), "markerscale": 1.6}
     if sheet.figure is None:
         panels[0].legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4, **style)
-        return
-    narrow = {"handletextpad": 0.3, "columnspacing": 1.2, "handlelength": 1.6}
-    sheet.figure.legend(loc="outside lower center", ncols=7, **narrow, **style)
+    else:
+        style |= {"handletextpad": 0.3, "columnspacing": 1.2, "handlelength": 1.6}
+        sheet.figure.legend(loc="outside lower center", ncols=7, **style)
 
 
 def _tip_size(mesh, crack) -> float:
@@ -137,45 +136,34 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
     ends = list(np.array(faces).reshape(-1, 2, 2) * scale)
     axes.add_collection(LineCollection(ends, colors=BLACK, linewidths=0.9, linestyles=(0, (2, 1))))
     if nodes:
-        places = _inside(mesh.nodes, lower, upper).T * scale
-        dots(axes, places, ".", 2.2 if stretch == 1.0 else 1.2, BLUE, markeredgewidth=0, label="nodes")
-    places = _inside(mesh.scaling_centres, lower, upper).T * scale
+        size = 2.2 if stretch == 1.0 else 1.2
+        dots(axes, mesh.nodes.T * scale, ".", size, BLUE, markeredgewidth=0, label="nodes")
     size = 4.5 if stretch == 1.0 else 2.8
-    dots(axes, places, "+", size, VERMILION, markeredgewidth=0.7, label="scaling centres")
-    if len(mesh.pairs) and stretch == 1.0:
-        _mark_pairs(axes, mesh, lower, upper, scale)
+    centres: Any = {"markeredgewidth": 0.7, "label": "scaling centres"}
+    dots(axes, mesh.scaling_centres.T * scale, "+", size, VERMILION, **centres)
+    if stretch == 1.0:
+        _mark_pairs(axes, mesh, scale)
     _label_points(axes, mesh, lower, upper, scale)
-    axes.set_xlim(lower[0] * scale, upper[0] * scale)
-    axes.set_ylim(lower[1] * scale, upper[1] * scale)
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(
-            MaxNLocator(9 if stretch > 1.0 and axis is axes.xaxis else 5, steps=[1, 2, 5, 10])
-        )
-    axes.set_aspect(stretch)
-    axes.set_xlabel(f"x ({unit})")
-    axes.set_ylabel(f"y ({unit}), stretched" if stretch > 1 else f"y ({unit})")
+    (left, low), (right, high) = lower * scale, upper * scale
+    axes.set(xlim=(left, right), ylim=(low, high), aspect=stretch)
+    axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})" + (", stretched" if stretch > 1 else ""))
+    for axis, most in ((axes.xaxis, 9 if stretch > 1.0 else 5), (axes.yaxis, 5)):
+        axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 5, 10]))
 
 
-def _mark_pairs(axes: Axes, mesh: BoundaryMesh, lower: np.ndarray, upper: np.ndarray, scale: float) -> None:
+def _mark_pairs(axes: Axes, mesh: BoundaryMesh, scale: float) -> None:
     """Triangles that point at the other face. Faces micrometres apart coincide in the picture: the marks
     stand 2.5 points beside them, on their own side.
     """
-    for side in (0, 1):
-        for crack in range(len(mesh.cracks)):
-            rows = mesh.pairs.crack == crack
-            if not rows.any():
-                continue
+    for crack in np.unique(mesh.pairs.crack):
+        rows = mesh.pairs.crack == crack
+        for side in (0, 1):
             outwards = (1 - 2 * side) * mesh.pairs.normal[rows][0]
             x, y = 2.5 / 72 * outwards
             beside = axes.transData + ScaledTranslation(x, y, axes.figure.dpi_scale_trans)
-            places = _inside(mesh.nodes[mesh.pairs.nodes[rows, side]], lower, upper).T * scale
             triangle = (3, 0, np.degrees(np.arctan2(-outwards[1], -outwards[0])) - 90.0)
             style: Any = {"markeredgewidth": 0, "transform": beside, "label": "contact pairs"}
-            dots(axes, places, triangle, 3.4, GREEN, **style)
-
-
-def _inside(points: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    return points[((points >= lower) & (points <= upper)).all(axis=1)]
+            dots(axes, mesh.nodes[mesh.pairs.nodes[rows, side]].T * scale, triangle, 3.4, GREEN, **style)
 
 
 def _label_points(axes: Axes, mesh: BoundaryMesh, lower: np.ndarray, upper: np.ndarray, scale: float) -> None:
@@ -198,9 +186,6 @@ def _label_points(axes: Axes, mesh: BoundaryMesh, lower: np.ndarray, upper: np.n
         dots(axes, at * scale, "o", 3.5, BLACK, **style)
         centred = at[0] < lower[0] + 0.9 * (upper[0] - lower[0])
         above = mesh.scaling_centres[np.abs(mesh.scaling_centres - at).sum(axis=1).argmin(), 1] <= at[1]
-        style = {"fontsize": 8, "fontweight": "bold", "va": "baseline" if above else "top"}
-        style |= {
-            "xytext": (0 if centred else -3, 4 if above else -4),
-            "ha": "center" if centred else "right",
-        }
-        note(axes, ", ".join(names), (at[0] * scale, at[1] * scale), **style)
+        style = {"ha": "center" if centred else "right", "va": "baseline" if above else "top"}
+        style |= {"xytext": (0 if centred else -3, 4 if above else -4), "fontweight": "bold", "fontsize": 8}
+        note(axes, ", ".join(names), at * scale, **style)
