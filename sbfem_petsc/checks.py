@@ -15,12 +15,6 @@ from meshing.input_checks import ANY, Bounds, choice, flag, integer, path, posit
 __all__ = ["ANY", "Bounds", "choice", "flag", "integer", "path", "positive", "real", "said", "shown", "text"]
 
 
-def frequency(owner: str, name: str, value: Any) -> float:
-    """`value` as a frequency that a structure can be driven at, Hz; errors as `real`."""
-    positive(owner, name, value, "Hz")
-    return real(owner, name, value, "Hz", within=Bounds(least=1e-12, most=1e15))
-
-
 def optional_integer(
     owner: str, name: str, value: Any, *, least: int | None = None, most: int | None = None
 ) -> int | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,7 +17,7 @@ from ..motion.excitation import Excitation
 from ..motion.files import run_file
 from ..motion.files.run_file import RunFile
 from ..motion.period_map import Period
-from ..motion.unreduced.ranks import Labels, alike, kept_layouts, layout_of, layouts_in, moved_whole
+from ..motion.unreduced.ranks import Labels, alike, layout_of, moved_whole
 from ..petsc import MPI
 from ..progress import Progress, progress_bar, silent
 from ..ranks.parallel import collective, on_root
@@ -30,8 +31,8 @@ from .follow import Follower, Line, Settings, ran_out
 from .problem import Point, Problem, Range
 
 System = TypeVar("System", ReducedModel, None)
-# What is kept of each point, in one array behind the other.
-_PARTS = ("unknowns", "memory")
+# What is kept of each line beside its points.
+FACTS = ("length", "sign", "reason", "complete")
 
 
 class LineFile(RunFile):
@@ -63,10 +64,10 @@ class LineFile(RunFile):
         self.report: Callable[[float], None] = silent
         self._bar = progress_bar(comm, task, progress)
         self._head, self._lines = dict[str, Any](), list[Frame]()
-        self._recorded: list[tuple[list[Point], tuple]] = []
+        self._recorded: list[tuple[list[Point], dict[str, Any]]] = []
         self._begun, self._written = False, -np.inf
         self._model: ReducedModel | None = None  # that of the head, on rank 0
-        self._layouts: dict[str, np.ndarray] = {}  # those that are to stand in the next frame; on rank 0
+        self._moved: dict[str, Any] = {}  # layouts that are to stand in the next frame; on rank 0
 
     def __enter__(self) -> LineFile:
         self.report = self._bar.__enter__()
@@ -112,15 +113,15 @@ class LineFile(RunFile):
         known: Any = None if reduced is None else self.adopt(reduced)
         found = self.comm.bcast(on_root(self.comm, lambda: self._read(conditions)))
         begin = np.array(start, dtype=float)
-        layouts: dict[str, np.ndarray] = {}
+        layouts: list[Labels] = []
         if pencil is not None:
-            layouts = kept_layouts(self.comm, layout_of(pencil))
+            layouts = self.comm.gather(layout_of(pencil)) or []
         if found is not None:
             begin, self._lines, runs = found
-            if pencil is not None and self._moved(pencil, runs, layouts):
-                self._layouts = layouts
+            if pencil is not None and self._put_in_order(pencil, runs, layouts):
+                self._moved = {"layouts": layouts}
         if self.comm.rank == 0:
-            self._head = {"kept": self.kept, **conditions, "begins": begin, **layouts}
+            self._head = {"kept": self.kept, **conditions, "begins": begin, "layouts": layouts}
             if known is not None:
                 self._head["model"] = image(known)
                 self._model = known
@@ -161,7 +162,7 @@ class LineFile(RunFile):
         if self.comm.rank == 0:
             self._head |= {"steps": period.steps, "model": image(period.reduced)}
         self._begun, self._written = False, -np.inf
-        self._lines, self._recorded, self._layouts = [], [], {}
+        self._lines, self._recorded, self._moved = [], [], {}
         if self._journal is not None:
             self._journal.former = None
         return period
@@ -173,23 +174,20 @@ class LineFile(RunFile):
         if self._former is None:
             return None
         self.require_same(conditions)
-        lines, runs = list[Frame](), [layouts_in(self._former.head)]
+        lines, runs = list[Frame](), [self._former.head["layouts"]]
         for frame in self._former.frames():
-            if layouts := layouts_in(frame):
-                runs.append(layouts)
+            if "layouts" in frame:
+                runs.append(frame["layouts"])
             number, first = frame["line"], frame["first"]
-            former = lines[number] if number < len(lines) else {"points": []}
-            own = zip(*(np.split(frame[n], np.cumsum(frame[f"{n} sizes"])[:-1]) for n in _PARTS))
-            values, run = frame["value"].tolist(), len(runs) - 1
-            points = [(u, value, kept, run) for (u, kept), value in zip(own, values)]
-            lines[number : number + 1] = [{**frame, "points": former["points"][:first] + points}]
+            former = lines[number]["points"][:first] if number < len(lines) else []
+            points = [(*point, len(runs) - 1) for point in frame["points"]]
+            lines[number : number + 1] = [{**frame, "points": former + points}]
         return self._former.head["begins"], lines, runs
 
-    def _moved(self, pencil: Pencil, runs: list[list[Labels]], layouts: Mapping[str, np.ndarray]) -> bool:
+    def _put_in_order(self, pencil: Pencil, runs: list[list[Labels]], own: list[Labels]) -> bool:
         """Put the points of runs on other ranks in the order of these, whose layouts rank 0 has; whether the
         last one is such a run. Collective.
         """
-        own = layouts_in(layouts)
         others = self.comm.bcast([not alike(run, own) for run in runs])
         for line in self._lines:
             points = line["points"]
@@ -207,11 +205,11 @@ class LineFile(RunFile):
         """The lines of the run that is gone on with, as solutions of a problem."""
         found = [
             Line(
-                [problem.recalled(problem.own(u), value, kept) for u, value, kept, _ in line["points"]],
-                line["length"],
-                line["sign"],
-                line["reason"],
-                line["complete"],
+                [
+                    replace(problem.recalled(problem.own(u), value, kept), residuals=tuple(residuals))
+                    for u, value, residuals, kept, _ in line["points"]
+                ],
+                **{name: line[name] for name in FACTS},
             )
             for line in self._lines
         ]
@@ -279,8 +277,8 @@ class LineFile(RunFile):
                     self._journal.begin(self._head, 0 if former is None else len(former.ends) - 1)
                     self._begun = True
                 for frame in filter(None, news):
-                    self._journal.append({**frame, **self._layouts})
-                    self._layouts = {}
+                    self._journal.append({**frame, **self._moved})
+                    self._moved = {}
                 if found is not None:
                     self._journal.checkpoint({"result": image(found, self._model)})
                     self._written = time.monotonic()
@@ -293,15 +291,9 @@ class LineFile(RunFile):
         new = line.points[first:]
         if not new and len(recorded) == len(line.points) and facts == _facts(line):
             return None
-        frame: Frame = {"line": number, "first": first, "value": np.array([point.value for point in new])}
-        frame |= dict(zip(("length", "sign", "reason", "complete"), _facts(line)))
-        memories = [point.problem.memory(point) for point in new]
-        unknowns = [point.problem.whole(point.u) for point in new]
-        for name, parts in zip(_PARTS, (unknowns, memories)):
-            frame[name] = np.concatenate([*parts, np.zeros(0)])
-            frame[f"{name} sizes"] = np.array([len(part) for part in parts], dtype=int)
+        points = [(p.problem.whole(p.u), p.value, p.residuals, p.problem.memory(p)) for p in new]
         self._recorded[number : number + 1] = [(list(line.points), _facts(line))]
-        return frame
+        return {"line": number, "first": first, "points": points, **_facts(line)}
 
 
 def conditions_of(excitation: Excitation) -> dict[str, Any]:
@@ -313,5 +305,5 @@ def conditions_of(excitation: Excitation) -> dict[str, Any]:
     }
 
 
-def _facts(line: Line) -> tuple[float, float | None, str, bool]:
-    return line.length, line.sign, line.reason, line.complete
+def _facts(line: Line) -> dict[str, Any]:
+    return {name: getattr(line, name) for name in FACTS}

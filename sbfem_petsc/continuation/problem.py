@@ -192,11 +192,12 @@ class Problem:
         """This rank's of such unknowns."""
         return u
 
-    def memory(self, point: Point) -> np.ndarray:
-        """What of a point, beside its unknowns, its neighbours depend on: numbers for a file."""
-        return np.zeros(0)
+    def memory(self, point: Point) -> Any:
+        """What of a point, beside its unknowns, its neighbours depend on: numbers, texts and arrays for a
+        file, in lists and dicts.
+        """
 
-    def recalled(self, u: np.ndarray, value: float, memory: np.ndarray) -> Point:
+    def recalled(self, u: np.ndarray, value: float, memory: Any) -> Point:
         """The point of a former run with these unknowns, value and memory."""
         return Point(self, u, self.at(u), value)
 

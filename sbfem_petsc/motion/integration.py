@@ -53,7 +53,7 @@ class Told(NamedTuple):
 class OfOtherRanks(NamedTuple):
     """Checkpoints of all ranks of a former run whose states stood otherwise, and their layouts."""
 
-    parts: list[np.ndarray]
+    parts: list[list[Any]]
     layouts: Sequence[Mapping[str, np.ndarray]]
 
 
@@ -75,8 +75,8 @@ class Integrator(Protocol):
         that the next steps are written to.
         """
 
-    def checkpoint(self) -> np.ndarray:
-        """All that the further steps depend on, a flat array of constant length: this rank's part of it."""
+    def checkpoint(self) -> list[Any]:
+        """All that the further steps depend on, numbers and arrays: this rank's part of it."""
 
     def restore(self, checkpoint: Any) -> None:
         """Go on from what `checkpoint` has given, an unreduced model from `OfOtherRanks` too. Collective."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -205,18 +206,15 @@ class ReducedIntegrator:
         ledger = self.ledger
         return [ledger.work, self.q, self.v, self.force, self.contact, self.slip, *ledger.last]
 
-    def checkpoint(self) -> np.ndarray:
-        """See `integration.Integrator`; the number of exchanges comes first."""
-        numbers = [self.exchanges, self.unresolved, self.ledger.supplied]
-        return np.concatenate([numbers, *(part.ravel() for part in self._kept())]).astype(float)
+    def checkpoint(self) -> list[Any]:
+        """See `integration.Integrator`."""
+        return [self.exchanges, self.unresolved, self.ledger.supplied, *self._kept()]
 
-    def restore(self, checkpoint: np.ndarray) -> None:
+    def restore(self, checkpoint: Sequence[Any]) -> None:
         """Go on from a checkpoint, behind `first`."""
-        self.exchanges, self.unresolved = int(checkpoint[0]), int(checkpoint[1])
-        self.ledger.supplied, parts = float(checkpoint[2]), self._kept()
-        found = np.split(checkpoint[3:], np.cumsum([part.size for part in parts])[:-1])
-        for part, values in zip(parts, found):
-            part[...] = values.reshape(part.shape)
+        self.exchanges, self.unresolved, self.ledger.supplied, *parts = checkpoint
+        for part, values in zip(self._kept(), parts):
+            part[...] = values
 
 
 def row_size(reduced: ReducedModel) -> int:

@@ -190,10 +190,10 @@ def _kept(path: str, in_memory: bool) -> Any:
                 f"{path!r} holds no result: its run has not come to one, or the file beside it, "
                 f"{f'{path}.state'!r}, in which it stands, is missing; both belong together"
             )
+        beside = {MODEL: from_image(kept.head["model"])} if "model" in kept.head else {}
         if reader:
-            found = importlib.import_module(f"{_root()}.{reader}").result_of(kept, in_memory)
+            found = importlib.import_module(f"{_root()}.{reader}").result_of(kept, beside, in_memory)
         else:
-            beside = {MODEL: from_image(kept.head["model"])} if "model" in kept.head else {}
             found = from_image(kept.state["result"], beside)
     found._warn_incomplete(path)
     return found

@@ -5,8 +5,8 @@ PATH.state, replaced as a whole, holds what can be gone on with, and says how ma
 kill leaves whole frames and at most a torn one at the end, which is cut off; bytes that have changed are told
 of, and nothing behind them is cut.
 
-A frame: its length and the CRC-32 of that, the CRC-32 of the rest, a line of JSON (numbers, texts; names,
-types and shapes of arrays), the arrays' bytes. Nothing in it is executed.
+A frame: its length and the CRC-32 of that, the CRC-32 of the rest, a line of JSON (numbers, texts; types and
+shapes of arrays in their places), the arrays' bytes. Nothing in it is executed.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ from meshing.whole_file import destination, reason, replaced
 from ..errors import SolveError
 from ..output_folder import hold
 
-MAGIC = b"sbfem journal 6\n"
+MAGIC = b"sbfem journal 7\n"
+# By what the type and shape of an array stand in a line of JSON.
+ARRAY = "array of"
 # Of a frame: length of what follows, its CRC-32, CRC-32 of what follows.
 HEAD = struct.Struct("<QII")
 Frame = dict[str, Any]
@@ -54,12 +56,19 @@ def _begin(path: str) -> bytes:
 
 
 def packed(frame: Mapping[str, Any]) -> list[Any]:
-    """Numbers, texts and arrays by name as buffers."""
-    arrays = {name: np.ascontiguousarray(v) for name, v in frame.items() if isinstance(v, np.ndarray)}
-    shapes = {name: (v.dtype.str, np.shape(frame[name])) for name, v in arrays.items()}
-    facts = {name: v for name, v in frame.items() if name not in arrays}
-    line = json.dumps([facts, shapes], default=_number).encode() + b"\n"
-    parts: list[Any] = [line, *(v.reshape(-1).view(np.uint8) for v in arrays.values() if v.size)]
+    """Numbers, texts and arrays by name, also in lists and dicts, as buffers."""
+    arrays: list[np.ndarray] = []
+
+    def stand_in(value: Any) -> Any:
+        if isinstance(value, np.generic):
+            return value.item()
+        if not isinstance(value, np.ndarray):
+            raise TypeError(f"{value!r} has no place in a journal")
+        arrays.append(np.ascontiguousarray(value))
+        return {ARRAY: [value.dtype.str, value.shape]}
+
+    line = json.dumps(dict(frame), default=stand_in).encode() + b"\n"
+    parts: list[Any] = [line, *(v.reshape(-1).view(np.uint8) for v in arrays if v.size)]
     crc = 0
     for part in parts:
         crc = zlib.crc32(part, crc)
@@ -75,24 +84,23 @@ def write(file: int, parts: list[Any]) -> None:
             view = view[os.write(file, view) :]
 
 
-def _number(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        return value.item()
-    raise TypeError(f"{value!r} has no place in a journal")
-
-
 def unpacked(payload: bytes) -> Frame:
-    """What `packed` packed."""
+    """What `packed` packed; lists in the place of tuples."""
     line, _, data = payload.partition(b"\n")
-    frame: Frame
-    frame, shapes = json.loads(line)
-    at = 0
-    for name, (kind, shape) in shapes.items():
+    end = 0
+
+    def restored(item: dict[str, Any]) -> Any:
+        nonlocal end
+        if ARRAY not in item:
+            return item
+        kind, shape = item[ARRAY]
         dtype, count = np.dtype(str(kind)), int(np.prod(shape, dtype=np.int64))
         if dtype.hasobject or count < 0:
-            raise ValueError(f"{name!r} is of {dtype}")
-        frame[name] = np.frombuffer(data, dtype, count, at).reshape(shape).copy()
-        at += count * dtype.itemsize
+            raise ValueError(f"an array is of {dtype}")
+        begin, end = end, end + count * dtype.itemsize
+        return np.frombuffer(data, dtype, count, begin).reshape(shape).copy()
+
+    frame: Frame = json.loads(line, object_hook=restored)
     return frame
 
 
@@ -189,7 +197,7 @@ def read(path: str) -> Kept:
 
 
 class Journal:
-    """A journal that this process alone writes; a context manager.
+    """A journal that this process alone writes, until `close`.
 
     Parameters
     ----------
@@ -296,9 +304,3 @@ class Journal:
             if self._fresh and not os.fstat(self._file).st_size:
                 os.remove(self.path)
         os.close(self._file)
-
-    def __enter__(self) -> Journal:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

@@ -121,12 +121,7 @@ def put(
     if array.nbytes <= COMPACT and not packed:
         layout = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
         layout.set_layout(h5py.h5d.COMPACT)
-        layout.set_obj_track_times(False)
-        space = h5py.h5s.create_simple(array.shape) if array.ndim else h5py.h5s.create(h5py.h5s.SCALAR)
-        kind = h5py.h5t.py_create(array.dtype, logical=True)
-        data = h5py.Dataset(h5py.h5d.create(group.id, name.encode(), kind, space, layout))
-        if array.size:
-            data[...] = array
+        data = group.create_dataset(name, data=array, dcpl=layout)
     else:
         # of equal chunks, for the last one is filled up
         pieces = -(-len(array) // max(1, CHUNK // max(1, array[0].nbytes)))
@@ -168,10 +163,7 @@ def _scale(group: h5py.Group, dim: str, length: int) -> h5py.Dataset:
             break
         if "record" in here.attrs and dim not in _names(record_class(text(here.attrs["record"]))):
             home = here
-    layout = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-    layout.set_obj_track_times(False)
-    space = h5py.h5s.create_simple((length,))
-    made = h5py.Dataset(h5py.h5d.create(home.id, dim.encode(), h5py.h5t.IEEE_F32BE, space, layout))
+    made = home.create_dataset(dim, (length,), ">f4")
     made.make_scale(BARE % length)
     return made
 

@@ -29,11 +29,8 @@ def _largest(unit: str, top: float) -> Unit:
     return next((found for found in units if top * found[0] >= least), units[-1])
 
 
-length_unit, place_unit, velocity_unit, impulse_unit = (
-    functools.partial(_largest, unit) for unit in ("m", "place", "m/s", "N s")
-)
-time_unit, frequency_unit, force_unit, stress_unit = (
-    functools.partial(_largest, unit) for unit in ("s", "Hz", "N", "Pa")
+length_unit, place_unit, time_unit, frequency_unit, force_unit, stress_unit = (
+    functools.partial(_largest, unit) for unit in ("m", "place", "s", "Hz", "N", "Pa")
 )
 
 

@@ -144,7 +144,7 @@ def test_a_history_that_goes_on_halves_the_same_steps():
     assert np.ptp(whole["energies"][:, 4]) > 0.0
     for name, values in whole.items():
         assert np.array_equal(values, again[name]), name
-    assert np.array_equal(one.checkpoint(), other.checkpoint())
+    assert all(map(np.array_equal, one.checkpoint(), other.checkpoint()))
 
 
 def test_loads_are_linear_in_halved_steps():

@@ -89,8 +89,9 @@ def body():
 
 
 def _told(found):
-    """What a branch is: values, states, amplitudes; and why it ends."""
-    return np.column_stack([found.states, found.point_amplitudes, found.value]), (found.reason,)
+    """What a branch is: values, states, amplitudes, iterations; and why it ends."""
+    told = found.states, found.point_amplitudes, found.iterations, found.value
+    return np.column_stack(told), (found.reason,)
 
 
 FAMILIES = {

@@ -246,7 +246,7 @@ def test_a_failed_write_leaves_the_old_file(solved, tmp_path, monkeypatch):
     def refuse(*arguments, **options):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(h5py.Dataset, "__setitem__", refuse)
+    monkeypatch.setattr(h5py.Group, "create_dataset", refuse)
     with pytest.raises(ValueError, match="cannot be written: No space left on device"):
         sb.save(path, solved[2])
     assert path.read_text() == "old" and os.listdir(tmp_path) == ["results.h5"]

@@ -152,11 +152,11 @@ class CurveState:
     rotation : float
         Turns in one application of the map.
     value : float
-    told : array or None
-        What a result says of the curve beside its unknowns, as numbers for a file.
+    recorded : dict or None
+        What a result says of the curve beside its unknowns, by names of `QuasiPeriodic`.
     """
 
-    recorded: np.ndarray | None = None
+    recorded: dict[str, Any] | None = None
 
     def __init__(self, problem: InvariantCurves, u: np.ndarray):
         self.problem, self.u, self.scale = problem, u, problem.unit

@@ -287,13 +287,13 @@ class FreeMotions(Problem):
                 continue
         return None
 
-    def memory(self, point: Point) -> np.ndarray:
+    def memory(self, point: Point) -> list[bool]:
         """See `Problem`: whether it lies beyond a leap, and is one of those from rest."""
-        return np.array([point.leapt, point.problem.reversible], dtype=float)
+        return [point.leapt, point.problem.reversible]
 
-    def recalled(self, u: np.ndarray, value: float, memory: np.ndarray) -> Point:
+    def recalled(self, u: np.ndarray, value: float, memory: Sequence[bool]) -> Point:
         """See `Problem`."""
-        leapt, reversible = memory.astype(bool).tolist()
+        leapt, reversible = memory
         problem = self._from_rest if reversible else self
         return Point(problem, u, problem.at(u), value, leapt=leapt)
 

@@ -190,7 +190,7 @@ def _begun(problem: FreeMotions, start: float, stop: float) -> Line:
         mode = problem.system.mode + 1
         text = f"backbone: no free motion of mode {mode} was found at {start:.6g} J: {error}"
         raise failed_solve(text) from None
-    first = problem.recalled(first.u, start, np.zeros(2))
+    first = problem.recalled(first.u, start, (False, False))
     if not problem.system.reduced.homogeneous:
         return Line([first])
     line = Line([first], reason=f"end of the range at {stop:.8g}", complete=True)
@@ -198,7 +198,7 @@ def _begun(problem: FreeMotions, start: float, stop: float) -> Line:
     for energy in np.geomspace(start, stop, count)[1:].tolist():
         u = first.u.copy()
         u[:-2] *= math.sqrt(energy / start)
-        line.points.append(problem.recalled(u, energy, np.zeros(2)))
+        line.points.append(problem.recalled(u, energy, (False, False)))
     return line
 
 

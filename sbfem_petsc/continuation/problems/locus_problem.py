@@ -139,17 +139,13 @@ class LocusProblem(Problem):
         problem = self.bordered_by(state.null_vectors())
         return problem, replace(point, problem=problem)
 
-    def memory(self, point: Point) -> np.ndarray:
-        """The borders of its state, one behind the other."""
-        borders = point.state.problem.borders
-        return (
-            np.concatenate([np.ascontiguousarray(b).view(float) for b in borders]) if borders else np.zeros(0)
-        )
+    def memory(self, point: Point) -> Sequence[np.ndarray] | None:
+        """The borders of its state, if it has any."""
+        return point.state.problem.borders
 
-    def recalled(self, u: np.ndarray, value: float, memory: np.ndarray) -> Point:
+    def recalled(self, u: np.ndarray, value: float, memory: Sequence[np.ndarray] | None) -> Point:
         """A point of a former run."""
-        borders = np.split(memory.view(complex if self.kind == "Neimark-Sacker" else float), 2)
-        problem = self.bordered_by(borders) if len(memory) else self
+        problem = self.bordered_by(memory) if memory else self
         return problem._renewed(Point(problem, u, problem.at(u), value))[1]
 
 

@@ -201,18 +201,18 @@ class Curves(InvariantCurves):
         point = beginning(last, None if last is points[-1] else last.problem.begins)
         return point.problem, point
 
-    def memory(self, point: Point) -> np.ndarray:
+    def memory(self, point: Point) -> list[Any]:
         """See `Problem`: how the branch begins there, if it does, and what is told of the curve."""
-        begins = np.zeros(0) if self.begins is None else self.begins
-        return np.concatenate([[len(begins)], begins, point.state.recorded])
+        return [self.begins, point.state.recorded]
 
-    def recalled(self, u: np.ndarray, value: float, memory: np.ndarray) -> Point:
+    def recalled(self, u: np.ndarray, value: float, memory: Sequence[Any]) -> Point:
         """See `Problem`."""
-        known, samples = 1 + int(memory[0]), (len(u) - 2) // self.period.unknowns
+        samples = (len(u) - 2) // self.period.unknowns
         finer = [item for item in self.finer_maps if item.samples > samples]
         problem = Curves(replace(self.tone, samples=samples), u, finer)
-        point = beginning(Point(problem, u, problem.at(u), value), memory[1:known] if known > 1 else None)
-        point.state.recorded = memory[known:]
+        begins, recorded = memory
+        point = beginning(Point(problem, u, problem.at(u), value), begins)
+        point.state.recorded = recorded
         return point
 
 

@@ -262,11 +262,12 @@ def own_motion(point: CurvePoint, stability: bool) -> QuasiPeriodic:
         growth = exponents(maps, state.rotation, EXPONENTS, TURNS, along) / driven.duration
         if growth[0] * driven.duration * TURNS < -1.0 and strays(point, TURNS) > STRAYED:
             growth = np.full_like(growth, np.nan)
-    refuted = bool(np.isnan(growth).any())  # a file holds finite numbers
-    rubbed = state.rubbed(1.0 / driven.duration).values()
-    numbers = [state.peak, float(refuted), *rubbed], np.zeros(len(growth)) if refuted else growth
-    parts = (point.residuals, *numbers, np.ascontiguousarray(lines).view(float).ravel())
-    state.recorded = np.concatenate([[len(part) for part in parts], *parts])
+    state.recorded = {
+        "exponents": growth,
+        "contact_peak": state.peak,
+        "lines": lines,
+        **state.rubbed(1.0 / driven.duration),
+    }
     return recorded_motion(point)
 
 
@@ -279,23 +280,17 @@ def recorded_motion(point: CurvePoint) -> QuasiPeriodic:
     """The same of what is told of it already (`CurveState.recorded`)."""
     state, own = point.state, point.problem.tone
     driven = own.driven(state.value)
-    sizes, first = state.recorded[:4].astype(int), 1.0 / driven.duration
-    residuals, (peak, refuted, *rubbed), growth, lines = np.split(state.recorded[4:], np.cumsum(sizes)[:-1])
-    seen = own.period.reduced.points.modes.shape[:2]
+    first = 1.0 / driven.duration
     return QuasiPeriodic(
         (first, state.rotation * first),
         own.samples,
         own.period.steps,
         own.period.reduced,
         state.states - driven.linear_state,
-        tuple(residuals.tolist()),
-        np.full_like(growth, np.nan) if refuted else growth,
-        float(peak),
-        lines.view(complex).reshape(-1, 2 * (own.samples // 2) + 1, *seen),
+        point.residuals,
         load_factor=driven.factor,
         own=own.at(point.value),
-        friction_power=rubbed[0] if rubbed else None,
-        sticking=int(rubbed[1]) if rubbed else None,
+        **state.recorded,
     )
 
 

@@ -16,14 +16,15 @@ from ...errors import SolveError
 from ...petsc import MPI
 from ...ranks.capacity import SHARE, available_memory, in_bytes
 from ...ranks.parallel import collective
-from ...record.files import MODEL, from_image, image
+from ...record.files import from_image, image
 from ...record.journal import Kept, read
+from ...record.record import Record
 from ...reduction.comparison import close
 from ...signals.signal import Signal
 from ..history import History, of_instants
 from ..integration import Integrator, OfOtherRanks, Steps
 from ..states import Rows
-from ..unreduced.ranks import Labels, alike, kept_layouts, layouts_in
+from ..unreduced.ranks import Labels, alike
 from .run_file import OF_MODEL, OF_START, RunFile
 
 WHAT = "history file"
@@ -57,8 +58,8 @@ class HistoryFile(RunFile):
     def __init__(self, comm: MPI.Comm, path: Any, *, kind: str, resume: bool = False, in_memory: bool = True):
         self.kind, self.in_memory = kind, in_memory
         super().__init__(comm, path, "history", resume=resume)
-        self._layouts: dict[str, np.ndarray] = {}  # those that are to stand beside the state; on rank 0
-        self._own: list[Labels] = []
+        self._layouts: list[Labels] = []  # of all ranks, on rank 0
+        self._moved: dict[str, Any] = {}  # those that are to stand beside the state
         former = None
         if (kept := self._former) is not None:
             known = {**kept.head, "count": kept.state["count"]}
@@ -103,24 +104,22 @@ class HistoryFile(RunFile):
             return
         told = integrator.told()
         self._count = int(told.head["count"])
-        layouts = kept_layouts(self.comm, told.layout)
+        self._layouts = list(filter(None, self.comm.gather(told.layout) or []))
         with collective(self.comm):
             if self._journal is None:
                 return
             head = {"kept": "history", "record": "History", "kind": self.kind, **told.head}
-            self._layouts, self._own = layouts, layouts_in(layouts)
             former = self._journal.former
             if former is not None:
                 self._require_same(former, head, signals)
-                if alike(layouts_in(former.head), self._own):
-                    self._layouts = {}
+                if not alike(former.head["layouts"], self._layouts):
+                    self._moved = {"layouts": self._layouts}
                 self._journal.begin({}, former.vouched)
                 return
             head["signals"] = signal_checks(signals, head["count"] * head["step"])
             if first.reduced is not None:
                 head["model"] = image(first.reduced)
-            self._journal.begin({**head, "first": image(first, first.reduced), **self._layouts})
-            self._layouts = {}
+            self._journal.begin({**head, "first": image(first, first.reduced), "layouts": self._layouts})
 
     def _require_same(self, former: Kept, mine: Mapping[str, Any], signals: Sequence[Signal]) -> None:
         """Refuse a file of another model, other settings or signals, and one that reaches further."""
@@ -142,7 +141,7 @@ class HistoryFile(RunFile):
         self.require_same({name: v for name, v in mine.items() if name in OF_START})
 
     # ------------------------------------------------------------------ while it runs
-    def resume(self) -> tuple[int, Rows, np.ndarray | OfOtherRanks] | None:
+    def resume(self) -> tuple[int, Rows, list[Any] | OfOtherRanks] | None:
         """Steps done, rows (none but in memory) and this rank's checkpoint of the former run, of one on other
         ranks all of them; None for a new one. Collective.
         """
@@ -154,9 +153,8 @@ class HistoryFile(RunFile):
                 former = self._journal.former
                 rows = rows_of(former, self.in_memory) if self.in_memory else {}
                 state = former.state
-                parts = np.split(state["state"], np.cumsum(state["sizes"])[:-1])
-                layouts = layouts_in(state) or layouts_in(former.head)
-                found = state["done"], parts, [] if alike(layouts, self._own) else layouts
+                layouts = (former.head | state)["layouts"]
+                found = state["done"], state["parts"], [] if alike(layouts, self._layouts) else layouts
         done, parts, layouts = comm.bcast(found)
         rows = {name: comm.bcast(rows.get(name)) for name in comm.bcast(list(rows))}
         if self.kind == "reduced":
@@ -172,9 +170,8 @@ class HistoryFile(RunFile):
         with collective(self.comm):
             if self._journal is not None and parts is not None:
                 self._journal.append(rows)
-                sizes, state = np.array(list(map(len, parts))), np.concatenate(parts)
-                found = {"done": done, "count": self._count, "sizes": sizes, "state": state}
-                self._journal.checkpoint({**found, "exchanges": integrator.exchanges, **self._layouts})
+                found = {"done": done, "count": self._count, "parts": parts}
+                self._journal.checkpoint({**found, "exchanges": integrator.exchanges, **self._moved})
 
     def recorded(self) -> Rows:
         """All rows, on the disk, read when they are used. Collective."""
@@ -226,8 +223,8 @@ def rows_of(kept: Kept, in_memory: bool) -> Rows:
     return rows
 
 
-def result_of(kept: Kept, in_memory: bool = True) -> History:
-    """The history of a journal, as far as it has come.
+def result_of(kept: Kept, beside: Mapping[str, Record], in_memory: bool = True) -> History:
+    """The history of a journal, as far as it has come, with what stands beside it (`from_image`).
 
     Raises
     ------
@@ -240,7 +237,6 @@ def result_of(kept: Kept, in_memory: bool = True) -> History:
             f"{WHAT} {kept.path!r} holds no recorded instant: its run has not come to one, or "
             f"the file beside it, {f'{kept.path}.state'!r}, is missing; both belong together"
         )
-    beside = {MODEL: from_image(head["model"])} if "model" in head else {}
     first: History = from_image(head["first"], beside)
     rows = rows_of(kept, in_memory)
     mine, found = ({name: v.shape[1:] for name, v in part.items()} for part in (first.instants(), rows))

@@ -98,26 +98,21 @@ class RunFile:
 
     def modes(self) -> int | None:
         """How many a run that is resumed has; None of a new one. Collective."""
-        former = self._former
+        found = on_root(self.comm, lambda: getattr(self._former_model(), "natural", None))
+        return self.comm.bcast(found)
 
-        def count() -> int | None:
-            return (
-                None
-                if former is None or "model" not in former.head
-                else from_image(former.head["model"]).natural
-            )
-
-        found: int | None = self.comm.bcast(on_root(self.comm, count))
-        return found
+    def _former_model(self) -> ReducedModel | None:
+        """That of the former run, if there is one; on rank 0."""
+        head = {} if self._former is None else self._former.head
+        return from_image(head["model"]) if "model" in head else None
 
     def _stored(self, reduced: ReducedModel) -> ReducedModel | None:
         if self._former is None:
             return None
-        if "model" not in self._former.head:
+        stored = self._former_model()
+        if stored is None:
             raise ValueError(f"{self.what} {self.path!r} is that of another kind of run; name another file")
-        stored: ReducedModel = from_image(self._former.head["model"])
-        other = difference(stored, reduced)
-        if other:
+        if other := difference(stored, reduced):
             raise ValueError(
                 f"{self.what} {self.path!r} was written for another model ({other}); resume with that model, "
                 "or name another file"

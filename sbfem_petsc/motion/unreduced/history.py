@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -170,31 +171,24 @@ class UnreducedIntegrator:
         slopes = {"acceleration": accelerations, "reactions": borne}
         return {"time": np.float64(time), **row, **slopes, "energies": energies}
 
-    def checkpoint(self) -> np.ndarray:
+    def checkpoint(self) -> list[Any]:
         """This rank's state, and what every rank knows of the account of work."""
         march = self.march
-        numbers = [march.stored, *march.work, *march.slope]
         contact = march.contact
-        return np.concatenate([numbers, contact.state, contact.gap, march.u, march.v]).astype(float)
+        return [march.stored, march.work, march.slope, contact.state, contact.gap, march.u, march.v]
 
-    def restore(self, checkpoint: np.ndarray | OfOtherRanks) -> None:
+    def restore(self, checkpoint: Sequence[Any] | OfOtherRanks) -> None:
         """Go on from a checkpoint, bit by bit; from one of another number of ranks to round-off."""
         march = self.march
-        gaps = march.contact.gap.size
-        shared = (1, len(march.work), march.slope.size, march.pairs, gaps)
         if isinstance(checkpoint, OfOtherRanks):
-            known = sum(shared)
-            states = [part[known:].reshape(2, -1).T for part in checkpoint.parts]
+            states = [np.stack(part[-2:], axis=1) for part in checkpoint.parts]
             own = moved(self.pencil, checkpoint.layouts, states)
-            numbers = np.concatenate([checkpoint.parts[0][:known], own.T.ravel()])
+            numbers = [*checkpoint.parts[0][:-2], *own.T]
         else:
-            numbers = checkpoint
-        sizes = (*shared, march.u.size, march.u.size)
-        stored, work, slope, rows, gap, u, v = np.split(numbers, np.cumsum(sizes)[:-1])
-        march.stored, march.work[:], march.slope = float(stored[0]), work, slope
+            numbers = list(checkpoint)
+        march.stored, march.work[:], slope, march.contact.state[:], gap, march.u[:], march.v[:] = numbers
+        march.slope, march.contact.gap = slope.copy(), gap.copy()
         self.fields.wanted = False  # those of the former run are gone
-        march.contact.state[:], march.u[:], march.v[:] = rows, u, v
-        march.contact.gap = gap.copy()
         march.settle(fold=False)
 
     def _set_initial(self, units: Sequence[Load], initial: str | Sequence[Callable | None]) -> np.ndarray:

@@ -8,32 +8,14 @@ number of terms of the continued fraction, and of that a state is found again.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
-from ...petsc import MPI
 from ...system.solve.pencil import Pencil
 
 Labels = Mapping[str, np.ndarray]
 # Relative difference of two bases that are the same but for rounding.
 _SAME = 1e-12
-
-
-def kept_layouts(comm: MPI.Comm, layout: Labels) -> dict[str, np.ndarray]:
-    """The layouts of all ranks for a file, on rank 0. Collective."""
-    found = comm.gather(layout) or []
-    return {f"layout/{rank}/{name}": values for rank, own in enumerate(found) for name, values in own.items()}
-
-
-def layouts_in(frame: Mapping[str, Any]) -> list[Labels]:
-    """The ranks' layouts in a file's head, frame or state."""
-    found: dict[str, dict[str, np.ndarray]] = {}
-    for name, values in frame.items():
-        if name.startswith("layout/"):
-            _, rank, own = name.split("/", 2)
-            found.setdefault(rank, {})[own] = values
-    return list(found.values())
 
 
 def alike(former: Sequence[Labels], own: Sequence[Labels]) -> bool:
