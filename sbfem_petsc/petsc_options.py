@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 import warnings
+from collections.abc import Iterator
 from typing import Any
 
 from meshing.warnings import OptionWarning
@@ -94,22 +95,26 @@ def meant(words: list[str]) -> list[str]:
     their values.
     """
     found: list[str] = []
-    wanted = (*PREFIXES, *WHOLE_RUN)
-    for place, word in enumerate(words):
-        if is_option(word) and word[1:].startswith(wanted):
-            found.append(word)
-            if place + 1 < len(words) and not is_option(words[place + 1]):
-                found.append(words[place + 1])
-        elif is_option(word) and "_" in word:
-            prefix = word[1:].split("_")[0] + "_"
+    for name, value in _options(words):
+        if name.startswith((*PREFIXES, *WHOLE_RUN)):
+            found += [f"-{name}", *value]
+        elif "_" in name:
+            prefix = name.split("_")[0] + "_"
             near = difflib.get_close_matches(prefix, PREFIXES, 1, ALIKE)
             if near:
                 warnings.warn(
-                    f"option {word} belongs to no solve; is {near[0]!r} meant where it has {prefix!r}?",
+                    f"option -{name} belongs to no solve; is {near[0]!r} meant where it has {prefix!r}?",
                     OptionWarning,
                     stacklevel=2,
                 )
     return found
+
+
+def _options(words: list[str]) -> Iterator[tuple[str, list[str]]]:
+    """Names of options with one dash, and the value of each if it has one."""
+    for place, word in enumerate(words):
+        if is_option(word):
+            yield word[1:], [value for value in words[place + 1 : place + 2] if not is_option(value)]
 
 
 def is_option(word: str) -> bool:
@@ -129,7 +134,6 @@ def _complete(words: list[str]) -> None:
 
     options = PETSc.Options()
     known = options.getAll()  # to ask for one by its name would count as its use
-    for place, word in enumerate(words):
-        if is_option(word) and word[1:] not in known:
-            value = words[place + 1] if place + 1 < len(words) and not is_option(words[place + 1]) else None
-            options.setValue(word[1:], value)
+    for name, value in _options(words):
+        if name not in known:
+            options.setValue(name, value[0] if value else None)

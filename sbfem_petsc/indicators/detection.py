@@ -94,7 +94,7 @@ def frequency_shift(cracked: Sequence[float], healthy: Sequence[float]) -> np.nd
             "their shapes must agree"
         )
     for name, array in zip(("cracked", "healthy"), pair):
-        if not (np.isfinite(array) & (array > 0.0)).all():
+        if not (array > 0.0).all():
             raise ValueError(f"frequency_shift: {name} frequencies must be positive and finite, in Hz")
     return (pair[0] - pair[1]) / pair[1]
 

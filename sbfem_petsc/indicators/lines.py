@@ -37,11 +37,13 @@ def tones(time, values, frequencies) -> np.ndarray:
     ValueError
         If a frequency is not below half the sampling rate, or the record too short to tell them apart.
     """
-    t, u, step = checked_record("tones", time, values)
-    return _fit("tones", t, u, step, checked_tones("tones", frequencies, step, zero=True))
+    return _fit("tones", checked_record("tones", time, values), frequencies)
 
 
-def _fit(owner: str, t: np.ndarray, u: np.ndarray, step: float, frequencies: np.ndarray) -> np.ndarray:
+def _fit(owner: str, record: tuple[np.ndarray, np.ndarray, float], tones) -> np.ndarray:
+    """Complex amplitudes of tones in a record that has been checked."""
+    t, u, step = record
+    frequencies = checked_tones(owner, tones, step, zero=True)
     # A tone has an image at minus its frequency: the one nearest to zero is parted from its own by twice its
     # frequency.
     spacing = np.diff(np.sort(np.concatenate([-frequencies[frequencies > 0.0], frequencies]))).min(
@@ -94,20 +96,10 @@ def harmonics(time, values, frequency: float, count: int = 20) -> np.ndarray:
         c_0 (the mean) to c_count; exact to round-off if the record holds nothing else, or whole periods in a
         whole number of steps.
     """
-    t, u, step = checked_record("harmonics", time, values)
-    count = integer("harmonics", "count", count, least=1, most=len(t))
-    return _fit(
-        "harmonics",
-        t,
-        u,
-        step,
-        checked_tones(
-            "harmonics",
-            positive("harmonics", "frequency", frequency, "Hz") * np.arange(count + 1),
-            step,
-            zero=True,
-        ),
-    )
+    record = checked_record("harmonics", time, values)
+    count = integer("harmonics", "count", count, least=1, most=len(record[0]))
+    first = positive("harmonics", "frequency", frequency, "Hz")
+    return _fit("harmonics", record, first * np.arange(count + 1))
 
 
 def _amplitudes(owner: str, c, least: int) -> np.ndarray:
@@ -186,12 +178,12 @@ class Subharmonics:
 
 def subharmonics(time, values, frequency: float, divisor: int = 2, *, count: int = 3) -> Subharmonics:
     """Lines at k frequency / divisor up to harmonic `count` of the driving `frequency` (Hz)."""
-    t, u, step = checked_record("subharmonics", time, values)
-    divisor = integer("subharmonics", "divisor", divisor, least=2, most=len(t))
-    count = integer("subharmonics", "count", count, least=1, most=len(t))
+    record = checked_record("subharmonics", time, values)
+    divisor = integer("subharmonics", "divisor", divisor, least=2, most=len(record[0]))
+    count = integer("subharmonics", "count", count, least=1, most=len(record[0]))
     drive = positive("subharmonics", "frequency", frequency, "Hz")
-    lines = checked_tones("subharmonics", drive / divisor * np.arange(divisor * count + 1), step, zero=True)
-    return Subharmonics(drive, divisor, _fit("subharmonics", t, u, step, lines))
+    lines = drive / divisor * np.arange(divisor * count + 1)
+    return Subharmonics(drive, divisor, _fit("subharmonics", record, lines))
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,10 +255,8 @@ def sidebands(time, values, carrier: float, modulation: float, *, order: int = 1
     """
     t, u, step = checked_record("sidebands", time, values)
     order = integer("sidebands", "order", order, least=1)
-    carrier, modulation = (
-        positive("sidebands", "carrier", carrier, "Hz"),
-        positive("sidebands", "modulation", modulation, "Hz"),
-    )
+    carrier = positive("sidebands", "carrier", carrier, "Hz")
+    modulation = positive("sidebands", "modulation", modulation, "Hz")
     if carrier <= order * modulation:
         raise ValueError(
             f"sidebands: carrier = {carrier:g} Hz must be above order * modulation = {order * modulation:g} "
@@ -295,7 +285,7 @@ def sidebands(time, values, carrier: float, modulation: float, *, order: int = 1
             and (further == 0.0 or further > 0.5 * apart)
         ):
             fitted.append(further)
-    amplitude = _fit("sidebands", t, u, step, np.array(fitted))[: 2 * order + 1]
+    amplitude = _fit("sidebands", (t, u, step), np.array(fitted))[: 2 * order + 1]
     return Sidebands(
         carrier, modulation, complex(amplitude[order]), amplitude[:order][::-1], amplitude[order + 1 :], held
     )

@@ -53,7 +53,7 @@ def checked_tones(owner: str, frequencies, step: float, zero: bool = False) -> n
             f"{owner}: frequencies = {shown(frequencies)} must be a number or a sequence of numbers, in Hz"
         )
     for tone in tones:
-        if not (np.isfinite(tone) and (tone > 0.0 or zero and tone == 0.0)):
+        if not (tone > 0.0 or zero and tone == 0.0):
             raise ValueError(
                 f"{owner}: frequency {tone:g} Hz must be {'zero or ' if zero else ''}positive and finite"
             )

@@ -150,12 +150,7 @@ def require_memory(
     ranks = _neighbours(comm)
     together = needed * ranks
     with collective(comm):
-        free = SHARE * ranks * _share(ranks)
-        if together > free:
-            raise ValueError(
-                f"{owner}: {what} would take {in_bytes(together)} of memory, {in_bytes(free)} are free; "
-                f"{remedy(free / together)}"
-            )
+        _require(f"{owner}: {what}", together, "memory", SHARE * ranks * _share(ranks), "", remedy)
 
 
 def _neighbours(comm: MPI.Comm) -> int:
@@ -232,15 +227,20 @@ def require_disk(
             folder = os.path.dirname(os.path.realpath(file.path))
             if not os.path.isdir(folder):
                 return  # told by who opens the file
+            needed = file.size - (os.stat(file.path).st_blocks * 512 if file.continued else 0)
             free = SHARE * shutil.disk_usage(folder).free
-            needed = file.size
-            if file.continued:
-                needed -= os.stat(file.path).st_blocks * 512
-            if needed > free:
-                raise ValueError(
-                    f"{owner}: {what} would take {in_bytes(needed)} of disk, {in_bytes(free)} are free in "
-                    f"{folder!r}; {remedy(free / needed)}"
-                )
+            _require(f"{owner}: {what}", needed, "disk", free, f" in {folder!r}", remedy)
+
+
+def _require(
+    what: str, needed: float, of: str, free: float, where: str, remedy: Callable[[float], str]
+) -> None:
+    """Raise ValueError where more bytes are needed than are free."""
+    if needed > free:
+        raise ValueError(
+            f"{what} would take {in_bytes(needed)} of {of}, {in_bytes(free)} are free{where}; "
+            f"{remedy(free / needed)}"
+        )
 
 
 def in_bytes(value: float) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..checks import callback, shown
-from ..errors import SolveError, UnknownName
+from ..errors import SolveError, UnknownName, on_all_ranks
 from . import abort
 from .fingerprint import Fingerprint, fingerprint
 
@@ -76,19 +76,19 @@ class collective:
         abort.noted(comm)
         if comm.size == 1:
             if error is not None:
-                _mark(error)
+                on_all_ranks(error)
             return False
         told = _exchange(comm, FINE if error is None else FAILED)
         if all(word[:1] == FINE for word in told):
             return False
         if any(word[:1] == AGREE for word in told):
-            raise _mark(_apart(comm, told))
+            raise on_all_ranks(_apart(comm, told))
         messages = comm.allgather(None if error is None else _packed(error))
         first = next(message for message in messages if message is not None)
         mine = messages[comm.rank]
         if error is None or mine is None or mine[1:] != first[1:]:
-            raise _mark(_unpacked(first))
-        _mark(error)
+            raise on_all_ranks(_unpacked(first))
+        on_all_ranks(error)
         return False
 
 
@@ -142,13 +142,13 @@ def agree(comm: MPI.Comm, owner: str, arguments: Mapping[str, Any]) -> None:
     if all(word == told[0] for word in told):
         return
     if any(word[:1] != AGREE for word in told):
-        raise _mark(_apart(comm, told))
+        raise on_all_ranks(_apart(comm, told))
     texts = {name: shown(value) for name, value in arguments.items()}
     calls: list[tuple[str, dict[str, Fingerprint], dict[str, str]]] = comm.allgather((owner, marks, texts))
     names = [call[0] for call in calls]
     if len(set(names)) > 1:
         other = next(rank for rank, name in enumerate(names) if name != names[0])
-        raise _mark(
+        raise on_all_ranks(
             RanksDiffer(
                 f"rank 0 calls {names[0]} while rank {other} calls {names[other]}; call the same on all ranks"
             )
@@ -156,7 +156,7 @@ def agree(comm: MPI.Comm, owner: str, arguments: Mapping[str, Any]) -> None:
     for name, first in calls[0][1].items():
         for rank, (_, others, texts) in enumerate(calls):
             if not first.same(others[name], ROUND_OFF):
-                raise _mark(
+                raise on_all_ranks(
                     RanksDiffer(
                         f"{owner}: {name} differs between the ranks: {calls[0][2][name]} on rank 0, "
                         f"{texts[name]} on rank {rank}; give every rank the same"
@@ -268,11 +268,6 @@ def alone(comm: MPI.Comm) -> bool:
     """
     error = sys.exc_info()[1]
     return comm.size > 1 and error is not None and not getattr(error, "on_all_ranks", False)
-
-
-def _mark(error: Exception) -> Exception:
-    error.on_all_ranks = True  # type: ignore[attr-defined]
-    return error
 
 
 def _exchange(comm: MPI.Comm, word: bytes) -> list[bytes]:

@@ -136,88 +136,62 @@ def _write(
         if isinstance(model, FiniteElementModel):
             _write_piece(piece, _of_body(model, fields, per))
             return piece
-        patches = sample(model.tips, dict(fields), subdivisions, stress)
-        if patches:
-            _write_piece(piece, _mesh(model, patches, per))
+        if mesh := sampled_mesh(model, fields, subdivisions, stress, per):
+            _write_piece(piece, mesh)
         else:
             with contextlib.suppress(FileNotFoundError):
                 os.remove(destination(piece, "VTU file"))
     if comm.size == 1:
         return piece
-    pieces = comm.gather(os.path.basename(piece) if patches else None)
+    pieces = comm.gather((os.path.basename(piece), _arrays(mesh) if mesh else None))
     with collective(comm):
         if pieces is not None:  # on rank 0
-            _write_index(f"{stem}.pvtu", [p for p in pieces if p], fields, stress, per)
+            _write_index(f"{stem}.pvtu", {name: arrays for name, arrays in pieces if arrays})
     return f"{stem}.pvtu"
-
-
-def _displacement(name: str, per: str) -> str:
-    return f"{name} (m{per})"
-
-
-def _stress(name: str, component: str, per: str) -> str:
-    return f"{name} {component} (Pa{per})"
 
 
 def _of_body(body: FiniteElementModel, fields: Mapping[str, Any], per: str) -> dict:
     """A body's own elements, or its nodes, as the arguments of a meshio mesh."""
     data = {"node": body.labels}
     data |= {
-        _displacement(name, per): nodal_field(body, "write_vtu", name, given)
-        for name, given in fields.items()
+        f"{name} (m{per})": nodal_field(body, "write_vtu", name, given) for name, given in fields.items()
     }
     cells = body.elements or {"vertex": np.arange(len(body.labels))[:, None]}
     return {"points": body.places, "cells": list(cells.items()), "point_data": data}
 
 
 def sampled_mesh(
-    model: Model, fields: Mapping[str, Any], subdivisions: int | None, stress: bool
+    model: Model, fields: Mapping[str, Any], subdivisions: int | None, stress: bool, per: str = ""
 ) -> dict[str, Any]:
-    """Fields at the points of all cells of a model on one rank, as the arguments of a meshio mesh."""
-    return _mesh(model, sample(model.tips, dict(fields), subdivisions, stress), "")
-
-
-def _mesh(model: Model, patches: list[Patches], per: str) -> dict:
-    """All patches of a rank as the arguments of a meshio mesh: quadrilaterals first, then the triangles at
-    the scaling centres.
+    """Fields at the points of a rank's cells as the arguments of a meshio mesh, none where it has no cells:
+    quadrilaterals first, then the triangles at the scaling centres.
     """
     points, offset = [], 0
     data: dict[str, list[np.ndarray]] = {}
     blocks: dict[str, list] = {"quad": [], "triangle": []}
     facts: dict[str, list] = {"quad": [], "triangle": []}
+    patches = sample(model.tips, dict(fields), subdivisions, stress)
+    if not patches:
+        return {}
     for patch in patches:
-        flat = patch.positions.reshape(-1, 2)
-        points.append(flat)
+        points.append(_three(patch.positions.reshape(-1, 2)))
         for kind, corners in zip(blocks, point_grid_cells(patch)):
             blocks[kind].append(corners.reshape(-1, corners.shape[-1]) + offset)
             elements = np.repeat(model.layout.part.elements[patch.elements], corners.shape[1])
-            facts[kind].append(
-                np.stack(
-                    [
-                        elements,
-                        _materials(model, patch, len(elements)),
-                        np.full(len(elements), model.comm.rank),
-                    ]
-                )
-            )
+            ranks = np.full(len(elements), model.comm.rank)
+            facts[kind].append(np.stack([elements, _materials(model, patch, len(elements)), ranks]))
         for name, values in patch.displacements.items():
-            data.setdefault(_displacement(name, per), []).append(values.reshape(-1, 2))
+            data.setdefault(f"{name} (m{per})", []).append(_three(values.reshape(-1, 2)))
         for name, values in patch.stresses.items():
             for component, column in zip(STRESSES, np.moveaxis(values, -1, 0)):
-                data.setdefault(_stress(name, component, per), []).append(column.ravel())
-        offset += len(flat)
-    point_data = {name: np.concatenate(parts) for name, parts in data.items()}
-    cells = [(kind, np.concatenate(parts)) for kind, parts in blocks.items()]
+                data.setdefault(f"{name} {component} (Pa{per})", []).append(column.ravel())
+        offset += len(points[-1])
     joined = [np.concatenate(facts[kind], axis=1).astype(np.int32) for kind in blocks]
-    cell_data = {
-        name: [part[row] for part in joined] for row, name in enumerate(("element", "material", "rank"))
-    }
-    point_data = {name: _three(values) if values.ndim == 2 else values for name, values in point_data.items()}
     return {
-        "points": _three(np.concatenate(points)),
-        "cells": cells,
-        "point_data": point_data,
-        "cell_data": cell_data,
+        "points": np.concatenate(points),
+        "cells": [(kind, np.concatenate(parts)) for kind, parts in blocks.items()],
+        "point_data": {name: np.concatenate(parts) for name, parts in data.items()},
+        "cell_data": dict(zip(("element", "material", "rank"), map(list, zip(*joined)))),
     }
 
 
@@ -244,25 +218,29 @@ def _write_piece(path: str, mesh: dict) -> None:
         meshio.write(temporary, meshio.Mesh(**mesh), file_format="vtu")
 
 
-def _write_index(path: str, pieces: list[str], fields: Mapping, stress: bool, per: str) -> None:
+def _arrays(mesh: dict) -> dict[str, dict[str, dict[str, str]]]:
+    """What an index says of the arrays of a piece: type, name and components, by where they belong."""
+    of = {"PPointData": mesh["point_data"], "PPoints": {"Points": mesh["points"]}}
+    of["PCellData"] = {name: blocks[0] for name, blocks in mesh["cell_data"].items()}
+    return {
+        part: {
+            name: {"type": a.dtype.name.capitalize(), "NumberOfComponents": str(a[:1].size)}
+            for name, a in arrays.items()
+        }
+        for part, arrays in of.items()
+    }
+
+
+def _write_index(path: str, pieces: dict[str, Any]) -> None:
     """The PVTU file: names and types of the arrays, and the pieces."""
     root = xml.Element(
         "VTKFile", type="PUnstructuredGrid", version="0.1", byte_order="LittleEndian", header_type="UInt32"
     )
     grid = xml.SubElement(root, "PUnstructuredGrid", GhostLevel="0")
-    point_data = xml.SubElement(grid, "PPointData")
-    for name in fields:
-        xml.SubElement(
-            point_data, "PDataArray", type="Float64", Name=_displacement(name, per), NumberOfComponents="3"
-        )
-    for name in fields if stress else ():
-        for component in STRESSES:
-            xml.SubElement(point_data, "PDataArray", type="Float64", Name=_stress(name, component, per))
-    cell_data = xml.SubElement(grid, "PCellData")
-    for name in ("element", "material", "rank"):
-        xml.SubElement(cell_data, "PDataArray", type="Int32", Name=name)
-    points = xml.SubElement(grid, "PPoints")
-    xml.SubElement(points, "PDataArray", type="Float64", Name="Points", NumberOfComponents="3")
+    for part, arrays in next(iter(pieces.values())).items():
+        place = xml.SubElement(grid, part)
+        for name, told in arrays.items():
+            xml.SubElement(place, "PDataArray", Name=name, **told)
     for piece in pieces:
         xml.SubElement(grid, "Piece", Source=piece)
     write_xml(root, path, "PVTU file")
