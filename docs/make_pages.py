@@ -23,7 +23,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
 import sbfem_petsc as sb
 from sbfem_petsc.options import unit_of
-from sbfem_petsc.record.about import Entry
+from sbfem_petsc.record.about import About
 from sbfem_petsc.record.body import Body
 from sbfem_petsc.record.record import Record, entries, record_class
 from sbfem_petsc.study.case.analyses import KINDS
@@ -122,8 +122,8 @@ def results() -> str:
     public = {name: getattr(sb, name) for name in sorted(sb.__all__)}
     kinds = [kind for kind in public.values() if isinstance(kind, type) and issubclass(kind, Record)] + [Body]
     for kind in kinds:  # grows by those of the parts
-        for entry in entries(kind).values():
-            parts = map(record_class, entry.about.part.split())
+        for about in entries(kind).values():
+            parts = map(record_class, about.part.split())
             kinds += [part for part in parts if part not in kinds]
     sections = []
     for kind in kinds:
@@ -137,25 +137,24 @@ def results() -> str:
         first = " ".join((kind.__doc__ or "").split("Attributes\n")[0].split("\n\n")[0].split())
         lines = [f"## {name}\n", first + (f" Of {', '.join(makers)}." if makers else "") + "\n"]
         lines += ["| name | type or axes | unit | meaning | in |", "|---|---|---|---|---|"]
-        lines += [_result_line(entry) for entry in entries(kind).values()]
+        lines += map(_result_line, entries(kind).values())
         sections.append("\n".join(lines) + "\n")
     return "\n".join(sections)
 
 
-def _result_line(entry: Entry) -> str:
-    about = entry.about
+def _result_line(about: About) -> str:
     if about.part:
         kind = " or ".join(f"[{part}](#{part.lower()})" for part in about.part.split())
-        kind = f"several {kind}" if entry.type.startswith("tuple") else kind
+        kind = f"several {kind}" if about.type.startswith("tuple") else kind
     else:
-        kind = ", ".join(about.dims) or entry.type.removesuffix(" | None")
+        kind = ", ".join(about.dims) or about.type.removesuffix(" | None")
     where = {
         "file": about.stored,
         "table": not (about.detail or about.part or about.distributed),
         "sweep": about.row,
     }
     cells = (
-        f"`{entry.name}`" + (f" (`{entry.called}`)" if entry.called != entry.name else ""),
+        f"`{about.name}`" + (f" (`{about.called}`)" if about.called != about.name else ""),
         kind,
         "of its value" if about.unit_of else "" if about.part else about.unit,
         about.text,

@@ -38,7 +38,7 @@ def _over_time(name: str, **more: Any) -> Derived[Any]:
     """What `Static` has by a name, of each state of a history, in its words; None where these have none.
     Further keywords are those of `About` that differ.
     """
-    own = entries(Static)[name].about
+    own = entries(Static)[name]
     if (of_state := own.unit_of) is not None:
         more["unit_of"] = lambda history: of_state(history.states[0])
     told = replace(own, dims=("time", *own.dims), row=False, **more)

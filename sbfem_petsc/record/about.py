@@ -55,6 +55,10 @@ class About:
     unit_of : callable
         The unit of one record, where that depends on it; or units of its entries by their names, that of all
         by "".
+    name, type : str
+        Of the field or derived quantity, which `of` tells, and `called` and `kinds` where they are not given.
+    field, needed : bool
+        Whether it is a field, and must be there.
     """
 
     unit: str = "1"
@@ -74,6 +78,19 @@ class About:
     kept: bool = False
     part: str = ""
     unit_of: Callable[[Any], str | Mapping[str, str]] | None = None
+    name: str = ""
+    type: str = ""
+    field: bool = False
+    needed: bool = False
+
+    def of(self, name: str, type: str = "", *, field: bool = False, needed: bool = False) -> About:
+        """The same of a field or derived quantity of a record class."""
+        known = re.findall(r"\b(bool|int|float|complex|str)\b", type.removeprefix("dict[str,"))
+        kinds = self.kinds or (KINDS[known[0]] if known else "f")
+        called = self.called or name
+        return dataclasses.replace(
+            self, name=name, type=type, called=called, kinds=kinds, field=field, needed=needed
+        )
 
     def units(self, record: Any) -> Mapping[str, str]:
         """Units of a record's entries by their names, that of all by ""."""
@@ -81,30 +98,8 @@ class About:
         return {"": annotated} if isinstance(annotated, str) else annotated
 
 
-@dataclass(frozen=True, eq=False)
-class Entry:
-    """A field or derived quantity of a record class: whether it is a field, must be there, and its type."""
-
-    name: str
-    about: About
-    type: str
-    field: bool
-    needed: bool
-
-    @property
-    def called(self) -> str:
-        """Its name in files and tables."""
-        return self.about.called or self.name
-
-    @property
-    def kinds(self) -> str:
-        """Kinds of NumPy's types that it may have."""
-        found = re.findall(r"\b(bool|int|float|complex|str)\b", self.type.removeprefix("dict[str,"))
-        return self.about.kinds or (KINDS[found[0]] if found else "f")
-
-
 # Of points that are rows of a body, in what is shown of motions.
-DIRECTION = Entry("direction", About("1", "directions of the points", ("place",)), "str", False, False)
+DIRECTION = About("1", "directions of the points", ("place",)).of("direction", "str")
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +117,7 @@ class Quantity:
         Of entries by their names, where they have different ones.
     """
 
-    entry: Entry
+    about: About
     value: Any
     unit: str
     dims: tuple[str, ...]
@@ -132,12 +127,7 @@ class Quantity:
     @property
     def name(self) -> str:
         """In files and tables."""
-        return self.entry.called
-
-    @property
-    def about(self) -> About:
-        """What it is."""
-        return self.entry.about
+        return self.about.called
 
     @property
     def titled(self) -> str:
@@ -152,8 +142,7 @@ class Quantity:
 
     def annotated(self, **about: Any) -> Quantity:
         """The same, of which something else is said."""
-        entry = dataclasses.replace(self.entry, about=dataclasses.replace(self.about, **about))
-        return dataclasses.replace(self, entry=entry)
+        return dataclasses.replace(self, about=dataclasses.replace(self.about, **about))
 
     def among(self, dim: str, names: Sequence[str]) -> Quantity:
         """Its entries of some names along an axis, where that has names."""

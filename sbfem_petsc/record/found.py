@@ -9,7 +9,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from .about import About, Entry, Quantity
+from .about import About, Quantity
 from .layout import bare, groups_of, put_quantity, text, text_of, texts_of, value_of
 from .record import Record
 from .views import Views
@@ -27,10 +27,10 @@ def labelled(
     names: Mapping[str, Iterable[str]] = {},
 ) -> Quantity:
     """A quantity: a number, a text, None, or an array over its axes, with the names along some of them."""
-    about = About(unit, text, tuple(dims.split()))
+    about = About(unit, text, tuple(dims.split())).of(name)
     found = np.asarray(value) if about.dims else value
     along = {dim: tuple(entries) for dim, entries in names.items()}
-    return Quantity(Entry(name, about, "", False, False), found, unit, about.dims, along)
+    return Quantity(about, found, unit, about.dims, along)
 
 
 def of_points(

@@ -47,9 +47,9 @@ def write(
             group.attrs[q.name] = text_of(q.value)
             continue
         put_quantity(group, q, _array(record, q))
-    for name, entry in entries(type(record)).items():
-        if entry.field and isinstance(getattr(record, name), Mapping) and not getattr(record, name):
-            group.attrs[entry.called] = h5py.Empty("S2")
+    for name, about in entries(type(record)).items():
+        if about.field and isinstance(getattr(record, name), Mapping) and not getattr(record, name):
+            group.attrs[about.called] = h5py.Empty("S2")
     parts = [*record.parts(), *((n, About(), item) for n, item in mine.items() if isinstance(item, Record))]
     for name, about, part in parts:
         if not about.stored:
@@ -89,9 +89,9 @@ def _array(record: Record, q: Quantity) -> np.ndarray:
         If they could not be read again.
     """
     array = np.asarray(q.value)
-    if array.dtype.kind not in q.entry.kinds:
-        array = array.astype(TYPES[q.entry.kinds[0]], casting="same_kind")
-    checked = array.dtype.kind in "fc" and q.about.finite and (q.entry.field or q.about.back)
+    if array.dtype.kind not in q.about.kinds:
+        array = array.astype(TYPES[q.about.kinds[0]], casting="same_kind")
+    checked = array.dtype.kind in "fc" and q.about.finite and (q.about.field or q.about.back)
     if checked and not np.isfinite(array).all():
         raise ValueError(f"{q.name!r} of {record!r} has values that are not finite")
     return array
@@ -178,7 +178,7 @@ def _upwards(group: h5py.Group) -> Iterator[h5py.Group]:
 
 def _names(cls: type[Record]) -> frozenset[str]:
     """What a group of a record may hold."""
-    return frozenset(name for entry in entries(cls).values() for name in (entry.name, entry.called))
+    return frozenset(name for about in entries(cls).values() for name in (about.name, about.called))
 
 
 def bare(data: h5py.Dataset) -> bool:

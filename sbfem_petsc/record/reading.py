@@ -10,7 +10,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from .about import Entry
+from .about import About
 from .layout import names_along, text
 from .record import Record, entries, expanded, record_class
 
@@ -44,20 +44,19 @@ class _Reader:
     def record(self, group: h5py.Group, given: tuple[str, ...], above: Mapping[str, int]) -> Record:
         """The record of a group, with axes that are given and the lengths of those above."""
         cls = record_class(text(group.attrs["record"]))
-        back = [entry for entry in entries(cls).values() if entry.field or entry.about.back]
-        back = [entry for entry in back if entry.about.stored]
+        back = [about for about in entries(cls).values() if about.stored and (about.field or about.back)]
         lengths, values = dict(above), dict[str, Any]()
-        for entry in back:
-            if not entry.about.part:
-                values |= _quantity(group, entry, given, lengths)
+        for about in back:
+            if not about.part:
+                values |= _quantity(group, about, given, lengths)
         for dim, at in cls._labelled(given).items():
             if at in cls.__dataclass_fields__ and at not in values:
                 values[at] = names_along(group, dim)
                 if values[at] and lengths.get(dim, len(values[at])) != len(values[at]):
                     raise ValueError(f"{dim!r} has {len(values[at])} names for {lengths[dim]} entries")
-        for entry in back:
-            if entry.about.part:
-                values |= self._part(group, entry, expanded(entry.about.dims, given), lengths)
+        for about in back:
+            if about.part:
+                values |= self._part(group, about, expanded(about.dims, given), lengths)
         # what a class has beside its quantities is of the process that made it
         for f in dataclasses.fields(cls):
             if f.default is f.default_factory is dataclasses.MISSING:
@@ -68,16 +67,16 @@ class _Reader:
         return made
 
     def _part(
-        self, group: h5py.Group, entry: Entry, given: tuple[str, ...], lengths: Mapping[str, int]
+        self, group: h5py.Group, about: About, given: tuple[str, ...], lengths: Mapping[str, int]
     ) -> dict[str, Any]:
         """A part, or several of them, by its name; nothing where it may be missing."""
-        name, of = entry.name, tuple(map(record_class, entry.about.part.split()))
+        name, of = about.name, tuple(map(record_class, about.part.split()))
         item: Any = group.get(name)
         found: Any = None
         if name in group.attrs:
             found = self.known[text(group.attrs[name])]
         elif item is None:
-            return _missing(entry)
+            return _missing(about)
         elif "several" in item.attrs:
             found = tuple(self.record(item[key], (), {}) for key in item)
             if len(found) != item.attrs["several"]:
@@ -85,40 +84,40 @@ class _Reader:
         else:
             found = self.record(item, given, lengths)
         several = isinstance(found, tuple)
-        if several != entry.type.startswith("tuple") or not all(
+        if several != about.type.startswith("tuple") or not all(
             isinstance(one, of) for one in (found if several else (found,))
         ):
-            raise ValueError(f"{name!r} is not of {entry.about.part}")
+            raise ValueError(f"{name!r} is not of {about.part}")
         return {name: found}
 
 
-def _missing(entry: Entry) -> dict[str, Any]:
+def _missing(about: About) -> dict[str, Any]:
     """What stands for a field that is not there; ValueError where it must be."""
-    if not entry.needed and entry.field:
+    if not about.needed and about.field:
         return {}
-    if entry.needed and "None" not in entry.type:
-        raise ValueError(f"{entry.name!r} is missing")
-    return {entry.name: None}
+    if about.needed and "None" not in about.type:
+        raise ValueError(f"{about.name!r} is missing")
+    return {about.name: None}
 
 
 def _quantity(
-    group: h5py.Group, entry: Entry, given: tuple[str, ...], lengths: dict[str, int]
+    group: h5py.Group, about: About, given: tuple[str, ...], lengths: dict[str, int]
 ) -> dict[str, Any]:
     """A field as its type says: number, text, array, tuple, or dict by names."""
-    name, here, about, kind = entry.name, entry.called, entry.about, entry.type
+    name, here, kind = about.name, about.called, about.type
     dims = expanded(about.dims, given)
     if here in group.attrs and "dict" in kind:
         if not isinstance(group.attrs[here], h5py.Empty):
             raise ValueError(f"{name!r} is no set of entries by name")
         return {name: {}}  # without an entry
-    if here in group.attrs and not dims and entry.kinds == "U":
+    if here in group.attrs and not dims and about.kinds == "U":
         word = text(group.attrs[here])
         if about.one_of and word not in about.one_of:
             raise ValueError(f"{name} = {word!r} is none of {', '.join(about.one_of)}")
         return {name: word}
     if here not in group:
-        return _missing(entry)
-    array = sound(group[here], entry, dims, lengths)
+        return _missing(about)
+    array = sound(group[here], about, dims, lengths)
     if not dims:
         return {name: array.item()}
     if kind.startswith("dict"):
@@ -136,10 +135,10 @@ def _tuple(items: Any) -> Any:
     return tuple(map(_tuple, items)) if isinstance(items, list) else items
 
 
-def _decoded(data: h5py.Dataset, entry: Entry) -> np.ndarray:
+def _decoded(data: h5py.Dataset, about: About) -> np.ndarray:
     """Numbers, truths or texts of a data set."""
-    array, name = np.asarray(data[()]), entry.name
-    if array.dtype == np.int8 and "b" in entry.kinds and text(data.attrs.get("dtype", "")) == "bool":
+    array, name = np.asarray(data[()]), about.name
+    if array.dtype == np.int8 and "b" in about.kinds and text(data.attrs.get("dtype", "")) == "bool":
         if not np.isin(array, (0, 1)).all():
             raise ValueError(f"{name!r} has values that are neither true nor false")
         array = array.astype(bool)
@@ -148,18 +147,18 @@ def _decoded(data: h5py.Dataset, entry: Entry) -> np.ndarray:
     return array
 
 
-def sound(data: Any, entry: Entry, dims: tuple[str, ...], lengths: dict[str, int]) -> np.ndarray:
+def sound(data: Any, about: About, dims: tuple[str, ...], lengths: dict[str, int]) -> np.ndarray:
     """The numbers of a field: of its type, lengths that agree with the others', within its range."""
-    name, about = entry.name, entry.about
+    name = about.name
     if isinstance(data, h5py.Dataset) and data.ndim == len(dims) - 1 and "xy" in dims:  # of rows
         alone = dims.index("xy")
-        array = sound(data, entry, (*dims[:alone], *dims[alone + 1 :]), lengths)
+        array = sound(data, about, (*dims[:alone], *dims[alone + 1 :]), lengths)
         return np.expand_dims(array, alone)
     if not isinstance(data, h5py.Dataset) or data.ndim != len(dims):
         raise ValueError(f"{name!r} is no array over {', '.join(dims) or 'nothing'}")
-    array = _decoded(data, entry)
+    array = _decoded(data, about)
     shape = tuple(lengths.setdefault(dim, n) for dim, n in zip(dims, array.shape))
-    if shape != array.shape or array.dtype.kind not in entry.kinds:
+    if shape != array.shape or array.dtype.kind not in about.kinds:
         wanted = " x ".join(f"{dim} ({n})" for dim, n in zip(dims, shape)) or "one"
         raise ValueError(f"{name!r} is {array.dtype} of shape {array.shape}, not {wanted} values")
     if array.dtype.kind in "fc" and about.finite and not np.isfinite(array).all():

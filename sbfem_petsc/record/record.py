@@ -9,14 +9,13 @@ from __future__ import annotations
 import dataclasses
 import functools
 import importlib
-import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
-from .about import About, Entry, Quantity
+from .about import About, Quantity
 from .views import NONE, Views
 
 if TYPE_CHECKING:
@@ -32,7 +31,7 @@ GIVEN = "*"
 
 Value = TypeVar("Value")
 Kind = TypeVar("Kind")
-_ENTRIES: dict[Any, dict[str, Entry]] = {}
+_ENTRIES: dict[Any, dict[str, About]] = {}
 
 
 def quantity(
@@ -70,7 +69,7 @@ def derived(
     return functools.partial(Derived, About(unit, text, tuple(dims.split()), **more))
 
 
-def entries(cls: Any) -> dict[str, Entry]:
+def entries(cls: Any) -> dict[str, About]:
     """What a record class holds, by name: fields, then derived quantities."""
     if cls in _ENTRIES:
         return _ENTRIES[cls]
@@ -78,11 +77,11 @@ def entries(cls: Any) -> dict[str, Entry]:
     for f in dataclasses.fields(cls):
         if "about" in f.metadata:
             needed = f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING
-            found[f.name] = Entry(f.name, f.metadata["about"], str(f.type), True, needed)
+            found[f.name] = f.metadata["about"].of(f.name, str(f.type), field=True, needed=needed)
     for base in reversed(cls.__mro__):
         for name, item in vars(base).items():
             if isinstance(item, Derived):
-                found[name] = Entry(name, item.about, item.type, False, False)
+                found[name] = item.about.of(name, item.type)
     return found
 
 
@@ -138,8 +137,7 @@ class Record(Views):
         whole
             what `_gathered` has found.
         """
-        for name, entry in entries(type(self)).items():
-            about = entry.about
+        for name, about in entries(type(self)).items():
             if about.part or not wanted(about):
                 continue
             value = whole.get(name) if about.distributed else getattr(self, name)
@@ -155,7 +153,7 @@ class Record(Views):
                 value = np.zeros((0,) * len(dims))
             units = about.units(self)
             found = np.asarray(value) if dims else value
-            yield Quantity(entry, found, units[""], dims, names, units).of_points(self.of_rows)
+            yield Quantity(about, found, units[""], dims, names, units).of_points(self.of_rows)
 
     def _names_along(self, dims: tuple[str, ...], given: tuple[str, ...]) -> dict[str, tuple]:
         """Of the entries along axes, where there are any."""
@@ -169,9 +167,9 @@ class Record(Views):
 
     def parts(self) -> Iterator[tuple[str, About, Any]]:
         """Records inside this one, alone or in tuples, but for those that are None."""
-        for name, entry in entries(type(self)).items():
-            if entry.about.part and getattr(self, name) is not None:
-                yield name, entry.about, getattr(self, name)
+        for name, about in entries(type(self)).items():
+            if about.part and getattr(self, name) is not None:
+                yield name, about, getattr(self, name)
 
     @property
     def of_rows(self) -> bool:
@@ -218,12 +216,11 @@ def described(cls: type[Kind]) -> type[Kind]:
     """
     made = dataclass(frozen=True, eq=False, repr="__repr__" not in vars(cls))(cls)
     lines = []
-    axes = {dim for entry in entries(made).values() if entry.about.stored for dim in entry.about.dims}
-    for name, entry in entries(made).items():
-        about = entry.about
-        if about.stored and entry.called in axes and about.dims != (entry.called,):
+    axes = {dim for about in entries(made).values() if about.stored for dim in about.dims}
+    for name, about in entries(made).items():
+        if about.stored and about.called in axes and about.dims != (about.called,):
             raise TypeError(f"{cls.__name__}: {name} is named as an axis is; give one of them another name")
-        kind = re.sub(r"np\.ndarray", "array", entry.type) if not about.dims or about.part else "array"
+        kind = about.type.replace("np.ndarray", "array") if not about.dims or about.part else "array"
         shape = f"({', '.join(about.dims)}) " if about.dims and not about.part else ""
         lines += [f"{name} : {shape}{kind}", f"    {_words(about)}."]
     made.__doc__ = "\n    ".join([(made.__doc__ or "").rstrip(), "", "Attributes", "----------", *lines, ""])

@@ -52,7 +52,7 @@ class Views:
         """As `quantities`; displacements of rows as the one number that they are."""
         for q in self.quantities(wanted):
             yield q.only(q.dims.index("xy")) if self.of_rows and {"place", "xy"} <= {*q.dims} else q
-        if self.point_directions and wanted(DIRECTION.about):
+        if self.point_directions and wanted(DIRECTION):
             names = {"place": tuple(self.point_directions)}
             yield Quantity(DIRECTION, np.array([*self.point_directions.values()]), "1", ("place",), names)
 

@@ -21,8 +21,7 @@ def same(one, other, depth: int = 0) -> None:
         return
     whole, again = one._gathered(), other._gathered()
     named = {f.name for f in dataclasses.fields(one)}
-    for name, entry in entries(type(one)).items():
-        about = entry.about
+    for name, about in entries(type(one)).items():
         if not about.stored or not (about.back or name in named):
             continue
         a, b = (getattr(item, name) for item in (one, other))

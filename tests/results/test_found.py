@@ -97,7 +97,7 @@ DETAILS = {
 @pytest.mark.parametrize("name", DETAILS)
 def test_what_is_left_out_until_asked_for(name):
     found = entries(record_class(name))
-    assert {field for field, entry in found.items() if entry.about.detail} == DETAILS[name]
+    assert {field for field, about in found.items() if about.detail} == DETAILS[name]
 
 
 def test_details_are_kept_where_they_are_named():

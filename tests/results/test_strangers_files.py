@@ -172,11 +172,11 @@ def is_read(path, place, way):
     with h5py.File(path) as file:
         cls = record_class(file[group or "/"].attrs.get("record", b"Body").decode())
     found = [entry for entry in entries(cls).values() if entry.called == name]
-    if cls is Body or not any(entry.field or entry.about.back for entry in found):
+    if cls is Body or not any(entry.field or entry.back for entry in found):
         return False
     (entry,) = found
     may_be_missing = way == "left out" and (not entry.needed or "None" in entry.type)
-    return not (may_be_missing or (str(way) == "nan" and not entry.about.finite) or entry.kinds == "U")
+    return not (may_be_missing or (str(way) == "nan" and not entry.finite) or entry.kinds == "U")
 
 
 def link(file):
