@@ -4,6 +4,7 @@ expected.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import numbers
 import operator
@@ -153,6 +154,22 @@ def said(text: str, unit: str = "", one_of: tuple[str, ...] = (), **bounds: floa
         gt, ge, lt, le: above, at least, below, at most.
     """
     return {"text": text, "unit": unit, "one_of": one_of, "bounds": bounds}
+
+
+def check_said(item: Any) -> None:
+    """Put numbers and words, checked by what their metadata say (`said`), in the place of fields of a frozen
+    object; one that is None by default may be that.
+    """
+    owner = type(item).__name__
+    for own in dataclasses.fields(item):
+        value, told = getattr(item, own.name), own.metadata
+        if "bounds" not in told or value is own.default is None:
+            continue
+        within = Bounds(*map(told["bounds"].get, ("gt", "ge", "lt", "le")))
+        if told["one_of"]:
+            choice(owner, own.name, value, told["one_of"])
+        else:
+            object.__setattr__(item, own.name, real(owner, own.name, value, told["unit"], within=within))
 
 
 def check_fields(item: object, owner: str, checks: Mapping[str, Callable[[str, str, Any], Any]]) -> None:

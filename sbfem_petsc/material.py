@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from .checks import Bounds, choice, positive, real, said
+from meshing.input_checks import check_said
+
+from .checks import Bounds, real, said
 
 # Moduli (Pa) and densities (kg/m^3) beyond these are slips of units; their products would leave the numbers'
 # range.
@@ -43,18 +44,10 @@ class Material:
     plane: str = field(default="stress", metadata=_PLANE)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "young", _scale("Material", "young", self.young, "Pa"))
-        object.__setattr__(self, "density", _scale("Material", "density", self.density, "kg/m^3"))
-        choice("Material", "plane", self.plane, PLANES)
-        object.__setattr__(self, "poisson", real("Material", "poisson", self.poisson))
-        upper_ok = self.poisson <= 0.5 if self.plane == "stress" else self.poisson < 0.5
-        if not (self.poisson > -1.0 and upper_ok):
-            limit = (
-                "-1 < poisson <= 0.5 in plane stress"
-                if self.plane == "stress"
-                else "-1 < poisson < 0.5 in plane strain"
-            )
-            raise ValueError(f"Material: poisson = {self.poisson!r} is outside its range ({limit})")
+        check_said(self)
+        _require_usual(self, "young", "density")
+        if self.plane == "strain" and self.poisson == 0.5:
+            raise ValueError("Material: poisson = 0.5 must be above -1 and below 0.5 in plane strain")
 
     isotropic = True
     densities = None  # of sectors, relative to `density`
@@ -119,17 +112,8 @@ class OrthotropicMaterial:
     poisson_23: float | None = field(default=None, kw_only=True, metadata=_OUT_OF_PLANE)
 
     def __post_init__(self) -> None:
-        own = "OrthotropicMaterial"
-        choice(own, "plane", self.plane, PLANES)
-        moduli = dict.fromkeys(("young_1", "young_2", "shear_12", "young_3"), "Pa")
-        for name, unit in {**moduli, "density": "kg/m^3"}.items():
-            value = getattr(self, name)
-            if value is not None or name != "young_3":
-                object.__setattr__(self, name, _scale(own, name, value, unit))
-        for name in ("poisson_12", "angle", "poisson_13", "poisson_23"):
-            value = getattr(self, name)
-            if value is not None or name in ("poisson_12", "angle"):
-                object.__setattr__(self, name, real(own, name, value, "degrees" if name == "angle" else ""))
+        check_said(self)
+        _require_usual(self, "young_1", "young_2", "young_3", "shear_12", "density")
         if not np.linalg.eigvalsh(self.compliance())[0] > 0.0:
             raise ValueError(
                 f"OrthotropicMaterial: poisson_12 = {self.poisson_12!r} with these moduli gives an "
@@ -208,7 +192,10 @@ class SectorMaterials:
 AnyMaterial = Material | OrthotropicMaterial | SectorMaterials
 
 
-def _scale(owner: str, name: str, value: Any, unit: str) -> float:
-    """A modulus or density of a size that can be computed with."""
-    positive(owner, name, value, unit)
-    return real(owner, name, value, unit, within=Bounds(least=LEAST, most=MOST))
+def _require_usual(material: Material | OrthotropicMaterial, *names: str) -> None:
+    """Raise ValueError unless moduli and densities are of a size that can be computed with."""
+    for own in fields(material):
+        value = getattr(material, own.name)
+        if own.name in names and value is not None:
+            within = Bounds(least=LEAST, most=MOST)
+            real(type(material).__name__, own.name, value, own.metadata["unit"], within=within)

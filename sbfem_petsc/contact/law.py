@@ -26,6 +26,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from meshing.input_checks import check_said
+
 from ..checks import Bounds, real, said, shown
 from ..record.record import Record, derived, described
 
@@ -73,7 +75,7 @@ class ContactLaw:
     )
 
     def __post_init__(self) -> None:
-        real(type(self).__name__, "compliance", self.compliance, "m^3/N", within=Bounds(least=0.0))
+        check_said(self)
 
     @property
     def states(self) -> tuple[State, State, State]:
@@ -143,10 +145,6 @@ class Clearance(ContactLaw):
     """
 
     width: float = field(kw_only=True, metadata=said("play", "m", ge=0))
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        real(type(self).__name__, "width", self.width, "m", within=Bounds(least=0.0))
 
     @property
     def states(self) -> tuple[State, State, State]:

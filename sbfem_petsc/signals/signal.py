@@ -10,7 +10,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from ..checks import Bounds, real, real_array, said, shown
+from meshing.input_checks import check_said
+
+from ..checks import real, real_array, said, shown
 
 # Relative to a step: times that miss an end by less are at it, since k * dt is rounded.
 ROUND_OFF = 1e-9
@@ -39,12 +41,7 @@ class Signal:
     __array_ufunc__ = None
 
     def __post_init__(self) -> None:
-        for own in fields(cast(Any, self)):
-            value = getattr(self, own.name)
-            if "bounds" in own.metadata and not (value is own.default is None):
-                bounds = Bounds(own.metadata["bounds"].get("gt"), own.metadata["bounds"].get("ge"))
-                checked = real(type(self).__name__, own.name, value, own.metadata["unit"], within=bounds)
-                object.__setattr__(self, own.name, checked)
+        check_said(self)
 
     @property
     def highest_frequency(self) -> float | None:
