@@ -14,10 +14,11 @@ from typing import Any
 
 from ..ranks.capacity import in_bytes
 from ..ranks.parallel import collective, on_root
-from .case import objects, parameters
+from .case import objects
 from .case.analyses import KINDS
 from .case.case import Case
 from .case.problems import CaseError
+from .case.sweep import structural
 from .structure import Structure, lines_of
 
 # Bytes: the program and its libraries, on each rank; of N log2 N of N displacement unknowns, statics with a
@@ -39,10 +40,6 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
         case.check_tones(case.unvaried)
     with contextlib.closing(Structure(case, comm)) as structure:
         facts: dict[str, Any] = {"title": case.tables.title, **structure.facts(), "analyses": {}}
-        if structure.body is None:
-            model = structure.model
-            facts["cracks"] = [crack.name for crack in model.cracks]
-            facts |= {"edge_sets": list(model.layout.edge_sets), "regions": list(model.layout.material_names)}
         outer = facts.get("boundary_unknowns", facts["unknowns"])
         structure.check(case, case.unvaried)
         size = structure.size(case)
@@ -60,11 +57,11 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
     facts["memory"] = max(entry["memory"] for entry in entries)
     facts["disk"] = 2e5 + sum(entry["disk"] for entry in entries)
     if case.tables.sweep is not None:
-        table, rows = case.tables.sweep, parameters.rows(case.tables.sweep)
+        table, rows = case.tables.sweep, case.tables.sweep.rows()
         kept = sum(costs[name].disk for name in table.analyses or costs) if table.histories else 0.0
         facts["sweep"] = {
             "rows": len(rows),
-            "structures": len({parameters.structural(row) for row in rows}),
+            "structures": len({structural(row) for row in rows}),
             "disk": len(rows) * (ROW + kept),
             "refused": on_root(comm, lambda: _refused(case, rows)),
         }
@@ -92,7 +89,7 @@ def _refused(case: Case, rows: list[dict[str, Any]]) -> list[str]:
     of the structure, and why.
     """
     ends: set[int] = set()
-    for name, _ in parameters.structural(rows[0]) if case.tables.body is None else ():
+    for name, _ in structural(rows[0]) if case.tables.body is None else ():
         numbers = [n for n, row in enumerate(rows) if not isinstance(row[name], str)]
         ends.update(choose(numbers, key=lambda n: rows[n][name]) for choose in (min, max) if numbers)
     refused = []

@@ -22,9 +22,8 @@ from ..writing import spare_folder
 from . import pictures
 from .case.analyses import kind_called
 from .case.case import Case, case_from_text
-from .folder import PARTS, RESULT
+from .folder import PARTS, RESULT, holds, results_in
 from .run import RESULTS, RunResults, duration
-from .storage import holds, results_in
 from .structure import Structure, lines_of
 from .sweep_file import FILE, Sweep
 

@@ -25,9 +25,18 @@ from . import pictures
 from .case.case import Case, read_case
 from .case.objects import located
 from .case.problems import CaseError
-from .folder import PARTS, RESULT, Folder, held_folder
+from .folder import (
+    PARTS,
+    RESULT,
+    Folder,
+    case_in,
+    held_folder,
+    new_results,
+    results_in,
+    write_case,
+    write_json,
+)
 from .kinds.kind import Kind
-from .storage import case_in, new_results, results_in, write_case, write_json
 from .structure import Structure
 
 RESULTS, SUMMARY, PICTURES, TABLES = "results.h5", "summary.json", "pictures", "tables"

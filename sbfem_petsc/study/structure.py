@@ -64,6 +64,9 @@ class Structure:
             "extent": [*map(float, lower), *map(float, upper)],
             "area": float(model.area),
             "points": {name: list(map(float, place)) for name, (place, _, _) in model.points.items()},
+            "cracks": [crack.name for crack in model.cracks],
+            "edge_sets": list(model.layout.edge_sets),
+            "regions": list(model.layout.material_names),
         }
 
     def size(self, case: Case) -> Size:

@@ -18,10 +18,9 @@ from ..ranks.capacity import PlannedFile, require_disk
 from ..ranks.parallel import agreed, alone, checked_communicator, collective
 from ..writing import check_output_folder, spare_folder
 from . import rows as row_files
-from .case import parameters as paths
 from .case.case import Case, read_case
 from .case.problems import CaseError
-from .case.sweep import SweepTable
+from .case.sweep import SweepTable, structural
 from .costs import Size
 from .estimates import ROW
 from .folder import held_folder
@@ -111,7 +110,7 @@ def sweep(
         if watch is not None:
             instance("sweep", "watch", watch, Watch, "a Watch")
         checked = _swept(case, parameters, keys)
-        part = _part(rows, len(paths.rows(checked.tables.sweep)), output)
+        part = _part(rows, len(checked.tables.sweep.rows()), output)
         _check_start(checked, comm, flag("sweep", "replace", replace) and part is not None)
     with spare_folder() as spare, watch or watch_for(comm) as told:
         folder = comm.bcast(spare) if output is None else os.fspath(output)
@@ -191,7 +190,7 @@ class _Sweeping:
         assert case.tables.sweep is not None
         self.case, self.comm, self.watch, self.table = case, comm, watch, case.tables.sweep
         self.folder, self.path = os.path.join(path, "rows"), path
-        self.inputs = paths.rows(self.table)
+        self.inputs = self.table.rows()
         self.part, self.numbers = part, part or range(len(self.inputs))
         self.names = self.table.analyses or list(case.tables.analyses)
         self.group = comm.Split(comm.rank // self.table.ranks_per_row, comm.rank)
@@ -265,7 +264,7 @@ class _Sweeping:
         found: dict[tuple, list[int]] = {}
         for k in self.numbers:
             if k not in finished:
-                found.setdefault(paths.structural(self.inputs[k]), []).append(k)
+                found.setdefault(structural(self.inputs[k]), []).append(k)
         return list(found.values())
 
     def _structure(self, numbers: list[int], shares: Shares, place: int, total: int) -> None:
@@ -341,10 +340,9 @@ class _Sweeping:
         """Result of the healthy structure beside a row; None where there is none. Collective."""
         changes = self.table.healthy
         if changes is None:
-            faults = {"beam": ("notches", "cracks"), "plate": ("cracks",)}
-            if case.tables.kind not in faults:
+            changes = {f"geometry.{name}": [] for name in getattr(case.tables.geometry, "faults", ())}
+            if not changes:
                 return None
-            changes = {f"geometry.{name}": [] for name in faults[case.tables.kind]}
         reference = case.with_values(changes)
         key = f"{reference.structure_key} {case.tables.analyses[name].model_dump_json()}"
         if key not in self.healthy:

@@ -16,9 +16,9 @@ from ..record.layout import bare, put, text, text_of, value_of
 from ..writing import write_table
 from .case.case import Case, CaseTables
 from .case.locations import parse
-from .case.parameters import unit_of, words_of
+from .case.sweep import unit_of, words_of
+from .folder import case_in, new_results, write_case
 from .rows import Row
-from .storage import case_in, new_results, write_case
 
 FILE, TABLE = "sweep.h5", "sweep.csv"
 # Entries up to which an array stands in the CSV file, a column each.

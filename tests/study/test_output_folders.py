@@ -15,7 +15,7 @@ from sbfem_petsc.output_folder import HeldFolder, make_output_folder
 from sbfem_petsc.record.found import Found
 from sbfem_petsc.record.journal import Journal
 from sbfem_petsc.study import rows
-from sbfem_petsc.study.storage import new_results, results_in
+from sbfem_petsc.study.folder import new_results, results_in
 from sbfem_petsc.writing import write_table
 from tests.study.small_case import CASE, sbfem, written
 

@@ -20,11 +20,10 @@ from sbfem_petsc.record.found import Found
 from sbfem_petsc.study import revive, run
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.problems import CaseError
-from sbfem_petsc.study.folder import Folder, checksum
+from sbfem_petsc.study.folder import Folder, checksum, results_in
 from sbfem_petsc.study.kinds.kind import Run
 from sbfem_petsc.study.revive import read_any
 from sbfem_petsc.study.run import run_case
-from sbfem_petsc.study.storage import results_in
 from sbfem_petsc.study.structure import Structure
 from tests.parallel import on_ranks
 from tests.results.same import inverted

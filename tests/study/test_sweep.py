@@ -16,9 +16,8 @@ from meshing import Beam, VNotch
 from sbfem_petsc import indicators
 from sbfem_petsc.plot.maps import indicator_figure
 from sbfem_petsc.study import rows
-from sbfem_petsc.study.case import parameters
 from sbfem_petsc.study.case.case import case_from_text, read_case
-from sbfem_petsc.study.case.parameters import words_of
+from sbfem_petsc.study.case.sweep import parsed, replaced_in, words_of
 from sbfem_petsc.study.folder import Folder
 from sbfem_petsc.study.kinds.kind import Wanted
 from sbfem_petsc.study.revive import described, read_any
@@ -62,7 +61,7 @@ def table(text):
 
 def test_grid():
     """Every combination, the last parameter fastest, ends as written."""
-    got = parameters.rows(case_from_text(CASE + SWEEP).tables.sweep)
+    got = case_from_text(CASE + SWEEP).tables.sweep.rows()
     names = ("geometry.notches[0].depth", "loads.push.fy")
     assert [tuple(row[n] for n in names) for row in got] == list(itertools.product(DEPTHS, FORCES))
 
@@ -72,16 +71,14 @@ def test_list_and_spacing():
         'method = "list"\n[sweep.parameters]\n"mesh.order" = [2, 3]\n'
         '"loads.push.fy" = { start = 1.0, stop = 100.0, count = 2, scale = "logarithmic" }'
     )
-    got = parameters.rows(sweep)
+    got = sweep.rows()
     assert got == [{"mesh.order": 2, "loads.push.fy": 1.0}, {"mesh.order": 3, "loads.push.fy": 100.0}]
     assert all(type(row["mesh.order"]) is int for row in got)
     three = table(
         '[sweep.parameters]\n"loads.push.fy" = { start = 1.0, stop = 100.0, count = 3, scale = '
         '"logarithmic" }'
     )
-    np.testing.assert_allclose(
-        [row["loads.push.fy"] for row in parameters.rows(three)], [1, 10, 100], rtol=1e-14
-    )
+    np.testing.assert_allclose([row["loads.push.fy"] for row in three.rows()], [1, 10, 100], rtol=1e-14)
 
 
 def test_latin_hypercube():
@@ -91,7 +88,7 @@ def test_latin_hypercube():
         '"geometry.notches[0].depth" = {{ start = 0.001, stop = 0.005 }}\n'
         '"loads.push.fy" = {{ start = 1.0, stop = 1e4, scale = "logarithmic" }}'
     )
-    first, again, other = (parameters.rows(table(text.format(seed))) for seed in (1, 1, 2))
+    first, again, other = (table(text.format(seed)).rows() for seed in (1, 1, 2))
     assert first == again != other
     depth = np.array([row["geometry.notches[0].depth"] for row in first])
     force = np.log10([row["loads.push.fy"] for row in first])
@@ -100,16 +97,16 @@ def test_latin_hypercube():
 
 
 def test_paths():
-    assert parameters.parsed('a.b[2]."c d".e') == ("a", "b", 2, "c d", "e")
+    assert parsed('a.b[2]."c d".e') == ("a", "b", 2, "c d", "e")
     data = {"a": {"b": [{"c": 1}]}}
-    assert parameters.replaced_in(data, {"a.b[0].c": 2, "new.key": 3}) == {
+    assert replaced_in(data, {"a.b[0].c": 2, "new.key": 3}) == {
         "a": {"b": [{"c": 2}]},
         "new": {"key": 3},
     }
     assert data == {"a": {"b": [{"c": 1}]}}
     for wrong in ("", "a..b", "[0]", "a[x]", ".a", "a b"):
         with pytest.raises(ValueError, match="is no path"):
-            parameters.parsed(wrong)
+            parsed(wrong)
 
 
 @pytest.mark.slow

@@ -18,9 +18,8 @@ from .analyses import Analysis
 from .contradictions import contradictions
 from .given import Given, Tables
 from .locations import parse, read_text
-from .parameters import STRUCTURE, parameter_problems, replaced_in, rows
 from .problems import CaseError, from_validation
-from .sweep import SweepTable
+from .sweep import STRUCTURE, SweepTable, parameter_problems, replaced_in
 from .tables import FileName, Path, Problem
 
 
@@ -240,7 +239,7 @@ def _left_by_rows(problems: list[Problem], data: dict[str, Any], sweep: SweepTab
     """Contradictions of a case that neither the first nor the last row of its sweep mends by its values."""
     if not problems or any(problem.path[0] == "sweep" for problem in problems):
         return problems
-    found = rows(sweep)
+    found = sweep.rows()
     for row in (found[0], found[-1]):
         try:
             there = contradictions(CaseTables.model_validate(replaced_in(data, row)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
@@ -18,19 +18,28 @@ from .tables import AnyNames, Name, Problem, Table, by_kind
 
 
 class _Geometry(Table):
-    mesher: ClassVar[Callable[..., Any]]
+    """What makes its mesh is the method `mesh` of what it stands for, or that itself.
+
+    Attributes
+    ----------
+    faults : tuple of str
+        Keys that a structure without damage has not.
+    """
+
+    faults: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
     def mesh_keys(cls) -> list[str]:
         """Keys of [mesh] that have a meaning for it: arguments of what makes its mesh."""
-        return [key for key in Mesh.model_fields if key in inspect.signature(cls.mesher).parameters]
+        arguments = inspect.signature(getattr(cls.made, "mesh", cls.made)).parameters
+        return [key for key in Mesh.model_fields if key in arguments]
 
 
 class BeamGeometry(_Geometry):
     """A beam [0, length] x [0, height] whose clamped end is usually x = 0."""
 
     made: ClassVar = beam.Beam
-    mesher: ClassVar = beam.Beam.mesh
+    faults = ("notches", "cracks")
 
     kind: Literal["beam"] = item(text="a beam with notches and holes")
     length: float = item(text="length", unit="m", gt=0)
@@ -44,7 +53,7 @@ class PlateGeometry(_Geometry):
     """A polygon with holes and cracks."""
 
     made: ClassVar = plate.Plate
-    mesher: ClassVar = plate.Plate.mesh
+    faults = ("cracks",)
 
     kind: Literal["plate"] = item(text="a polygon with holes and cracks")
     outline: Annotated[list[Pair], Field(min_length=3)] = item(
@@ -60,7 +69,7 @@ class PlateGeometry(_Geometry):
 class GmshGeometry(_Geometry):
     """A gmsh model with physical groups: surfaces are materials, curves edge sets, points named points."""
 
-    mesher: ClassVar = reader.read_gmsh
+    made: ClassVar = reader.read_gmsh
 
     kind: Literal["gmsh"] = item(text="a model of gmsh's")
     file: Name = item(

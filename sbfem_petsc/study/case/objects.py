@@ -91,9 +91,7 @@ def mesh(case: Given) -> BoundaryMesh:
     geometry: Any = tables.geometry
     options = {key: getattr(tables.mesh, key) for key in tables.mesh.model_fields_set}
     if geometry.kind == "gmsh":
-        with located(case, "geometry", "file"):
-            file, scale = case.resolve(geometry.file), geometry.scale
-            found = type(geometry).mesher(file, scale=scale, **options)
+        found = made(case, geometry, "geometry", "file", **options)
     else:
         body = made(case, geometry, "geometry")
         points = {name: (x, y) for name, (x, y) in tables.points.items()}

@@ -16,12 +16,10 @@ from ...options import item
 from ...record.about import Quantity
 from ...record.found import Found, column, labelled, of_points
 from ..case import objects
-from ..case.parameters import grid
-from ..case.sweep import Times
+from ..case.sweep import Times, grid
 from ..case.tables import Name, Path, Problem, Table
 from ..costs import FEWEST_MODES, Cost, Size
-from .kind import PERIODIC, Drawn, Loaded, Run
-from .periodic import common_period
+from .kind import Drawn, Forced, Loaded, Run
 
 
 class StartAxis(Table):
@@ -47,12 +45,11 @@ class StartAxis(Table):
             yield "point", f"= {self.point!r} has no meaning for an impulse; leave it out"
 
 
-class Basins(BasinsOptions, Loaded):
+class Basins(BasinsOptions, Forced, Loaded):
     """Which steady state the histories from a grid of initial states settle on."""
 
     kind: Literal["basins"] = item(text="basins of attraction")
     starts: list[StartAxis] = item(text="axes of the grid", min_length=1, max_length=3)
-    signals = PERIODIC
     rubs = oscillates = True
     saved = True
 
@@ -114,9 +111,6 @@ class Basins(BasinsOptions, Loaded):
             for k, axis in enumerate(self.starts)
             if axis.point is not None
         )
-
-    def tones(self, case: Any, path: Path) -> None:
-        common_period(self, case, path)
 
     def found(self, result: Any, points: Sequence[str]) -> Found:
         found = super().found(result, points)

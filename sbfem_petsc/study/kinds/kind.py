@@ -349,6 +349,32 @@ class Loaded(Kind):
         return objects.load(case, self.load, self.factor)
 
 
+class Forced(Kind):
+    """A kind under periodic loads, `load`, with a forcing frequency."""
+
+    signals = PERIODIC
+
+    def tones(self, case: Given, path: Path) -> None:
+        self.common_period(case, path)
+
+    def common_period(self, case: Given, path: Path) -> int:
+        """Forcing periods in the common period of the load and the frequency.
+
+        Raises
+        ------
+        CaseError
+            If there is none.
+        """
+        from ...motion.excitation import common_periods
+        from ...motion.preparation import LONGEST
+
+        keys = vars(self)
+        found = objects.load(case, keys["load"], keys.get("factor", 1.0), keys["frequency"])
+        with objects.located(case, *path, "load"):
+            signals = objects.signals_of(found)
+            return common_periods(signals, keys["frequency"], keys.get("periods"), LONGEST)
+
+
 class Reducible(Kind):
     """A kind whose model may be unreduced.
 

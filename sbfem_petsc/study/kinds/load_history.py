@@ -11,8 +11,7 @@ import sbfem_petsc as sb
 
 from ...analysis.options import LoadHistoryOptions
 from ...options import item
-from ..case.parameters import grid
-from ..case.sweep import Times
+from ..case.sweep import Times, grid
 from ..costs import Cost, Size
 from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted, along, peak_reactions, recorded
 

@@ -9,28 +9,23 @@ import sbfem_petsc as sb
 from ...analysis.options import LoadResponseOptions
 from ...options import item
 from ..case.objects import load
-from ..case.tables import Names, Path
+from ..case.tables import Names
 from ..costs import Cost, Size
 from .frequency_response import Curve, curve_cost
-from .kind import LOAD, PERIODIC, Run
-from .periodic import common_period
+from .kind import LOAD, Forced, Run
 
 
-class LoadResponse(Curve, LoadResponseOptions):
+class LoadResponse(Curve, LoadResponseOptions, Forced):
     """Steady states at a fixed frequency over a factor on the oscillating loads, the damping or the gaps."""
 
     kind: Literal["load_response"] = item(text="response curve over the load")
     load: Names = item(text=LOAD)
     loads_in = ("load",)
-    signals = PERIODIC
     of_reduced = Curve.of_reduced | {"parameter": ("load",)}
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Branch:
         options = self.of(LoadResponseOptions)
         return sb.load_response(model, load(case, self.load), **options, reduction=self.reduction, **run.kept)
-
-    def tones(self, case: Any, path: Path) -> None:
-        common_period(self, case, path)
 
     def cost(self, size: Size) -> Cost:
         taken = size.steady(self, self.frequency, size.highest(self), vectors=False)

@@ -15,14 +15,12 @@ from ...indicators.lines import harmonic_ratios
 from ...options import item
 from ...record.about import Quantity
 from ...record.found import Found, column, labelled, of_points
-from ..case import objects
-from ..case.objects import located
 from ..case.tables import Path
 from ..costs import Cost, Size
 from .kind import (
-    PERIODIC,
     RUBBING,
     Drawn,
+    Forced,
     Kind,
     Loaded,
     Reducible,
@@ -43,7 +41,6 @@ RATIOS = 6
 class Steady(Kind):
     """A kind whose result is one periodic motion."""
 
-    signals = PERIODIC
     moving = saved = True
     details = ("contact_force", "slip", "friction_force", "displacement", "reactions")
     captions = RUBBING | {
@@ -101,7 +98,7 @@ class Steady(Kind):
         yield heading, [(k, *(float(values[k]) for values in levels.values())) for k in orders]
 
 
-class Periodic(Reducible, PeriodicOptions, Steady, Loaded):
+class Periodic(Reducible, PeriodicOptions, Steady, Forced, Loaded):
     """The steady state under periodic loads by shooting; numbers in the load are amplitudes of
     sin(2 pi frequency t)."""
 
@@ -125,7 +122,7 @@ class Periodic(Reducible, PeriodicOptions, Steady, Loaded):
         return sb.periodic(model, self.acting(case), **options, progress=run.progress)
 
     def tones(self, case: Any, path: Path) -> None:
-        periods = common_period(self, case, path)
+        periods = self.common_period(case, path)
         if self.steps is not None and self.steps * periods % self.segments:
             raise case.problem(
                 (*path, "segments"),
@@ -137,24 +134,6 @@ class Periodic(Reducible, PeriodicOptions, Steady, Loaded):
         modes, steps = size.steady(self, self.frequency, size.highest(self))
         cost = steady_cost(size, self, steps * (self.periods or 1), modes)
         return replace(cost, modes=modes, steps=steps)
-
-
-def common_period(table: Any, case: Any, path: Path) -> int:
-    """Forcing periods in the common period of a table's load and its frequency.
-
-    Raises
-    ------
-    CaseError
-        If there is none.
-    """
-    from ...motion.excitation import common_periods
-    from ...motion.preparation import LONGEST
-
-    found = objects.load(case, table.load, getattr(table, "factor", 1.0), table.frequency)
-    with located(case, *path, "load"):
-        return common_periods(
-            objects.signals_of(found), table.frequency, getattr(table, "periods", None), LONGEST
-        )
 
 
 def symbol(found: Found, point: str) -> str:
