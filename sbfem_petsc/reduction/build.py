@@ -306,11 +306,13 @@ def _beside(own: ReducedModel, space: Space) -> ReducedModel | None:
     """
     model = own.model
     assert model is not None  # the caller has looked
+    # vectors behind modes are told of by more of them, which hold them
+    spaces = (OF_MODES,) if space is OF_MODES else (BEHIND, OF_BOTH)
     try:
-        found = model.keep(("left out", own.loads, own.natural, space), lambda: left_out(own, space))
+        found = model.keep(("left out", own.loads, own.natural, spaces), lambda: left_out(own, spaces))
     except ValueError:
         return None
-    return own if found is None else found.beside(own)
+    return found[space].beside(own) if found else own
 
 
 def in_further_modes(system: ReducedModel) -> ReducedModel | None:

@@ -101,8 +101,9 @@ class LeftOut:
         )
 
 
-def left_out(own: ReducedModel, space: Space) -> LeftOut | None:
-    """Of a reduced model in modes alone that has its structure; None where nothing pushes. Collective.
+def left_out(own: ReducedModel, spaces: tuple[Space, ...]) -> dict[Space, LeftOut]:
+    """Of a reduced model in modes alone that has its structure, for some spaces of which each holds those
+    before it; none where nothing pushes. Collective.
 
     Raises
     ------
@@ -113,15 +114,28 @@ def left_out(own: ReducedModel, space: Space) -> LeftOut | None:
     assert model is not None and own.modal is not None  # the caller has looked
     pushes = _patterns(own, model)
     if not pushes.size:
-        return None
-    require_modes(
-        model.statics.elements, pushes.shape[1], len(own.omega) + 3 * space.blocks * pushes.shape[1]
-    )
+        return {}
+    last = spaces[-1]
+    require_modes(model.statics.elements, pushes.shape[1], len(own.omega) + 3 * last.blocks * pushes.shape[1])
     forces = model.load_columns(own.loads).forces
-    with Pencil(model.statics, space.top * float(own.omega.max()), TOLERANCE) as pencil:
-        basis, omega = _vectors(own, model, pencil, (pushes, forces), space)
-        momentum = basis[pencil.owned :].T @ pencil.auxiliary_translation()
-        inertia = _inertia(model, pencil, basis) if space is BEHIND or len(own.edges) else None
+    with Pencil(model.statics, last.top * float(own.omega.max()), TOLERANCE) as pencil:
+        found = _vectors(own, model, pencil, (pushes, forces), spaces)
+        return {space: _of(own, pencil, forces, space, *found[space]) for space in spaces}
+
+
+def _of(
+    own: ReducedModel,
+    pencil: Pencil,
+    forces: np.ndarray,
+    space: Space,
+    basis: np.ndarray,
+    omega: np.ndarray,
+) -> LeftOut:
+    """What a reduced model knows of vectors; forces are those of its unit loads."""
+    model = own.model
+    assert model is not None  # see `left_out`
+    momentum = basis[pencil.owned :].T @ pencil.auxiliary_translation()
+    inertia = _inertia(model, pencil, basis) if space is BEHIND or len(own.edges) else None
     shapes = basis[: pencil.owned]
     translation = summed(model.comm, momentum - shapes.T @ unit_accelerations(model))
     gap, points = model.contact.rows(shapes), model.layout.point_rows(shapes)
@@ -200,8 +214,12 @@ def _patterns(own: ReducedModel, model: Model) -> np.ndarray:
 
 
 def _vectors(
-    own: ReducedModel, model: Model, pencil: Pencil, acting: tuple[np.ndarray, np.ndarray], space: Space
-) -> tuple[np.ndarray, np.ndarray]:
+    own: ReducedModel,
+    model: Model,
+    pencil: Pencil,
+    acting: tuple[np.ndarray, np.ndarray],
+    spaces: tuple[Space, ...],
+) -> dict[Space, tuple[np.ndarray, np.ndarray]]:
     """This rank's rows of the vectors, auxiliary unknowns behind, and their angular frequencies; pushes on
     unit loads and contact rows, and what the former do, act.
     """
@@ -220,7 +238,7 @@ def _vectors(
         forces @ pushes[: len(own.loads)] + model.contact.rows.columns(slice(None)) @ pushes[len(own.loads) :]
     )
     found, heavy = [], []
-    for _ in range(space.blocks):
+    for _ in range(spaces[-1].blocks):
         upper = model.solver.columns(np.asfortranarray(right[:owned]), "reduction")
         block = np.concatenate([upper, right[owned:] / stiff])
         block -= modes @ (summed(model.comm, modes.T @ right) / squares[:, None])
@@ -235,14 +253,19 @@ def _vectors(
         basis.T @ np.concatenate(heavy, axis=1),
     )
     stiffness, mass = (0.5 * (gram + gram.T) for gram in (summed(model.comm, part) for part in grams))
-    sizes = np.sqrt(np.diag(stiffness))
-    values, axes = np.linalg.eigh(stiffness / sizes / sizes[:, None])
-    kept = values > ROUNDING * values[-1]
-    axes = axes[:, kept] / np.sqrt(values[kept]) / sizes[:, None]
-    inverse, turns = np.linalg.eigh(axes.T @ mass @ axes)
-    first = max(LEAST, int((inverse * (space.top * own.omega.max()) ** 2 > 1.0).sum()))
-    omega = 1.0 / np.sqrt(inverse[::-1][:first])
-    return basis @ (axes @ turns[:, ::-1][:, :first]) * omega, omega
+
+    def of(space: Space) -> tuple[np.ndarray, np.ndarray]:
+        part = slice(space.blocks * pushes.shape[1])
+        sizes = np.sqrt(np.diag(stiffness)[part])
+        values, axes = np.linalg.eigh(stiffness[part, part] / sizes / sizes[:, None])
+        kept = values > ROUNDING * values[-1]
+        axes = axes[:, kept] / np.sqrt(values[kept]) / sizes[:, None]
+        inverse, turns = np.linalg.eigh(axes.T @ mass[part, part] @ axes)
+        first = max(LEAST, int((inverse * (space.top * own.omega.max()) ** 2 > 1.0).sum()))
+        omega = 1.0 / np.sqrt(inverse[::-1][:first])
+        return basis[:, part] @ (axes @ turns[:, ::-1][:, :first]) * omega, omega
+
+    return {space: of(space) for space in spaces}
 
 
 def _inertia(model: Model, pencil: Pencil, basis: np.ndarray) -> np.ndarray:
