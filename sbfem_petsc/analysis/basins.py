@@ -11,7 +11,6 @@ from ..contact.repeating import Patience
 from ..continuation.attraction import Attraction
 from ..continuation.basins import Basins, StartAxis, count_of, initial_states, state_of
 from ..continuation.orbit import Orbit, require_at
-from ..errors import SolveError, on_all_ranks
 from ..motion.loading import communicator
 from ..motion.preparation import PeriodSettings, beginning, check_guess, prepare, refuse_falling
 from ..petsc import MPI
@@ -120,10 +119,7 @@ def basins(
             attraction.add(orbit)
     flat = states.reshape(-1, states.shape[-1])
     with progress_bar(ranks, "basins", progress) as report:
-        try:
-            reached, periods = attraction.follow(flat, report)
-        except SolveError as error:
-            raise on_all_ranks(error) from None
+        reached, periods = attraction.follow(flat, report)
     shape, moving = states.shape[:-1], states[..., : 2 * period.modes]
     return Basins(
         frequency, tuple(attraction.orbits), reached.reshape(shape), periods.reshape(shape), moving, axes

@@ -18,7 +18,7 @@ from ..ranks.parallel import collective
 from ..system.model import Model
 from .analysis import analysis
 from .options import ErrorOptions
-from .transient import by_functions, distance, transient
+from .transient import distance, kind_of, transient
 
 # Relative difference of a history that is made again from a file on other ranks: 2e-12 was met.
 REPEATED = 1e-6
@@ -76,13 +76,13 @@ def estimate_error(
     with collective(model.comm):
         instance("estimate_error", "history", history, History, "a History")
         modes, every = _kept_of(model, history)
+        modal = kind_of(initial) == "modal"
         if decimation is not None and every != decimation:
             raise ValueError(
                 f"estimate_error: decimation = {decimation!r} is not that of the history, which keeps every "
                 f"{every} steps"
             )
     duration = float(history.time[-1])
-    modal = isinstance(initial, tuple) and not by_functions(initial)
 
     def again(finer: int, more: int) -> History:
         return transient(

@@ -257,10 +257,8 @@ def _state_size(model: Model) -> float:
     """Bytes that a static solution keeps on this rank, about: the fields of displacement and forces, by nodes
     and by unknowns, what belongs to the contact rows, and Python's own.
     """
-    nodes, unknowns = (
-        len(model.layout.part.nodes),
-        model.layout.owned.stop - model.layout.owned.start,
-    )
+    layout = model.layout
+    nodes, unknowns = len(layout.part.nodes), layout.owned.stop - layout.owned.start
     return 8.0 * (4 * nodes + 2 * unknowns + 6 * model.contact.pairs) + 6000.0
 
 

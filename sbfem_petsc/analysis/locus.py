@@ -17,15 +17,7 @@ from ..continuation.follow import CLOSED
 from ..continuation.line_file import LineFile
 from ..continuation.multipliers import eigenvalues
 from ..continuation.problems.driven_orbits import Family, OpenRowFamily
-from ..continuation.problems.locus import (
-    AT_END,
-    KINDS,
-    PACE,
-    Locus,
-    find_grazing,
-    follow_locus,
-    grazing_row,
-)
+from ..continuation.problems.locus import AT_END, KINDS, PACE, Locus, find_grazing, follow_locus, grazing_row
 from ..errors import SolveError, warn
 from ..motion.preparation import refuse_falling
 from ..progress import Progress

@@ -190,6 +190,29 @@ class _Task:
     search: Search | None
     progress: Progress
 
+    def found(
+        self, settings: PeriodSettings, period: Period, state: np.ndarray, derivative: np.ndarray | None
+    ) -> tuple[FixedPoint, str]:
+        """The motion near a state, where its derivative may about be known, in so many times the steps as
+        contact asks for.
+        """
+        find = functools.partial(
+            find_steady_state, jacobian=settings.jacobian, search=self.search, progress=self.progress
+        )
+        driven, known, path = period.at(self.frequency), None, "Newton"
+        if derivative is not None:
+            near = functools.partial(shoot, driven, state, settings.jacobian, near=derivative)
+            known = attempt(near, SolveError)
+        if known is None:
+            known, path = find(driven, state, multiples=settings.periods is None)
+        fixed = known
+        period = fixed.driven.period
+        most = period.steps * (MOST if settings.steps is None else 1)
+        while (times := _times_more(fixed, most)) > 1:
+            period = finer("periodic", period, times)
+            fixed, path = find(period.at(self.frequency), fixed.state, multiples=False)
+        return fixed, path
+
 
 def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
     """The orbit at given steps, or in as many modes and steps as an accuracy asks for."""
@@ -213,7 +236,7 @@ def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
                 derivative = fixed.monodromy
         else:
             state = begun(guess, driven)
-        fixed, path = _found(way, settings, period, state, derivative)
+        fixed, path = way.found(settings, period, state, derivative)
         path = path if near is None else first
         return Told(fixed.driven.period, (fixed, path), harmonic_error_estimates(fixed))
 
@@ -227,34 +250,6 @@ def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
     if not tells_stability("periodic", period, task.stability):
         return make_orbit(fixed, np.zeros(0, dtype=complex), math.nan, path, told)
     return make_orbit(fixed, *orbit_stability(fixed), path, told)
-
-
-def _found(
-    task: _Task,
-    settings: PeriodSettings,
-    period: Period,
-    state: np.ndarray,
-    derivative: np.ndarray | None = None,
-) -> tuple[FixedPoint, str]:
-    """The motion near a state, where its derivative may about be known, in so many times the steps as contact
-    asks for.
-    """
-    find = functools.partial(
-        find_steady_state, jacobian=settings.jacobian, search=task.search, progress=task.progress
-    )
-    driven, known, path = period.at(task.frequency), None, "Newton"
-    if derivative is not None:
-        near = functools.partial(shoot, driven, state, settings.jacobian, near=derivative)
-        known = attempt(near, SolveError)
-    if known is None:
-        known, path = find(driven, state, multiples=settings.periods is None)
-    fixed = known
-    period = fixed.driven.period
-    most = period.steps * (MOST if settings.steps is None else 1)
-    while (times := _times_more(fixed, most)) > 1:
-        period = finer("periodic", period, times)
-        fixed, path = find(period.at(task.frequency), fixed.state, multiples=False)
-    return fixed, path
 
 
 def _times_more(fixed: FixedPoint, most: int) -> int:

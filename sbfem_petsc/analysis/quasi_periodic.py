@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -30,13 +29,14 @@ from ..continuation.problems.tones import (
     warn_if_unresolved,
 )
 from ..continuation.problems.torus import Torus, exponents, line_error_estimates
-from ..errors import SolveError, on_all_ranks, warn
+from ..errors import failed_solve, warn
 from ..motion.contact_work import MOST, times_more, warn_of_contact_work
 from ..motion.excitation import Excitation
 from ..motion.loading import Loading, communicator, loading
 from ..motion.preparation import (
     PeriodSettings,
     beginning,
+    check_guess,
     following,
     prepare,
     refuse_falling,
@@ -52,10 +52,6 @@ from ..system.model import Model
 from .analysis import analysis
 from .options import QuasiPeriodicOptions
 
-_OTHER = (
-    "quasi_periodic: guess belongs to another model or number of modes ({}, not {}); give one of the same "
-    "model"
-)
 # What an accuracy is of, in sentences.
 LINES = Words("lines m f1 + n f2 with |m| + |n| = 1 to 4", " a period of the faster tone")
 _Told = Told[Torus, Point]
@@ -154,10 +150,7 @@ def quasi_periodic(
     settings = PeriodSettings(None, steps, modes, accuracy=accuracy)
     settings = beginning(following(settings, model, MOST_OF_MANY), guess)
     aim = Accuracy("quasi_periodic", model, settings, LINES)
-    try:
-        torus, point, errors = aim.reached(tones.prepared, functools.partial(tones.found, settings, guess))
-    except SolveError as error:
-        raise on_all_ranks(error) from None
+    torus, point, errors = aim.reached(tones.prepared, functools.partial(tones.found, settings, guess))
     aim.tell(torus, errors)
     reduced = torus.reduced
     growth, curve = np.zeros(0), point.state
@@ -196,7 +189,7 @@ class _TwoTones(NamedTuple):
         what, fastest = "quasi_periodic", highest(self.driven, self.frequencies)
         reduced = serving(what, self.model, self.loads, settings, fastest)
         refuse_falling(what, reduced.friction)
-        steps = _steps(reduced, self.driven, self.frequencies, self.samples, settings)
+        steps = self._steps(reduced, settings)
         require_compiler(what, self.model.comm)
         return self._torus(reduced, steps)
 
@@ -207,13 +200,14 @@ class _TwoTones(NamedTuple):
         error that is told of its lines, nan where no accuracy is asked for. Collective.
         """
         states = None
-        with collective(self.model.comm):
-            if near is not None:
-                states = self._begin(near.found.state.states - near.where.linear, near.where.reduced, torus)
-            elif guess is not None:
-                states = self._begin(guess.states, guess.reduced, torus)
+        if near is not None:
+            states = in_modes(near.found.state.states - near.where.linear, near.where.reduced, torus.reduced)
+        elif guess is not None:
+            with collective(self.model.comm):
+                check_guess("quasi_periodic", guess, torus.reduced, carried=True)
+            states = resampled(in_modes(guess.states, guess.reduced, torus.reduced), self.samples)
         steps, most = torus.period.steps, MOST if settings.steps is None else 1
-        torus, point = _solved(torus, functools.partial(self._torus, torus.reduced), states, most * steps)
+        torus, point = self._solved(torus, states, most * steps)
         errors = np.full((1, LOWEST), np.nan)
         if settings.accuracy is not None:
             errors = line_error_estimates(torus, point, self._torus)
@@ -225,48 +219,30 @@ class _TwoTones(NamedTuple):
         require_room("quasi_periodic", reduced, comm, samples=self.samples, steps=steps, orders=orders)
         return Torus(reduced, self.driven, self.frequencies, samples=self.samples, steps=steps, comm=comm)
 
-    def _begin(self, states: np.ndarray, old: ReducedModel, torus: Torus) -> np.ndarray:
-        """A curve to begin from at the phases wanted, if it is one of the same model."""
-        reduced = torus.reduced
-        if old is not reduced and (reduced.model is None or old.model is not reduced.model):
-            raise ValueError(_OTHER.format(old.in_words, reduced.in_words))
-        return resampled(in_modes(states, old, reduced), self.samples)
+    def _solved(self, torus: Torus, states: np.ndarray | None, most: int) -> tuple[Torus, Point]:
+        """The map, of so many steps at most, and its invariant curve near a guess. Collective."""
+        while True:
+            point = torus.solve(states if states is None else states + torus.linear)
+            count, work = torus.period.steps, torus.contact_work(point.state.motions)
+            times = times_more(work, count, most)
+            if times == 1:
+                warn_of_contact_work("quasi_periodic", work, count)
+                return torus, point
+            states = point.state.states - torus.linear
+            torus = self._torus(torus.reduced, times * count)
 
-
-def _solved(
-    torus: Torus, make: Callable[[int], Torus], states: np.ndarray | None, most: int
-) -> tuple[Torus, Point]:
-    """The map, of so many steps at most, and its invariant curve near a guess. Collective."""
-    while True:
-        point, count = torus.solve(states if states is None else states + torus.linear), torus.period.steps
-        work = torus.contact_work(point.state.motions)
-        times = times_more(work, count, most)
-        if times == 1:
-            warn_of_contact_work("quasi_periodic", work, count)
-            return torus, point
-        states, torus = point.state.states - torus.linear, make(times * count)
-
-
-def _steps(
-    reduced: ReducedModel,
-    driven: tuple[Excitation, Excitation],
-    frequencies: tuple[float, float],
-    samples: int,
-    settings: PeriodSettings,
-) -> int:
-    """Time steps in a period of the faster tone; a warning where they or the samples given are few."""
-    contact, fastest = len(reduced.initial_gap) > 0, highest(driven, frequencies)
-    slow = int(driven[1].orders.max())
-    if contact and samples // 2 < 2 * slow:
-        warn(
-            f"quasi_periodic: {samples} samples resolve multiples up to {samples // 2} of "
-            f"{frequencies[1]:g} Hz, of which the loads have multiple {slow}; at least {4 * slow + 1} are "
-            "advisable",
-            StepWarning,
-        )
-    return steps_of(
-        "quasi_periodic", reduced, settings, (frequencies[0], fastest), "period of the faster tone"
-    )
+    def _steps(self, reduced: ReducedModel, settings: PeriodSettings) -> int:
+        """Time steps in a period of the faster tone; a warning where they or the samples given are few."""
+        (fast, slow), order = self.frequencies, int(self.driven[1].orders.max())
+        if len(reduced.initial_gap) and self.samples // 2 < 2 * order:
+            warn(
+                f"quasi_periodic: {self.samples} samples resolve multiples up to {self.samples // 2} of "
+                f"{slow:g} Hz, of which the loads have multiple {order}; at least {4 * order + 1} are "
+                "advisable",
+                StepWarning,
+            )
+        fastest = highest(self.driven, self.frequencies)
+        return steps_of("quasi_periodic", reduced, settings, (fast, fastest), "period of the faster tone")
 
 
 def _checked(frequencies, samples: int, guess: QuasiPeriodic | None) -> tuple[float, float] | float:
@@ -321,18 +297,18 @@ def _with_own_tone(
     refuse_falling("quasi_periodic", period.friction)
     with collective(comm):
         if period.unknowns != begin.states.shape[1]:
-            raise ValueError(_OTHER.format(begin.reduced.in_words, period.reduced.in_words))
+            raise ValueError(
+                "quasi_periodic: guess belongs to another model or number of modes "
+                f"({begin.reduced.in_words}, not {period.reduced.in_words}); give one of the same model"
+            )
     own = OwnTone(period, "frequency", None, samples, comm)
     known = resampled(begin.states + begin.own.driven(own_curve(begin)[-1]).linear_state, samples)
     u = np.append(known.ravel(), [begin.frequencies[1] / begin.frequencies[0], first * periods])
     swing = float(np.linalg.norm(known - known.mean(axis=0))) / math.sqrt(samples)
-    try:
-        point = curve_near(own, u)
-        if point.state.swing < SHRUNK * swing:
-            raise SolveError(
-                f"quasi_periodic: at {first:g} Hz the iteration ends at the periodic motion, which has no "
-                "tone of its own; take a frequency nearer to that of guess, or quasi_periodic_response"
-            )
-        return own_motion(point, stability)
-    except SolveError as error:
-        raise on_all_ranks(error) from None
+    point = curve_near(own, u)
+    if point.state.swing < SHRUNK * swing:
+        raise failed_solve(
+            f"quasi_periodic: at {first:g} Hz the iteration ends at the periodic motion, which has no tone "
+            "of its own; take a frequency nearer to that of guess, or quasi_periodic_response"
+        )
+    return own_motion(point, stability)

@@ -12,7 +12,6 @@ from ..continuation.line_file import LineFile
 from ..continuation.problems.curve_branch import PACE, QuasiPeriodicBranch, follow_curves, line_from
 from ..continuation.problems.own_tone import Curves, curve_near
 from ..continuation.problems.tones import QuasiPeriodic, own_curve
-from ..errors import SolveError, on_all_ranks
 from ..progress import Progress
 from ..ranks.parallel import collective
 from .analysis import analysis
@@ -99,8 +98,5 @@ def quasi_periodic_response(
         own = replace(own, period=period)
         finer = own.finer(what)
         line = run.line(Curves(own, known, finer))
-        try:
-            line = line or line_from(curve_near(own, known, finer=finer), growing)
-            return follow_curves(line, stop, pace, stability=stability, run=run)
-        except SolveError as error:
-            raise on_all_ranks(error) from None
+        line = line or line_from(curve_near(own, known, finer=finer), growing)
+        return follow_curves(line, stop, pace, stability=stability, run=run)

@@ -156,9 +156,9 @@ def frequency_response(
         period, branch, errors = aim.reached(prepared, found)
         aim.tell(period, errors)
         return branch
-    asked = BranchSettings(points, largest_step or math.inf, stability is not False)
-    run = _Run(model, load, over, settings, guess, asked, file, resume, progress)
-    return run.followed(reduction, stability)
+    asked = BranchSettings(points, largest_step or math.inf)
+    run = _Run(model, load, over, settings, guess, asked, stability, file, resume, progress)
+    return run.followed(reduction)
 
 
 @analysis(LoadResponseOptions, rubs=True)
@@ -202,9 +202,9 @@ def load_response(
     """
     over = ParameterRange(parameter, start, stop, frequency)
     settings = PeriodSettings(periods, steps, modes, accuracy=accuracy, vectors=False)
-    asked = BranchSettings(points, largest_step or math.inf, stability is not False)
-    run = _Run(model, load, over, settings, guess, asked, file, resume, progress)
-    return run.followed(reduction, stability)
+    asked = BranchSettings(points, largest_step or math.inf)
+    run = _Run(model, load, over, settings, guess, asked, stability, file, resume, progress)
+    return run.followed(reduction)
 
 
 @dataclass(frozen=True)
@@ -217,6 +217,7 @@ class _Run:
     settings: PeriodSettings
     guess: Orbit | None
     asked: BranchSettings
+    stability: bool | None
     file: str | None
     resume: bool
     progress: Progress
@@ -264,39 +265,35 @@ class _Run:
                 settings = replace(settings, steps=settings.steps or own)
         return replace(self, settings=settings, asked=asked)
 
-    def followed(self, reduction: object, stability: bool | None) -> Branch:
+    def followed(self, reduction: object) -> Branch:
         """Of the model as it is or of a reduced one."""
         what = self.over.owner
         with collective(self.comm):
             check_reduction(what, reduction, self.model)
         if reduction is None:
-            return self._unreduced(stability)
+            return self._unreduced()
         with collective(self.comm):
             require_at(what, "guess", self.guess, self.begins, self.settings.periods)
         begun = self._begun()
         accuracy = Accuracy(what, self.model, begun.settings)
         with self.kept() as file:
-            curve = _Curve(begun, self.conditions(), stability, accuracy, file)
+            curve = _Curve(begun, self.conditions(), accuracy, file)
             period, followed, errors = accuracy.reached(curve.prepared, curve.found)
             if period is not curve.period:  # it was lost in another
                 curve.anew(period)
             return followed.ended(file, accuracy.tell(period, errors))
 
-    def _unreduced(self, stability: bool | None) -> Branch:
+    def _unreduced(self) -> Branch:
         what, over = self.over.owner, self.over
-        with collective(self.comm):
+        given = {
             # damping and gaps are in the model's matrices
-            given = {"parameter": over.name} if over.name in ("damping", "gap") else {}
-            require_unreduced(
-                what,
-                self.model,
-                {
-                    **given,
-                    "guess": self.guess,
-                    "stability": stability or None,
-                    "accuracy": self.settings.accuracy,
-                },
-            )
+            "parameter": over.name if over.name in ("damping", "gap") else None,
+            "guess": self.guess,
+            "stability": self.stability or None,
+            "accuracy": self.settings.accuracy,
+        }
+        with collective(self.comm):
+            require_unreduced(what, self.model, given)
         assert isinstance(self.model, Model)
         settings = replace(self.settings, periods=self.settings.periods or 1)
         with (
@@ -322,19 +319,13 @@ class _Curve:
 
     run: _Run
     conditions: dict[str, Any]
-    stability: bool | None
     accuracy: Accuracy
     file: LineFile
     period: Period | None = None
 
-    @property
-    def what(self) -> str:
-        """The analysis, for messages."""
-        return self.run.over.owner
-
     def _mapped(self, settings: PeriodSettings) -> Period:
         run = self.run
-        return prepare(self.what, run.model, run.load, run.begins, settings=settings, guess=run.guess)
+        return prepare(run.over.owner, run.model, run.load, run.begins, settings=settings, guess=run.guess)
 
     def prepared(self, settings: PeriodSettings, near: _Told | None) -> Period:
         """The map in which the worst point of a curve is accurate; the first one is that of a run that is
@@ -357,10 +348,10 @@ class _Curve:
 
     def found(self, period: Period, near: _Told | None) -> _Told:
         """The curve in a map, and the errors of its worst point."""
-        run, what = self.run, self.what
+        run, what = self.run, self.run.over.owner
         if near is not None and period is near.where:  # there is no memory for more
             return near
-        asked = replace(run.asked, stability=tells_stability(what, period, self.stability))
+        asked = replace(run.asked, stability=tells_stability(what, period, run.stability))
         most = MOST if run.settings.steps is None else 1
         asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
         if self.period is None:  # in the steps of the file where none are asked for
@@ -382,7 +373,7 @@ class _Curve:
 
     def anew(self, period: Period) -> None:
         """Begin its file again, in another map."""
-        self.period = self.file.anew(self.what, period)
+        self.period = self.file.anew(self.run.over.owner, period)
 
 
 def _first(period: Period, over: ParameterRange, guess: Orbit | None) -> np.ndarray:

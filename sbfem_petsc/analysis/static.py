@@ -53,11 +53,7 @@ def static(model: Model, load, *, contact: bool = True, accuracy: float | None =
 def static(model: ReducedModel, load, *, contact: bool = True) -> ReducedStatic: ...
 @analysis(StaticOptions, rubs=True)
 def static(
-    model: Model | ReducedModel,
-    load,
-    *,
-    contact: bool = True,
-    accuracy: float | None = None,
+    model: Model | ReducedModel, load, *, contact: bool = True, accuracy: float | None = None
 ) -> Static | ReducedStatic:
     """Static displacement under constant loads.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,10 +16,9 @@ from ..loads import Load, Loads
 from ..motion.integration import Steps
 from ..motion.loading import amplitudes_only, communicator, loading
 from ..motion.period_map import Period
-from ..motion.preparation import PeriodSettings, check_guess, following, prepare, serving
+from ..motion.preparation import PeriodSettings, check_guess, following, prepare, serving, steps_of
 from ..motion.reduced_history import ReducedIntegrator
 from ..motion.states import ModalStates
-from ..motion.step_plan import contact_steps
 from ..motion.swept import SweptResponse, cycle_ends, directions, over_cycles, settling_cycles, swept_motion
 from ..progress import Progress, progress_bar
 from ..ranks.capacity import require_memory
@@ -114,10 +114,8 @@ def swept_response(
     else:
         period, told = _accurate(model, load, (start, stop), settings)
         reduced, least = period.reduced, max(least, period.steps)
-    if steps is None:
-        steps = least
-        if len(reduced.initial_gap):
-            steps = max(steps, contact_steps(reduced, highest))
+    asked = replace(settings, least=least)
+    steps = steps_of(what, reduced, asked, (highest, highest), "period of the higher frequency")
     count = math.ceil(duration * highest * steps)
     if count > LONGEST:
         raise wrong_input(f"{what}: duration = {duration:g} s takes {count:.3g} steps; shorten it")

@@ -169,19 +169,21 @@ def transient(
             raise ValueError(
                 "transient: in_memory = False needs a file to hold the history, file = 'history.journal'"
             )
-        check_initial(initial, unreduced)
-        loads = loading("transient", model, load)
-        loads = loads.over("transient", duration, isinstance(initial, str) and initial == "rest")
-        _check_accuracy(accuracy, unreduced, initial)
+        begun = kind_of(initial)
+        if begun == "modal" and unreduced:
+            raise ValueError(
+                "transient: initial in modal coordinates is for the reduced model; give functions of x and y"
+            )
+        loads = loading("transient", model, load).over("transient", duration, begun == "rest")
+        if accuracy is not None and (unreduced or begun == "modal"):
+            raise ValueError(
+                f"transient: accuracy = {accuracy:g} is for the reduced model from a state that is not given "
+                "in modal coordinates: leave it out"
+            )
     require_compiler("transient", comm)
     if accuracy is not None:
-        given: dict[str, Any] = {
-            "contact": contact,
-            "scheme": scheme,
-            "initial": initial,
-            "progress": progress,
-        }
-        again = functools.partial(transient, load=load, duration=duration, **given)
+        given: dict[str, Any] = {"contact": contact, "scheme": scheme, "initial": initial}
+        again = functools.partial(transient, load=load, duration=duration, progress=progress, **given)
         recorded = {"decimation": decimation, "file": file, "resume": resume, "in_memory": in_memory}
         return _accurate(model, loads, (accuracy, modes, step), again, recorded)
     with contextlib.ExitStack() as stack:
@@ -194,7 +196,7 @@ def transient(
             asked = PeriodSettings(modes=modes)
             served = serving("transient", model, loads, asked, loads.highest_frequency)
             problem = _reduced(record.adopt(served), loads, initial, contact, scheme)
-        count, step, every = _planned(problem, duration, step, decimation, record.former)
+        count, step, every = _planned(problem, step, decimation, record.former)
         integration = "implicit" if unreduced else scheme
         steps = Steps(count, step, contact, integration, every)
         require_room(comm, steps, problem.row, file, in_memory=in_memory, former=record.former)
@@ -202,7 +204,7 @@ def transient(
         integrator = problem.integrator(steps, stack)
         first = integrator.first()
         record.begin(loads.signals, integrator, first)
-        history = _integrated(integrator, steps, first, record, report)
+        history = _integrated(integrator, first, record, report)
     if isinstance(integrator, ReducedIntegrator):
         _warn_of_work(integrator, history)
         _warn_if_long(step, problem.highest, history)
@@ -317,7 +319,7 @@ def _reduced(reduced: ReducedModel, loads: Loading, initial: Any, contact: bool,
     highest = float(reduced.frequencies[-1]) if limited else 0.0
     if loads.jumps and not limited:  # a step that ends at a jump is exact: those behind it only tell of it
         highest = moved_up_to(reduced, loads)
-    if isinstance(initial, tuple) and by_functions(initial):
+    if kind_of(initial) == "functions":
         initial = modal_start(reduced, initial)
 
     def integrator(steps: Steps, _: contextlib.ExitStack) -> ReducedIntegrator:
@@ -337,8 +339,7 @@ def _unreduced(
     highest = float(model.modes(damped).frequencies[-1]) if limited else 0.0
 
     def integrator(steps: Steps, stack: contextlib.ExitStack) -> UnreducedIntegrator:
-        asked = {"steps": steps, "initial": initial, "modes": damped}
-        made = stack.enter_context(UnreducedIntegrator(model, loads.units, loads.signals, **asked))
+        made = UnreducedIntegrator(model, loads, stack, steps=steps, initial=initial, modes=damped)
         warn_of_unreduced("transient", model, loads, damped)
         return made
 
@@ -346,49 +347,32 @@ def _unreduced(
 
 
 def _integrated(
-    integrator: Integrator,
-    steps: Steps,
-    first: History,
-    recorder: HistoryFile,
-    report: Callable[[float], None],
+    integrator: Integrator, first: History, recorder: HistoryFile, report: Callable[[float], None]
 ) -> History:
     """Advance a system over all steps."""
-    done, rows, former = 0, first.instants(), recorder.resume()
-    kept: Rows | None = None
+    behind, begin_with, former = 0, first.instants(), recorder.resume()
+    kept: Rows = {}
     if recorder.in_memory:  # made at once, so that nothing is held twice
-        kept = {name: np.empty((steps.kept, *values.shape[1:])) for name, values in rows.items()}
+        count = integrator.steps.kept
+        kept = {name: np.empty((count, *values.shape[1:])) for name, values in begin_with.items()}
     if former is not None:
-        done, rows, checkpoint = former
+        behind, begin_with, checkpoint = former
         integrator.restore(checkpoint)
-    else:
-        recorder.append(0, rows, integrator)
-    filled = _fill(kept, rows, 0)
-    for after, rows in chunks(integrator, steps, report, done):
-        filled = _fill(kept, rows, filled)
-        recorder.append(after, rows, integrator)
-    found = recorder.recorded() if kept is None else kept
-    return of_instants(first, found, exchanges=integrator.exchanges)
-
-
-def _fill(kept: Rows | None, rows: Rows, first: int) -> int:
-    """Put rows in their place; the number of rows so far."""
-    if kept is None:
-        return 0
-    last = first + len(rows["time"])
-    for name, values in rows.items():
-        kept[name][first:last] = values
-    return last
+    last = 0
+    for done, rows in chunks(integrator, begin_with, report, behind):
+        begin, last = last, last + len(rows.get("time", ()))
+        for name, values in kept.items():
+            values[begin:last] = rows[name]
+        if former is None or done > behind:
+            recorder.append(done, rows, integrator)
+    return of_instants(first, kept or recorder.recorded(), exchanges=integrator.exchanges)
 
 
 def _planned(
-    problem: _Problem,
-    duration: float,
-    step: float | None,
-    decimation: int | None,
-    former: Steps | None,
+    problem: _Problem, step: float | None, decimation: int | None, former: Steps | None
 ) -> tuple[int, float, int]:
     """Number of steps, the step, and every how many are kept."""
-    fastest = problem.loads.highest_frequency
+    fastest, duration = problem.loads.highest_frequency, problem.loads.duration
     if step is None and former is None:
         step = default_step(duration, fastest, problem.highest)
     count, step, every = plan_steps(duration, step, decimation, problem.row, former)
@@ -431,33 +415,19 @@ def _warn_if_long(step: float, highest: float, history: History) -> None:
         )
 
 
-def _check_accuracy(accuracy: float | None, unreduced: bool, initial: Any) -> None:
-    """Raise unless there are modes that may become more."""
-    if accuracy is not None and (unreduced or (isinstance(initial, tuple) and not by_functions(initial))):
-        raise ValueError(
-            f"transient: accuracy = {accuracy:g} is for the reduced model from a state that is not given in "
-            "modal coordinates: leave it out"
-        )
-
-
-def check_initial(initial: Any, unreduced: bool) -> None:
-    """Raise unless it is a word, two functions, or two arrays for the modes of a reduced model."""
+def kind_of(initial: Any) -> str:
+    """What an initial state is: "rest", "equilibrium", two "functions" of position, or two "modal" arrays;
+    ValueError or TypeError for anything else.
+    """
     if not isinstance(initial, tuple):
-        choice("transient", "initial", initial, ("rest", "equilibrium"))
-    elif len(initial) != 2:
+        return str(choice("transient", "initial", initial, ("rest", "equilibrium")))
+    if len(initial) != 2:
         raise ValueError(f"transient: initial = {shown(initial)} must be two functions or two arrays")
-    elif not by_functions(initial):
-        sizes = [len(real_array("transient", f"initial[{k}]", part, 1)) for k, part in enumerate(initial)]
-        if sizes[0] != sizes[1]:
-            raise ValueError(
-                f"transient: initial has {sizes[0]} modal coordinates and {sizes[1]} velocities; give as many"
-            )
-        if unreduced:
-            raise ValueError(
-                "transient: initial in modal coordinates is for the reduced model; give functions of x and y"
-            )
-
-
-def by_functions(initial: tuple) -> bool:
-    """Whether an initial state is given as functions of position."""
-    return all(part is None or callable(part) for part in initial)
+    if all(part is None or callable(part) for part in initial):
+        return "functions"
+    sizes = [len(real_array("transient", f"initial[{k}]", part, 1)) for k, part in enumerate(initial)]
+    if sizes[0] != sizes[1]:
+        raise ValueError(
+            f"transient: initial has {sizes[0]} modal coordinates and {sizes[1]} velocities; give as many"
+        )
+    return "modal"

@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..contact.repeating import REPEATS, UNSOLVED, Known, Patience, settle
-from ..errors import SolveError
+from ..errors import SolveError, failed_solve
 from ..motion.period_map import Period
 from ..petsc import MPI
 from ..progress import silent
@@ -121,7 +121,7 @@ class Attraction:
             self.comm.Allreduce(MPI.IN_PLACE, array)
         if (outcome == UNSOLVED).any():
             first = int(np.flatnonzero(outcome == UNSOLVED)[0])
-            raise SolveError(
+            raise failed_solve(
                 f"basins: a contact problem was not solved in period {periods[first] + 1} of a history; use "
                 "more steps, or pairs of like size"
             )

@@ -40,18 +40,15 @@ class StepsTooLong(Exception):
 
 
 def contact_work(driven: DrivenPeriod, motion: PeriodMotion) -> float:
-    """Works of contact in the steps, taken positive, relative to what the loads and the modes exchange."""
-    total = float(abs(motion.work).sum())
-    exchanged = _exchanged(driven, motion) if total else 0.0
-    return total / exchanged if exchanged else 0.0  # at rest
-
-
-def _exchanged(driven: DrivenPeriod, motion: PeriodMotion) -> float:
-    """Energy that goes to and fro between the oscillating loads and the modes over a period, J: the sum of
-    what passes, whichever way, in each mode and step.
+    """Works of contact in the steps, taken positive, relative to what goes to and fro between the oscillating
+    loads and the modes: the sum of what passes, whichever way, in each mode and step.
     """
+    total = float(abs(motion.work).sum())
+    if not total:
+        return 0.0
     forces, velocities = driven.oscillations()
-    return float(np.abs(forces * (velocities + motion.velocities))[:-1].sum()) * driven.step
+    exchanged = float(np.abs(forces * (velocities + motion.velocities))[:-1].sum()) * driven.step
+    return total / exchanged if exchanged else 0.0  # at rest
 
 
 def times_more(work: float, steps: int, most: int) -> int:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..errors import wrong_input
-from ..petsc import MPI
+from ..petsc import summed
 from ..ranks.parallel import collective
 from ..reduction.reduced_model import ReducedModel
 from ..selement.basis import shape_functions
@@ -15,7 +15,6 @@ from ..selement.coefficients import edge_nodes
 from ..selement.interior_motion import interior_fields
 from ..system.elements.elements import Elements
 from ..system.elements.shapes import Group
-from ..system.solve.modal_result import Modal
 from ..system.solve.pencil import Pencil
 
 # Gauss points along the radius, for functions that cells resolve.
@@ -134,22 +133,6 @@ def _values(function: Callable, places: np.ndarray, what: str) -> np.ndarray:
     return field
 
 
-def full_shapes(pencil: Pencil, found: Modal) -> np.ndarray:
-    """(local unknowns of the pencil, n): modes with their auxiliary unknowns, by the lower half of (K -
-    omega^2 M) phi = 0.
-    """
-    upper, lower = pencil.coupling.createVecs()[::-1]
-    shapes = np.zeros((pencil.owned + lower.getLocalSize(), len(found.frequencies)), order="F")
-    shapes[: pencil.owned] = found.shapes
-    for k, value in enumerate((2.0 * np.pi * found.frequencies) ** 2):
-        upper.array = found.shapes[:, k]
-        pencil.coupling.multTranspose(upper, lower)
-        shapes[pencil.owned :, k] = value * lower.array_r / pencil.auxiliary_diagonal(value)
-    upper.destroy()
-    lower.destroy()
-    return shapes
-
-
 def modal_start(reduced: ReducedModel, initial: tuple) -> tuple[np.ndarray, np.ndarray]:
     """Modal coordinates and velocities of functions of position: integrals of density times mode times
     function, over the inside of the S-elements as well; what stands for further modes rests.
@@ -165,10 +148,9 @@ def modal_start(reduced: ReducedModel, initial: tuple) -> tuple[np.ndarray, np.n
             "transient: initial by functions of x and y needs a model; give modal coordinates (q, v)"
         )
     with Pencil(model.statics, 1.0, 0.0) as pencil:
-        shapes, result = full_shapes(pencil, found), []
+        shapes, result = pencil.full_shapes(found.shapes, 2.0 * np.pi * found.frequencies), []
         for function, what in zip(initial, ("displacement", "velocity")):
-            q = shapes.T @ momentum(pencil, function, what)
-            model.comm.Allreduce(MPI.IN_PLACE, q)
+            q = summed(model.comm, shapes.T @ momentum(pencil, function, what))
             result.append(np.pad(q, (0, reduced.vectors)))
     return result[0], result[1]
 

@@ -61,6 +61,7 @@ class Integrator(Protocol):
     """A system that can be advanced: reduced or not; `exchanges` are those of active sets so far."""
 
     comm: MPI.Comm
+    steps: Steps
     chunk: int
     exchanges: int
 
@@ -83,9 +84,13 @@ class Integrator(Protocol):
 
 
 def chunks(
-    integrator: Integrator, steps: Steps, report: Callable[[float], None], done: int = 0
+    integrator: Integrator, first: Rows, report: Callable[[float], None], done: int = 0
 ) -> Iterator[tuple[int, Rows]]:
-    """Steps taken after each chunk of those that are left, and the rows of it that are kept."""
+    """Steps taken so far and the first rows, then those after each chunk of the steps that are left, and the
+    rows of it that are kept.
+    """
+    steps = integrator.steps
+    yield done, first
     while done < steps.count:
         size = min(integrator.chunk, steps.count - done)
         rows = integrator.advance(done, size, steps.decimation)

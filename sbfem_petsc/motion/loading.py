@@ -247,10 +247,7 @@ def warn_of_reduced(owner: str, reduced: ReducedModel, loads: Loading, highest: 
     if r.modal is None:
         return
     warn_of_band(owner, r.modal, r.damping[: r.natural], highest)
-    with collective(r.comm):  # functions of a user
-        sudden = loads.sudden
-    forces, above = r.load_modes[:, sudden], r.load_flexibility[sudden, sudden]
-    shares = _shares(r.omega, forces, above)[:, : r.natural]
+    shares = _shares_of(r, loads)[:, : r.natural]
     warn_of_jumps(owner, r.modal, r.damping[: r.natural], shares, loads.duration)
 
 
@@ -258,12 +255,8 @@ def moved_up_to(reduced: ReducedModel, loads: Loading) -> float:
     """Frequency of the highest mode, Hz, in which more than `MOVED` of the displacement under loads is that
     jump or have no known band. Collective.
     """
-    r = reduced
-    with collective(r.comm):  # functions of a user
-        sudden = loads.sudden
-    shares = _shares(r.omega, r.load_modes[:, sudden], r.load_flexibility[sudden, sudden])
-    moved = np.flatnonzero(shares.max(axis=0, initial=0.0) > MOVED)
-    return float(r.frequencies[moved[-1]]) if len(moved) else 0.0
+    moved = np.flatnonzero(_shares_of(reduced, loads).max(axis=0, initial=0.0) > MOVED)
+    return float(reduced.frequencies[moved[-1]]) if len(moved) else 0.0
 
 
 def warn_of_unreduced(owner: str, model: Model, loads: Loading, modes: int | None) -> None:
@@ -288,6 +281,13 @@ def warn_of_unreduced(owner: str, model: Model, loads: Loading, modes: int | Non
     above = static - ((forces / omega[:, None]) ** 2).sum(axis=0)
     shares = _shares(omega, forces, np.maximum(above, 0.0))
     warn_of_jumps(owner, found, model.damping_ratios(omega), shares, loads.duration, whole=True)
+
+
+def _shares_of(r: ReducedModel, loads: Loading) -> np.ndarray:
+    """`_shares` of a reduced model under loads that jump or have no known band. Collective."""
+    with collective(r.comm):  # functions of a user
+        sudden = loads.sudden
+    return _shares(r.omega, r.load_modes[:, sudden], r.load_flexibility[sudden, sudden])
 
 
 def _shares(omega: np.ndarray, forces: np.ndarray, above: np.ndarray) -> np.ndarray:

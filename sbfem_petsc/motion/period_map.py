@@ -73,7 +73,7 @@ class Period(Record):
         self.residual_flexibility = self.sets.residual
         # a rigid-body motion has no frequency of its own to be weighed with
         self.weights = np.where(r.omega > 0.0, r.omega, 2.0 * np.pi * r.frequencies.max())
-        self._load(self.excitation)
+        self._load()
         self._lengths: dict[float, StepLength] = {}
         self._kept: tuple[Room, Address] | None = None
 
@@ -120,7 +120,7 @@ class Period(Record):
         """The same period in so many steps."""
         result = copy.copy(self)
         result.steps, result._lengths = steps, {}
-        result._load(self.excitation)
+        result._load()
         return result
 
     def repeated(self, times: int) -> Period:
@@ -129,10 +129,10 @@ class Period(Record):
             return self
         return Period(self.reduced, self.excitation.repeated(times), times * self.steps, self.pairs > 0)
 
-    def _load(self, excitation: Excitation) -> None:
-        self.excitation, self._waves = excitation, None
-        if len(excitation.orders) <= LINES:
-            phases = excitation.phases(self.steps)
+    def _load(self) -> None:
+        self._waves = None
+        if len(self.excitation.orders) <= LINES:
+            phases = self.excitation.phases(self.steps)
             self._waves = np.concatenate([phases.real, -phases.imag], axis=1)
         self._prepared: dict[tuple[float, float], DrivenPeriod] = {}
         self._scaled: dict[tuple[float, float], Period] = {}

@@ -263,11 +263,8 @@ def period_memory(reduced: ReducedModel, steps: int, orders: int, contact: bool 
     return 8.0 * steps * (motion + 0.5 * min(rows, DIRECTIONS) * 7 * modes)
 
 
-def require_period(
-    owner: str, reduced: ReducedModel, steps: int, orders: int, contact: bool = True, further: float = 0.0
-) -> None:
-    """Refuse a period whose motion and derivative, and `further` bytes, would take more memory than is free.
-    Collective.
+def require_period(owner: str, reduced: ReducedModel, steps: int, orders: int, contact: bool) -> None:
+    """Refuse a period whose motion and derivative would take more memory than is free. Collective.
 
     Raises
     ------
@@ -277,7 +274,7 @@ def require_period(
     require_memory(
         owner,
         reduced.comm,
-        period_memory(reduced, steps, orders, contact) + further,
+        period_memory(reduced, steps, orders, contact),
         f"{steps:,d} steps a period of {reduced.in_words}",
         lambda share: "give fewer steps or modes, or use static for so slow a load",
     )

@@ -22,7 +22,7 @@ from .history import History
 from .integration import Steps, Told
 from .rest import Rest
 from .states import ModalStates, Rows
-from .steps import HALVING, constants_of, lengths, step_coefficients
+from .steps import DEEPEST, HALVING, constants_of, step_coefficients
 
 CHUNK = 4096
 
@@ -70,24 +70,23 @@ class ReducedIntegrator:
         self.load_modes = np.concatenate([r.load_modes, r.rate_modes, np.zeros(r.rate_modes.shape)], axis=1)
         self.acting = r if steps.contact else r.open
         self.size, self.rows = len(r.initial_gap), len(self.acting.initial_gap)
-        self.levels = lengths(self.acting.contact_laws)
+        # of steps and their halves, one where no row can change sides
+        self.levels = 1 if self.acting.contact_laws.fixed.all() else DEEPEST + 1
         self.constants = self._constants(steps.step, self.levels)
         self.amplitude = self.drive(np.zeros(1))[0]
-        self.q, self.v, self.force, self.contact, self.slip = _start(
-            r, self.amplitude[: self.loads], steps.contact, initial
-        )
+        self.state = _start(r, self.amplitude[: self.loads], steps.contact, initial)
         self.ledger = Ledger(r, smooth=steps.scheme != "newmark")
         self.exchanges = self.unresolved = 0
         # written anew in each chunk, for fresh memory takes longer than what is computed in it: states,
         # velocities and contact forces; modal forces and free gaps, which begin a step earlier
-        modes, most = len(self.q), min(CHUNK, steps.count) + 1
+        modes, most = len(r.omega), min(CHUNK, steps.count) + 1
         self._room = [np.empty((most, size)) for size in (modes, modes, self.rows, modes, self.rows)]
-        self._work, self._lost = np.empty(most), np.empty(most if len(self.slip) else 0)
+        self._work, self._lost = np.empty(most), np.empty(most if len(self.state.slip) else 0)
         self.begun = initial if isinstance(initial, str) else "modal"
 
     def told(self) -> Told:
         """See `integration.Integrator`."""
-        norms = (np.linalg.norm(self.reduced.omega * self.q), np.linalg.norm(self.v))
+        norms = (np.linalg.norm(self.reduced.omega * self.state.q), np.linalg.norm(self.state.v))
         told = {"initial": self.begun, "initial_norms": np.array(norms if self.begun == "modal" else ())}
         return Told({**vars(self.steps), **told, "chunk": self.chunk})
 
@@ -109,10 +108,11 @@ class ReducedIntegrator:
 
     def first(self) -> History:
         """See `integration.Integrator`."""
-        r, amplitude, force = self.reduced, self.amplitude[None], self._padded(self.force[None].copy())
-        energies = self.ledger.start(self.q, self.v, self.amplitude, force[0])
+        r, amplitude, (q, v, force, _, _) = self.reduced, self.amplitude[None], self.state
+        force = self._padded(force[None].copy())
+        energies = self.ledger.start(q, v, self.amplitude, force[0])
         loads, rates = self._parted(amplitude)
-        states = ModalStates(self.q[None].copy(), self.v[None].copy(), loads, force, r, rates)
+        states = ModalStates(q[None].copy(), v[None].copy(), loads, force, r, rates)
         return History(np.zeros(1), states, Energy(*energies), self.steps.step, 0, len(r.omega))
 
     def _parted(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
@@ -152,7 +152,7 @@ class ReducedIntegrator:
             )
             self.amplitude = piece.amplitudes[-1]
             if piece.complete and (energy := self._jump(amplitude[rows.stop])) is not None:
-                forces[rows.stop - 1], energies[:, rows.stop - 1] = self.force, energy
+                forces[rows.stop - 1], energies[:, rows.stop - 1] = self.state.force, energy
         forces = self._padded(forces)
         guard(energies, self.ledger, time)
         kept = slice(-(done + 1) % decimation, None, decimation)
@@ -163,18 +163,15 @@ class ReducedIntegrator:
 
     def _march(self, piece: Piece, history: StepHistory) -> Marched:
         """Take the steps of a piece; a part of a step, of its own length, is tried whole first."""
-        state = StepState(self.q, self.v, self.force, self.contact, self.slip)
         loads = self._driven(piece.amplitudes)
         if piece.length == self.steps.step:
-            return march(self.constants, loads, state, history)
-        before, counts = [part.copy() for part in state], (1, self.levels)
-        for count in counts:
-            for part, former in zip(state, before):
+            return march(self.constants, loads, self.state, history)
+        before = [part.copy() for part in self.state]
+        marched = march(self._constants(piece.length, 1), loads, self.state, history)
+        if marched.unresolved:
+            for part, former in zip(self.state, before):
                 part[:] = former
-            constants = self._constants(piece.length, count)
-            marched = march(constants, loads, state, history)
-            if not marched.unresolved:
-                break
+            marched = march(self._constants(piece.length, self.levels), loads, self.state, history)
         return marched
 
     def _constants(self, length: float, count: int) -> StepConstants:
@@ -188,23 +185,21 @@ class ReducedIntegrator:
         """
         if (amplitude == self.amplitude).all():
             return None
-        self.amplitude, before, lost = amplitude, self.force.copy(), 0.0
+        q, v, force, rows, slip = self.state
+        self.amplitude, before, lost = amplitude, force.copy(), 0.0
         if self.rows:
             friction, gaps = self.reduced.friction, self.reduced.gaps
-            states = self.contact[:gaps], self.contact[gaps:]
-            former = Memory(self.slip, before[gaps:], before[:gaps], *states, np.zeros(gaps), self.slip)
-            found = _contact_at(self.reduced, self.q, amplitude[: self.loads], former)
+            states = rows[:gaps], rows[gaps:]
+            former = Memory(slip, before[gaps:], before[:gaps], *states, np.zeros(gaps), slip)
+            found = _contact_at(self.reduced, q, amplitude[: self.loads], former)
             if friction is not None:
                 lost = Memory.of(found, gaps).lost_since(former, friction)
-            self.force[:], self.contact[:], self.slip[:] = found.force, found.state, found.gap[gaps:]
-        return self.ledger.jump(
-            self.q, self.v, amplitude, *self._padded(np.array([before, self.force])), lost=lost
-        )
+            force[:], rows[:], slip[:] = found.force, found.state, found.gap[gaps:]
+        return self.ledger.jump(q, v, amplitude, *self._padded(np.array([before, force])), lost=lost)
 
     def _kept(self) -> list[np.ndarray]:
         """What further steps depend on, but for three numbers: state, states of the rows, slips, account."""
-        ledger = self.ledger
-        return [ledger.work, self.q, self.v, self.force, self.contact, self.slip, *ledger.last]
+        return [self.ledger.work, *self.state, *self.ledger.last]
 
     def checkpoint(self) -> list[Any]:
         """See `integration.Integrator`."""
@@ -226,8 +221,8 @@ def row_size(reduced: ReducedModel) -> int:
 
 def _start(
     r: ReducedModel, amplitude: np.ndarray, contact: bool, initial: str | Sequence[np.ndarray]
-) -> tuple[np.ndarray, ...]:
-    """q, v, contact forces, states of the rows and slips at t = 0; faces that rub have never been loaded."""
+) -> StepState:
+    """The state at t = 0; faces that rub have never been loaded."""
     q, v = np.zeros(len(r.omega)), np.zeros(len(r.omega))
     found = None
     if not isinstance(initial, str):
@@ -240,13 +235,13 @@ def _start(
     elif initial == "equilibrium":
         q, found = Rest(r, contact)(amplitude)
     if not contact:
-        return q, v, np.zeros(0), np.zeros(0, dtype=np.int8), np.zeros(0)
+        return StepState(q, v, np.zeros(0), np.zeros(0, dtype=np.int8))
     if found is None:
         former = None
         if r.friction is not None and not isinstance(initial, str) and len(initial) == 3:
             former = Memory.none(r.contact_laws, r.friction)._replace(slip=initial[2])
         found = _contact_at(r, q, amplitude, former)
-    return q, v, found.force.copy(), found.state.copy(), found.gap[r.gaps :].copy()
+    return StepState(q, v, found.force.copy(), found.state.copy(), found.gap[r.gaps :].copy())
 
 
 def _contact_at(

@@ -10,7 +10,6 @@ import numpy as np
 from scipy import linalg
 
 from ..contact.held_rows import rubbing_of
-from ..contact.law import RowLaws
 from ..contact.marching import step_constants
 from ..contact.step_data import NEVER, Halving, StepConstants
 from ..contact.tangent import Propagation
@@ -28,11 +27,6 @@ HALVING = Halving(1e-6, 0.0)
 # Halvings of a step at most. Work falls by four with each: this is what a step with a work as large as the
 # energy itself needs.
 DEEPEST = 10
-
-
-def lengths(laws: RowLaws) -> int:
-    """How many lengths of steps there are to be: one where no row can change sides."""
-    return 1 if laws.fixed.all() else DEEPEST + 1
 
 
 def step_coefficients(omega: np.ndarray, damping: np.ndarray, step: float, scheme: str) -> np.ndarray:

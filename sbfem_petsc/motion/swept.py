@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -179,13 +178,11 @@ class SweptResponse(Record):
         last = np.searchsorted(ends, begin + (APART + 1) * span)
         contact = touching[np.minimum(last, len(amplitude))] > touching[: len(begin)]
         code = np.where(contact & ((change > rise) | (change < -fall)), np.sign(change), 0.0)
-        # runs of one sign
-        edges = np.flatnonzero(np.diff(np.concatenate([[0.0], code, [0.0]])))
         found = []
-        for first, behind in zip(edges[:-1], edges[1:]):
-            if code[first] == 0.0:
+        for run in np.split(np.arange(len(code)), np.flatnonzero(np.diff(code)) + 1):  # of one sign
+            if not code[run].any():
                 continue
-            k = first + int(np.argmax(np.abs(change[first:behind])))
+            k = run[np.argmax(np.abs(change[run]))]
             between = np.searchsorted(ends, begin[k] + span * np.array([1.0, APART]))
             passed = amplitude[slice(*between)] > 0.5 * (before[k] + after[k])
             half = between[0] + int(np.argmax(passed == (after[k] > before[k])))
@@ -242,8 +239,7 @@ def swept_motion(
     reduced, count = integrator.reduced, integrator.steps.count
     displacements = np.empty((count + 1, len(reduced.points.names), directions(reduced)))
     contact = np.empty((count + 1, 1))
-    rest = chunks(integrator, integrator.steps, report)
-    for done, rows in itertools.chain([(0, integrator.first().instants())], rest):
+    for done, rows in chunks(integrator, integrator.first().instants(), report):
         part = reduced.points(rows["modal_displacement"], rows["amplitudes"], rows["contact_force"])
         kept = slice(done + 1 - len(part), done + 1)
         displacements[kept] = part[:, :, -displacements.shape[2] :]

@@ -226,17 +226,9 @@ def _vectors(
     assert own.modal is not None
     pushes, forces = acting
     owned, stiff, squares = pencil.owned, pencil.auxiliary_diagonal(0.0)[:, None], own.omega**2
-
-    def whole(columns: np.ndarray) -> np.ndarray:
-        return np.asfortranarray(np.pad(columns, ((0, len(stiff)), (0, 0))))
-
-    modes = whole(own.modal.shapes)
-    # auxiliary unknowns of modes follow: (E t - omega^2 J) y = omega^2 C' x
-    away = stiff - squares * pencil.auxiliary_inertia()[:, None]
-    modes[owned:] = squares * pencil.coupled(own.modal.shapes) / away
-    right = whole(
-        forces @ pushes[: len(own.loads)] + model.contact.rows.columns(slice(None)) @ pushes[len(own.loads) :]
-    )
+    modes = pencil.full_shapes(own.modal.shapes, own.omega)
+    right = model.contact.rows.columns(slice(None)) @ pushes[len(own.loads) :]
+    right = np.pad(forces @ pushes[: len(own.loads)] + right, ((0, len(stiff)), (0, 0)))
     found, heavy = [], []
     for _ in range(spaces[-1].blocks):
         upper = model.solver.columns(np.asfortranarray(right[:owned]), "reduction")
@@ -270,11 +262,5 @@ def _vectors(
 
 def _inertia(model: Model, pencil: Pencil, basis: np.ndarray) -> np.ndarray:
     """(supports, 2, k): see `Supports`, of vectors."""
-    following, elements = model.support_forces.following(), model.statics.elements
-    shares = np.zeros((following.shape[2], basis.shape[1]))
-    for k, vector in enumerate(basis.T):
-        forces = elements.inertia_forces(model.nodal(vector[: pencil.owned]))
-        shares[:, k] = np.einsum("nis,ni->s", following, forces)
-    for s, field in enumerate(np.moveaxis(following, 2, 0)):
-        shares[s] += pencil.auxiliary_momentum(field) @ basis[pencil.owned :]
+    shares = pencil.momenta(model.support_forces.following()) @ basis
     return summed(model.comm, shares).reshape(-1, 2, basis.shape[1])

@@ -19,7 +19,7 @@ from sbfem_petsc.contact.held_rows import empty_sets, rubbing_of
 from sbfem_petsc.contact.law import FREE, RowLaws
 from sbfem_petsc.contact.marching import march
 from sbfem_petsc.contact.rubbing import rubbing_forces
-from sbfem_petsc.contact.step_data import NEVER, StepHistory, StepState
+from sbfem_petsc.contact.step_data import NEVER, StepHistory
 from sbfem_petsc.motion import reduced_history
 from sbfem_petsc.motion.integration import Steps
 from tests.contact.test_friction import check, enumerated, problem, square
@@ -156,12 +156,7 @@ def test_states_and_slips_of_each_step():
         rows=np.empty((500, 2), dtype=np.int8),
         kept=np.empty(1),
     )
-    march(
-        run.constants,
-        run._driven(amplitudes),
-        StepState(run.q, run.v, run.force, run.contact, run.slip),
-        history,
-    )
+    march(run.constants, run._driven(amplitudes), run.state, history)
     assert history.kept == pytest.approx(found.slip[-2], abs=1e-12)
     assert np.array_equal(history.rows[:, 0] != FREE, found.contact_force[1:, 0] > 0.0)
     stays = np.abs(np.diff(found.slip[:, 0])) < 1e-12

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import SolveError
+from ...errors import SolveError, failed_solve
 from ...motion.excitation import Excitation
 from ...motion.period_map import DrivenPeriod, Period
 from ...petsc import MPI
@@ -272,7 +272,7 @@ def curve_near(
         find = functools.partial(correct, problem, begin, condition, most=most)
         if (point := attempt(find, SolveError, failed)) is not None:
             return point
-    raise SolveError(
+    raise failed_solve(
         f"{named(failed[0])}; take more samples or steps, or a motion nearer to the one that is known; "
         "or the motion's own tone is locked to the load there, so that it is periodic over some periods "
         "(`periodic(..., periods=n)`)"

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...errors import SolveError
+from ...errors import SolveError, failed_solve
 from ...motion.excitation import Excitation, modal_forces
 from ...motion.period_map import DrivenPeriod, Period
 from ...motion.period_motion import PeriodMotion
@@ -202,7 +202,7 @@ class Torus(InvariantCurves):
             point = attempt(functools.partial(correct, self, u, self.value), SolveError, failed)
             if point is not None:
                 return point
-        raise SolveError(
+        raise failed_solve(
             f"{named(failed[0])}; neither from where {done} periods of the first tone take the curve; "
             "take more samples or steps, or smaller loads"
         )

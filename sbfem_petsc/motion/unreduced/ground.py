@@ -58,7 +58,7 @@ class Ground:
         self.names, self.edges = shares.names, np.array(edges, dtype=int)
         self.loads, self.contact, self.mass = shares.loads, shares.contact, shares.mass
         self.damping = model.rayleigh[1] * np.where(shares.moved >= 0, shares.loads, 0.0)
-        self.rows = sparse.csr_matrix(_momentum(pencil, shares.following))
+        self.rows = sparse.csr_matrix(pencil.momenta(shares.following))
         self.owned = solved[:, edges]
         self.gaps, self.tips = model.contact.rows(self.owned), model.tips.intensities.rows(self.owned)
         self.points = model.layout.point_rows(self.owned)
@@ -67,25 +67,13 @@ class Ground:
             self.points = self.points + columns.lift.points.reshape(len(self.points), -1)[:, edges]
             fields = columns.lift.nodal[..., edges]
             fields = fields + np.stack([model.nodal(column) for column in self.owned.T], axis=2)
-        self.inertia = _momentum(pencil, fields)
+        self.inertia = pencil.momenta(fields)
         at = shares.moved[self.edges]
         # of prescribed displacements: energies of w and w', power that damping takes at w', work of contact
         self.stiff, self.heavy, self.damped = (
             table[np.ix_(at, self.edges)] for table in (self.loads, self.mass, self.damping)
         )
         self.pressed = self.contact[at]
-
-
-def _momentum(pencil: Pencil, fields: np.ndarray) -> np.ndarray:
-    """(k, local unknowns): products of the mass with displacements (m, 2, k) of this rank's nodes, which the
-    insides of S-elements follow at rest. Collective.
-    """
-    layout, elements = pencil.layout, pencil.elements
-    rows = [
-        np.concatenate([layout.summed(elements.inertia_forces(field)), pencil.auxiliary_momentum(field)])
-        for field in np.moveaxis(fields, 2, 0)
-    ]
-    return np.array(rows).reshape(len(rows), pencil.owned + len(pencil.auxiliary_inertia()))
 
 
 class SparseColumns:

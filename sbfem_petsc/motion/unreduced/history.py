@@ -22,10 +22,9 @@ from typing import Any
 import numpy as np
 
 from ...damping import DampingTable
-from ...loads import EdgeMotion, Load
+from ...loads import Load
 from ...petsc import stage
 from ...signals.rate import rate_of
-from ...signals.signal import Signal
 from ...system.fields.resolution import warn_of_tips
 from ...system.model import Model
 from ...system.solve.demand import require_steps
@@ -36,6 +35,7 @@ from ..energy import Energy
 from ..history import History
 from ..initial import unreduced_state
 from ..integration import OfOtherRanks, Steps, Told
+from ..loading import Loading
 from ..states import Rows, SampledStates
 from .kept_fields import KeptFields
 from .ranks import layout_of, moved
@@ -46,14 +46,14 @@ CHUNK = 256
 
 
 class UnreducedIntegrator:
-    """An unreduced model on its way; an `integration.Integrator` and a context manager.
+    """An unreduced model on its way; an `integration.Integrator`.
 
     Parameters
     ----------
     model : Model
-    units : sequence of Load
-    signals : sequence of Signal
-        One for each unit load.
+    loads : Loading
+    freed : ExitStack
+        At whose end its matrices are freed.
     steps : Steps
     initial : {"rest", "equilibrium"} or (displacement, velocity)
         Functions of x and y (m, arrays) that give (u_x, u_y), or None for zero.
@@ -66,8 +66,8 @@ class UnreducedIntegrator:
     def __init__(
         self,
         model: Model,
-        units: Sequence[Load],
-        signals: Sequence[Signal],
+        loads: Loading,
+        freed: contextlib.ExitStack,
         *,
         steps: Steps,
         initial: str | Sequence[Callable | None],
@@ -76,31 +76,21 @@ class UnreducedIntegrator:
         model.require_support("the transient analysis")
         warn_of_tips("transient", model.tips)
         self.model, self.steps = model, steps
-        self.loads = len(signals)
+        units, self.loads = loads.units, len(loads.signals)
         # rates of prescribed displacements stand behind the loads
-        moved = [signal for signal, unit in zip(signals, units) if isinstance(unit, EdgeMotion)]
-        rates = [rate_of(signal, steps.step) for signal in moved]
-        self.drive = Drive(model.comm, [*signals, *rates], steps.step)
+        rates = [rate_of(loads.signals[k], steps.step) for k in loads.edges]
+        self.drive = Drive(model.comm, [*loads.signals, *rates], steps.step)
         self.comm, self.chunk = model.comm, CHUNK
         responses = min(len(model.contact), KEPT_RESPONSES)
         require_steps("transient", model.cells, modes if model.damping else 0, responses)
         found = lowest_modes(model, modes, auxiliary_tolerance=0.0) if model.damping else None
-        with contextlib.ExitStack() as freed:  # here, if there is an error before anything is integrated
-            self.pencil = Pencil(model.statics, 1.0, 0.0)
-            freed.callback(self.pencil.destroy)
-            self.march = UnreducedSteps(model, self.pencil, units, steps, found)
-            freed.callback(self.march.release)
-            self.fields = KeptFields(model, self.pencil, units, steps.kept)
-            self.force = self._set_initial(units, initial)
-            self._freed = freed.pop_all()
+        self.pencil = freed.enter_context(Pencil(model.statics, 1.0, 0.0))
+        self.march = UnreducedSteps(model, self.pencil, units, steps, found)
+        freed.callback(self.march.release)
+        self.fields = KeptFields(model, self.pencil, units, steps.kept)
+        self.force = self._set_initial(units, initial)
         self.march.stored = self.march.stored_in(self.force)
         self.begun = initial if isinstance(initial, str) else "functions"
-
-    def __enter__(self) -> UnreducedIntegrator:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._freed.close()
 
     def told(self) -> Told:
         """See `integration.Integrator`."""

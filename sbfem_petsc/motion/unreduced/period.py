@@ -87,12 +87,7 @@ class UnreducedPeriod:
     """
 
     def __init__(
-        self,
-        model: Model,
-        loads: Loading,
-        excitation: Excitation,
-        settings: PeriodSettings,
-        frequency: float,
+        self, model: Model, loads: Loading, excitation: Excitation, settings: PeriodSettings, frequency: float
     ):
         self.model, self.comm, self.loads = model, model.comm, loads
         self.steps = odd_steps(settings.steps, excitation.periods)

@@ -26,12 +26,11 @@ from scipy import sparse
 
 from ...damping import modal_ratios
 from ...loads import Load
-from ...petsc import MPI, PETSc, free, stage
+from ...petsc import PETSc, free, stage, summed
 from ...system.model import Model
 from ...system.solve.modal_result import Modal
 from ...system.solve.pencil import CondensedSolve, Pencil
 from ...system.solve.static_solver import block_width
-from ..initial import full_shapes
 from ..integration import Steps
 from .contact import StepContact
 from .ground import Ground, SparseColumns, probe_rows
@@ -170,7 +169,9 @@ class UnreducedSteps:
         """Modes over all unknowns, and the scalars of their steps."""
         pencil = self.pencil
         self.omega = 2.0 * np.pi * found.frequencies if found is not None else np.zeros(0)
-        self.phi = full_shapes(pencil, found) if found is not None else np.zeros((self.u.size, 0))
+        self.phi = np.zeros((self.u.size, 0))
+        if found is not None:
+            self.phi = pencil.full_shapes(found.shapes, self.omega)
         self.probe_modes = self.summed(self.probes @ self.phi)
         self.gap_modes = self.probe_modes[: self.pairs]
         self.tip_modes = self.model.tips.intensities.rows(self.phi[: pencil.owned])
@@ -180,9 +181,7 @@ class UnreducedSteps:
 
     def summed(self, array: np.ndarray) -> np.ndarray:
         """Sum over the ranks. Collective."""
-        array = np.ascontiguousarray(array)
-        self.model.comm.Allreduce(MPI.IN_PLACE, array)
-        return array
+        return summed(self.model.comm, array)
 
     def _times(self, matrix: PETSc.Mat, array: np.ndarray) -> np.ndarray:
         self.d.array = array
@@ -290,14 +289,13 @@ class UnreducedSteps:
         prescribed displacements with their rates; contact forces and gaps there.
         """
         speed, before = self.velocities(), self._moved
-        turned, mean = rates - self.rates, 0.5 * (rates + self.rates)
         self.free_gap, self.amplitudes = self.free_gaps(after), after
-        solved = self._take(self._driven(drive, turned))
+        solved = self._take(self._driven(drive, rates))
         applied, gained = 2.0 * solved.force, self.velocities() - speed
-        self.slope = self._slope(gained / self.step, drive, applied, turned, mean)
-        self.rates = rates
+        self.slope = self._slope(gained / self.step, drive, applied, rates)
         if len(rates):
-            self._account(gained, drive, applied, turned=turned, mean=mean, change=self._moved - before)
+            self._account(gained, drive, applied, rates, self._moved - before)
+        self.rates = rates
         self.force = solved.force
         stored, self.stored = self.stored, self.stored_in(solved.force)
         # held over the step, friction takes its full value times the way, of what lands from there on
@@ -314,22 +312,23 @@ class UnreducedSteps:
         """(c,): gaps under load amplitudes while nothing moves against the supports, m."""
         return self.gap0 + (self.load_gaps @ amplitudes)[: self.pairs]
 
-    def _driven(self, drive: np.ndarray, turned: np.ndarray) -> np.ndarray:
+    def _driven(self, drive: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """Twice the mean loads of a step: of prescribed displacements their acceleration, by the change of
-        their rates.
+        their rates to those at its end.
         """
-        if not len(turned):
+        if not len(rates):
             return drive
         drive = drive.copy()
-        drive[self.ground.edges] = self.rate * turned
+        drive[self.ground.edges] = self.rate * (rates - self.rates)
         return drive
 
     def _slope(
-        self, gained: np.ndarray, drive: np.ndarray, applied: np.ndarray, turned: np.ndarray, mean: np.ndarray
+        self, gained: np.ndarray, drive: np.ndarray, applied: np.ndarray, rates: np.ndarray
     ) -> np.ndarray:
         """See `slope`, of a step with mean accelerations `gained` of the probes, loads and contact forces
-        whose means are half of `drive` and `applied`, and the change and mean of the rates.
+        whose means are half of `drive` and `applied`, and the rates at its end.
         """
+        turned, mean = rates - self.rates, 0.5 * (rates + self.rates)
         ground, edges = self.ground, self.ground.edges
         slope, points = gained[self.pairs + self.loads :].copy(), len(ground.points)
         slope[:points] += ground.points @ turned / self.step
@@ -342,14 +341,13 @@ class UnreducedSteps:
         gained: np.ndarray,
         drive: np.ndarray,
         applied: np.ndarray,
-        *,
-        turned: np.ndarray,
-        mean: np.ndarray,
+        rates: np.ndarray,
         change: np.ndarray,
     ) -> None:
         """Replace the work of what prescribed displacements do as loads by that of what supports bear, and
-        contact's on what follows them.
+        contact's on what follows them, see `_slope`: of changes of velocities and of displacements.
         """
+        turned, mean = rates - self.rates, 0.5 * (rates + self.rates)
         ground = self.ground
         at = self.pairs + ground.edges
         lost = self.step * mean @ ground.damped @ mean
@@ -443,13 +441,12 @@ class UnreducedSteps:
         """See `slope`, of the first step, see `advance`, which is not taken."""
         self.free_gap = self.free_gaps(after)
         gap = self.contact.gap
-        turned, mean = rates - self.rates, 0.5 * (rates + self.rates)
-        solved = self.solve_step(self._driven(drive, turned))
+        solved = self.solve_step(self._driven(drive, rates))
         self.contact.open(gap)
         self.contact.forget()
         change = solved.probes + self.probe_modes @ np.subtract(*solved.modal)
         gained = self.rate * (change / self.step - self.velocities())
-        return self._slope(gained, drive, 2.0 * solved.force, turned, mean)
+        return self._slope(gained, drive, 2.0 * solved.force, rates)
 
     def fingerprint(self) -> np.ndarray:
         """(probes, pairs + loads): responses of the probes to unit contact forces and unit loads within a

@@ -137,9 +137,17 @@ class Pencil:
         owner = np.clip(np.searchsorted(ranges, unknowns, side="right") - 1, 0, size - 1)
         return np.where(unknowns >= 0, unknowns + self.auxiliary_ranges[owner], -1)
 
-    def coupled(self, columns: np.ndarray) -> np.ndarray:
-        """C' times this rank's displacement unknowns of columns. Collective."""
-        return self.auxiliary_momentum(np.stack([self.layout.nodal(one) for one in columns.T], axis=-1))
+    def full_shapes(self, shapes: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """(local unknowns, n), in Fortran's order: modes, by this rank's displacement unknowns (owned, n) and
+        angular frequencies (n,), with their auxiliary unknowns, which follow by the lower half of (K -
+        omega^2 M) phi = 0. Collective.
+        """
+        fields = np.empty((*self.layout.part.coordinates.shape, len(omega)))
+        for k, shape in enumerate(shapes.T):
+            fields[..., k] = self.layout.nodal(shape)
+        away = self._auxiliary_stiffness[:, None] - omega**2 * self.auxiliary_inertia()[:, None]
+        inside = omega**2 * self.auxiliary_momentum(fields) / away
+        return np.asfortranarray(np.concatenate([shapes, inside]))
 
     def heavy_products(self, columns: np.ndarray) -> np.ndarray:
         """The mass times this rank's rows of columns, in Fortran's order. Collective.
@@ -201,6 +209,16 @@ class Pencil:
             moved = field[kind.group.nodes].reshape(len(kind.group.sizes), 2 * len(kind.group.shape), -1)
             parts.append((kind.turned_coupling() @ moved).reshape(-1, *field.shape[2:]))
         return np.concatenate(parts)
+
+    def momenta(self, fields: np.ndarray) -> np.ndarray:
+        """(k, local unknowns): products of the mass with displacements (m, 2, k) of this rank's nodes, which
+        the insides of S-elements follow at rest. Collective.
+        """
+        rows = [
+            np.append(self.layout.summed(self.elements.inertia_forces(field)), self.auxiliary_momentum(field))
+            for field in np.moveaxis(fields, 2, 0)
+        ]
+        return np.array(rows).reshape(len(rows), self.owned + len(self._auxiliary_stiffness))
 
     def placed(self) -> Iterator[tuple[Group, float, np.ndarray]]:
         """S-elements of one shape and size: their group, rho h^2 t (kg), and their auxiliary unknowns among
