@@ -147,7 +147,10 @@ class Accuracy:
                     raise
                 # further modes and steps are of no use: they do not grow any more
                 self._model, self._most_steps = None, 0
-                self._vain = str(error) if lost is None else self._lost(lost)
+                self._vain = str(error)
+                if lost is not None:  # what is said of a solution that is not found again
+                    modes, steps = lost.reduced.in_words, lost.told_steps
+                    self._vain = f"{self.words.lost} in {modes} and {steps} steps{self.words.each}"
             settings = self._next(told)
         assert told is not None  # there are settings to begin with where none is known
         return told
@@ -163,11 +166,6 @@ class Accuracy:
             return None
         usual = min(LEAST_MODES, most_modes(self._model))
         return usual if where.reduced.natural < usual else None
-
-    def _lost(self, where: Map) -> str:
-        """What is said of a solution that is not found again."""
-        modes, steps = where.reduced.in_words, where.told_steps
-        return f"{self.words.lost} in {modes} and {steps} steps{self.words.each}"
 
     def further(self, reduced: ReducedModel, steps: int, errors: np.ndarray) -> tuple[int | None, int] | None:
         """Modes, None where they were given, and steps a forcing period of the next attempt; None where told

@@ -18,6 +18,7 @@ from ..errors import SolveError, failed_solve
 from ..motion.period_map import Period
 from ..petsc import MPI
 from ..progress import silent
+from .newton import attempt
 from .orbit import Orbit, make_orbit, orbit_stability
 from .problems.driven_orbits import minimal_periods
 from .shooting import shoot
@@ -84,11 +85,8 @@ class Attraction:
         if len(orbit.time) == count * self.period.steps:
             return orbit
         period = self.period.repeated(count)
-        try:
-            fixed = shoot(period.at(self.frequency), orbit.state)
-        except SolveError:
-            return None
-        if np.linalg.norm(fixed.state - orbit.state) > NEAR * self._size(orbit.state):
+        fixed = attempt(lambda: shoot(period.at(self.frequency), orbit.state), SolveError)
+        if fixed is None or np.linalg.norm(fixed.state - orbit.state) > NEAR * self._size(orbit.state):
             return None
         return make_orbit(fixed, *orbit_stability(fixed), orbit.path)
 
@@ -139,13 +137,8 @@ class Attraction:
         d, p, m = self.driven, self.period, self.period.modes
         q, v, slip = np.split(start - self._linear, [m, 2 * m])
         q, slip = q / p.weights, p.slip_units * slip
-        outcome, periods, repeats = settle(
-            d.constants,
-            d.free_gap,
-            (q, v, slip),
-            Known(p.weights, p.slip_units, known, radii, d.oscillation),
-            self.patience,
-        )
+        targets = Known(p.weights, p.slip_units, known, radii, d.oscillation)
+        outcome, periods, repeats = settle(d.constants, d.free_gap, (q, v, slip), targets, self.patience)
         end = np.concatenate([p.weights * q, v, slip / p.slip_units])
         return outcome, periods, repeats, self._linear + end
 
@@ -165,11 +158,8 @@ class Attraction:
                 states.append(state - self._linear)
                 radii.append(min(CAPTURED * self._size(state), APART * nearest))
                 owners.append(k)
-        return (
-            np.array(states).reshape(-1, self.period.unknowns),
-            np.array(radii),
-            np.array(owners, dtype=int),
-        )
+        known = np.array(states).reshape(-1, self.period.unknowns)
+        return known, np.array(radii), np.array(owners, dtype=int)
 
     def _identified(self, state: np.ndarray, repeats: int) -> int:
         """The number of the orbit that a history has settled on, a new one where it is not known; -1 if

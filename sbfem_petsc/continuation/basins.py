@@ -135,15 +135,11 @@ class Basins(Record):
     @classmethod
     def _revived(cls, found: dict[str, Any]) -> Basins:
         """From a file."""
-        shape = tuple(found.pop("shape").tolist())
-        return cls(
-            **found
-            | {
-                "reached": found.pop("orbit_reached").reshape(shape),
-                "periods": found.pop("periods_needed").reshape(shape),
-                "states": found.pop("initial_states").reshape(*shape, -1),
-            }
-        )
+        shape = found.pop("shape").tolist()
+        of_starts = {"reached": "orbit_reached", "periods": "periods_needed", "states": "initial_states"}
+        arrays = {name: found.pop(flat) for name, flat in of_starts.items()}
+        on_grid = {name: array.reshape(*shape, *array.shape[1:]) for name, array in arrays.items()}
+        return cls(**found | on_grid)
 
     def check(self) -> None:
         """Raise ValueError unless grid, orbits and axes belong together."""

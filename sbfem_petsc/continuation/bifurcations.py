@@ -169,20 +169,13 @@ def _crossing(line: Line, k: int, rank: int) -> Bifurcation | None:
     unresolved = abs(abs(value) - 1.0) > RESOLVED and (first.state.touching != second.state.touching).any()
     # beside a pair that begins to touch it may pass the circle as elsewhere
     jump = max(abs(excess(end)) for end in (one, other)) > RESOLVED
-    kind = (
-        "grazing"
-        if ((one.state.touching != other.state.touching).any() and jump) or unresolved
-        else "Neimark-Sacker"
-        if value.imag != 0.0
-        else "period doubling"
-        if value.real < 0.0
-        else "branch point"
-    )
-    rows = np.flatnonzero(one.state.touching != other.state.touching)
-    row = int(rows[0]) if kind == "grazing" and len(rows) == 1 else None
-    if kind == "grazing":
+    rows, row = np.flatnonzero(one.state.touching != other.state.touching), None
+    if (len(rows) and jump) or unresolved:
+        kind, row = "grazing", int(rows[0]) if len(rows) == 1 else None
         place, error = extrapolation.jump(line, k - 1, (point, one, other))
     else:
+        real = "period doubling" if value.real < 0.0 else "branch point"
+        kind = "Neimark-Sacker" if value.imag != 0.0 else real
         place, error = extrapolation.passage(line, k - 1, (point, one, other), value)
     state, direction = point.state.state, at.direction(rank)
     return Bifurcation(kind, place, value, state, direction, k, point.value, error, row)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 
@@ -10,7 +11,7 @@ from numpy.polynomial import polynomial
 
 from ..errors import SolveError
 from .follow import HELD, Line
-from .newton import correct
+from .newton import attempt, correct
 from .problem import Condition, Linear, Lost, Metric, Point, Problem
 
 # How far along the way between two points a zero is located; the same where the function is steep or pairs
@@ -260,14 +261,10 @@ def located(
         if values[one] == values[other]:
             break
         place = one - values[one] * (other - one) / (values[other] - values[one])
-        try:
-            known[place] = between(line, k, place, known)
-        except SolveError:
+        found = attempt(functools.partial(between, line, k, place, known), SolveError)
+        if found is None or abs(value := test(found)) >= left:
             break
-        values[place] = test(known[place])
-        if abs(values[place]) >= left:
-            break
-        point, left = known[place], abs(values[place])
+        known[place], values[place], point, left = found, value, found, abs(value)
     return k, point
 
 
@@ -421,9 +418,8 @@ def insert(line: Line, k: int, fraction: float, tell: Callable[[Point], object])
     """
     if line.full:
         return
-    try:
-        point = between(line, k, fraction)
-    except SolveError:
+    point = attempt(lambda: between(line, k, fraction), SolveError)
+    if point is None:
         return
     metric = Metric(point.problem, line.points[k].u)
     ends = line.points[k : k + 2]

@@ -51,9 +51,8 @@ def uncertainty_at(line: Line, k: int, largest: np.ndarray) -> float:
     points = line.points
     point, first = points[k], min(k, len(points) - 2)
     place = first, float(k - first)
-    try:
-        finer = in_finer_steps(line, TIMES[0], place, point.u, point)
-    except SolveError:
+    finer = attempt(lambda: in_finer_steps(line, TIMES[0], place, point.u, point), SolveError)
+    if finer is None:
         return math.inf
     change = abs(largest[k] - abs(finer.state.multipliers.values[0]))
     moved = abs(finer.value - point.value)
@@ -73,11 +72,8 @@ def passage(line: Line, k: int, found: Found, value: complex) -> tuple[float, fl
     """Value and uncertainty of the point between point k and the next one at which a multiplier, `value`,
     passes the unit circle; `found` are that point and its neighbours of either sign.
     """
-    try:
-        sought = _Passage(line, k, found, value)
-    except SolveError:
-        return found[0].value, math.nan
-    return _told(line, k, sought)
+    sought = attempt(lambda: _Passage(line, k, found, value), SolveError)
+    return (found[0].value, math.nan) if sought is None else _told(line, k, sought)
 
 
 def jump(line: Line, k: int, found: Found) -> tuple[float, float]:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -104,14 +104,10 @@ class Krylov:
         """(n,) of (n,): the inverse of products that are near these, for preconditioning."""
         raise NotImplementedError
 
-    def rate(self) -> np.ndarray:
-        """(n,): what the last unknown does."""
-        raise NotImplementedError
-
     @functools.cached_property
     def column(self) -> np.ndarray:
-        """The same, made once where it is asked for."""
-        return self.rate()
+        """(n,): what the last unknown does, made once where it is asked for."""
+        raise NotImplementedError
 
     def bordered(self, row: np.ndarray) -> KrylovBorder:
         """See `problem.Linear`."""
@@ -151,52 +147,41 @@ class KrylovBorder:
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """See `problem.Border`."""
-        value = self.size * float(right[-1])
-        if not self.alone:
-            return self._by_gmres(right[:-1], value)
-        last = value / self.last
-        return np.append(self._by_gmres(right[:-1] - last * self.linear.column if last else right[:-1]), last)
+        linear, first, value = self.linear, right[:-1], self.size * float(right[-1])
+        if self.alone:
+            last = value / self.last
+            first = first - last * linear.column if last else first
+            return np.append(self._by_gmres(first, linear.products, linear.nearby), last)
+        own = self.own(np.append(first, value))
+        return self.gathered(self._by_gmres(own, self.of_own(self.product), self.of_own(self.nearby)))
 
     def product(self, z: np.ndarray) -> np.ndarray:
-        """The equations' left side; of unknowns with the border's value if it is not alone."""
-        if self.alone:
-            return self.linear.products(z)
+        """The equations' left side of unknowns, with the border's value."""
         image = self.linear.products(z[:-1]) + z[-1] * self.linear.column
         return np.append(image, self._total(float(self.row @ z[:-1])) + self.last * z[-1])
 
     def nearby(self, right: np.ndarray) -> np.ndarray:
-        """The inverse nearby."""
-        if self.alone:
-            return self.linear.nearby(right)
+        """The inverse nearby, of equations with the border's value."""
         x, (column, beside) = self.linear.nearby(right[:-1]), self._bordering
         last = (right[-1] - self._total(float(self.row @ x))) / beside
         return np.append(x - last * column, last)
 
     def gathered(self, local: np.ndarray) -> np.ndarray:
         """A vector's entries with the border's, which rank 0 has, on all ranks."""
-        if self.alone:
-            return local
         own, last = (local[:-1], local[-1]) if self.comm.rank == 0 else (local, 0.0)
         return np.append(own, self.comm.bcast(last))
 
     def own(self, array: np.ndarray) -> np.ndarray:
         """What of them is this rank's in a vector."""
-        return array if self.alone or self.comm.rank == 0 else array[:-1]
+        return array if self.comm.rank == 0 else array[:-1]
 
-    def _by_gmres(self, right: np.ndarray, value: float | None = None) -> np.ndarray:
-        whole = right if value is None else np.append(right, value)
-        if not self._total(float(whole @ whole)):
-            return whole
-        own, settings = self.own(whole), GmresSettings("continuation", PREFIX, self.linear.tolerance, KEPT)
-        return self.gathered(by_gmres(self.comm, own, self.mult, self.apply, settings))
+    def of_own(self, function: Callable[[np.ndarray], np.ndarray]) -> Callable[[np.ndarray], np.ndarray]:
+        """A function of what all ranks know of a vector, as one of this rank's part of it to its part."""
+        return lambda vector: self.own(function(self.gathered(vector)))
 
-    def mult(self, vector: np.ndarray) -> np.ndarray:
-        """This rank's part of the left side of one."""
-        return self.own(self.product(self.gathered(vector)))
-
-    def apply(self, vector: np.ndarray) -> np.ndarray:
-        """The same of the inverse nearby."""
-        return self.own(self.nearby(self.gathered(vector)))
+    def _by_gmres(self, right: np.ndarray, product: Any, nearby: Any) -> np.ndarray:
+        settings = GmresSettings("continuation", PREFIX, self.linear.tolerance, KEPT)
+        return by_gmres(self.comm, right, product, nearby, settings)
 
 
 class Operator:
@@ -218,13 +203,11 @@ class Operator:
         if self._set_up is not None:
             self._set_up(item)
 
-    def mult(self, item: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """y of x, of a matrix."""
+    def mult(self, item: PETSc.Mat | PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """y of x: PETSc's name of it for a matrix, and that for a preconditioner."""
         y.array[:] = self.product(x.array_r)
 
-    def apply(self, item: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """y of x, of a preconditioner."""
-        y.array[:] = self.product(x.array_r)
+    apply = mult
 
 
 def operator(comm: MPI.Comm, size: int, of: Operator) -> PETSc.Mat:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import functools
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -177,8 +177,8 @@ class _History:
         The last states, one for each period.
     done : int
         Periods.
-    change : float
-        Relative, over the last one; `changes` those over the last one, two, ..
+    changes : list of float
+        Relative, over the last one, two, ..
     repeat : int
         Periods after which it repeats itself where that is more than one, else 0.
     tried_at : float
@@ -193,7 +193,7 @@ class _History:
         self.driven, self.size = driven, driven.oscillation
         self.past: deque[np.ndarray] = deque([state], longest + 1)
         self.done, self.repeat, self.tried_at, self.failed, self.over = 0, 0, math.inf, "", False
-        self.change, self.changes = math.nan, [math.nan]
+        self.changes = [math.nan]
 
     def reach(self, target: int, tell: Callable[[int], None]) -> bool:
         """Go on to so many periods; whether that is possible."""
@@ -209,7 +209,7 @@ class _History:
         past = self.past
         norm = max(self.driven.period.size(past[-1]), self.size, 1e-300)
         self.changes = [float(np.linalg.norm(past[-1] - past[-1 - n])) / norm for n in range(1, len(past))]
-        self.change, self.repeat = self.changes[0], _recurrence(self.changes)
+        self.repeat = _recurrence(self.changes)
         return True
 
 
@@ -243,13 +243,10 @@ class _Attempts:
         if shot is None and own.failed:
             self.notes.append(f"a history: {own.failed}")
         elif shot is None and own.done:
+            repeats = f" and which repeats itself after {own.repeat} periods: give periods={own.repeat}"
             self.notes.append(
-                f"a history of {own.done} periods, after which x(T) - x(0) is at {own.change:.1e} of x(0)"
-                + (
-                    f" and which repeats itself after {own.repeat} periods: give periods={own.repeat}"
-                    if own.repeat
-                    else ""
-                )
+                f"a history of {own.done} periods, after which x(T) - x(0) is at {own.changes[0]:.1e} of x(0)"
+                f"{repeats if own.repeat else ''}"
             )
         return shot
 
@@ -264,9 +261,9 @@ class _Attempts:
             if (
                 history.done <= self.search.settling[-1]
                 or target >= most
-                or not history.change > NEARER * history.tried_at
+                or not history.changes[0] > NEARER * history.tried_at
             ):
-                history.tried_at = history.change
+                history.tried_at = history.changes[0]
                 shot = self._newton(driven, history.past[-1])
                 if shot is not None:
                     return shot
@@ -279,18 +276,12 @@ class _Attempts:
             history.over = 0 < repeat and not self.multiples and history.changes[repeat - 1] < 1e-2 * RETURNED
         return None
 
-    def _rounds(self, done: int, most: float) -> Iterator[int]:
+    def _rounds(self, done: int, most: float) -> list[int]:
         """Periods after which Newton's method is tried, of which so many are done."""
-        last = 0
-        for last in self.search.settling:
-            if last >= most:
-                break
-            if last > done:
-                yield last
-        while 0 < last < most:
-            last = int(min(2 * last, most))
-            if last > done:
-                yield last
+        rounds = [periods for periods in self.search.settling if periods < most]
+        while rounds and len(rounds) >= len(self.search.settling) and rounds[-1] < most:
+            rounds.append(int(min(2 * rounds[-1], most)))
+        return [periods for periods in rounds if periods > done]
 
     def _patience(self, period: Period, duration: float) -> float:
         """Periods after which a history is given up; few without damping."""

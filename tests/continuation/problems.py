@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from sbfem_petsc.continuation.linear import Dense, Krylov
@@ -79,7 +81,8 @@ class _Diagonal(Krylov):
     def nearby(self, right):
         return right / (1.0 + np.abs(np.diag(self.matrix[:, :-1])))
 
-    def rate(self):
+    @functools.cached_property
+    def column(self):
         return self.matrix[:, -1]
 
 

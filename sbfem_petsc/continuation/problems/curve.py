@@ -10,7 +10,7 @@ from __future__ import annotations
 import copy
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from ...motion.excitation import Excitation
 from ...motion.period_map import DrivenPeriod, Period
 from ...motion.period_motion import PeriodMotion
 from ...petsc import MPI
+from ...ranks.parallel import collective
 from ...reduction.outputs import LinearOutput
 from ..problem import Linear, Point, Problem
 from .curve_system import CurveBorder, CurveMaps, Harmonics, filtered, shift, tangents
@@ -33,6 +34,8 @@ ROUNDING = 1e-9
 DIFFERENCE = 1e-7
 # Multiples of the faster tone of which lines are kept, and instants that are looked at together.
 LINES, INSTANTS = 20, 512
+# Motions from samples, by their numbers.
+Motions = Mapping[int, PeriodMotion]
 
 
 def spectral_tail(states: np.ndarray) -> float:
@@ -102,7 +105,7 @@ class InvariantCurves(Problem):
         """See `Problem`."""
         return self._units, np.ones(len(u))
 
-    def images(self, states: np.ndarray, value: float) -> tuple[np.ndarray, list[PeriodMotion | None]]:
+    def images(self, states: np.ndarray, value: float) -> tuple[np.ndarray, Motions]:
         """(N, 2 m): where the maps take samples, and the motions of this rank's. Collective.
 
         Raises
@@ -111,25 +114,17 @@ class InvariantCurves(Problem):
             On all ranks, where one of the maps fails.
         """
         comm, driven = self.comm, self.at_sample(value)
-        ends = np.zeros_like(states)
-        motions: list[PeriodMotion | None] = [None] * len(states)
-        failed = None
-        for i in range(comm.rank, len(states), comm.size):
-            try:
-                motion = driven(i).run(states[i])
-            except SolveError as error:
-                failed = error
-                break
-            motions[i], ends[i] = motion, states[i] + motion.residual
-        failures = [item for item in comm.allgather(failed) if item is not None]
-        if failures:
-            raise failures[0]
+        ends, motions = np.zeros_like(states), dict[int, PeriodMotion]()
+        with collective(comm):
+            for i in range(comm.rank, len(states), comm.size):
+                motions[i] = motion = driven(i).run(states[i])
+                ends[i] = states[i] + motion.residual
         comm.Allreduce(MPI.IN_PLACE, ends)
         stuck = self.stuck(motions)
         ends[:, stuck] = states[:, stuck].mean(axis=0)
         return ends, motions
 
-    def stuck(self, motions: Sequence[PeriodMotion | None]) -> np.ndarray:
+    def stuck(self, motions: Motions) -> np.ndarray:
         """Where a state has the slips that stick along the whole curve: every value that is the same at all
         phases is one of theirs, and the map takes them to their mean. Collective.
         """
@@ -137,7 +132,7 @@ class InvariantCurves(Problem):
         if period.friction is None:
             return np.empty(0, dtype=int)
         count = len(period.laws)
-        sticks = [motion.stays(count) for motion in motions if motion is not None]
+        sticks = [motion.stays(count) for motion in motions.values()]
         everywhere = np.all(sticks, axis=0) if sticks else np.ones(period.pairs - count, dtype=bool)
         self.comm.Allreduce(MPI.IN_PLACE, everywhere, MPI.LAND)
         return 2 * period.modes + np.flatnonzero(everywhere)
@@ -175,7 +170,7 @@ class CurveState:
         return result
 
     @functools.cached_property
-    def _run(self) -> tuple[np.ndarray, list[PeriodMotion | None]]:
+    def _run(self) -> tuple[np.ndarray, Motions]:
         return self.problem.images(self.states, self.value)
 
     @property
@@ -184,8 +179,8 @@ class CurveState:
         return self._run[0]
 
     @property
-    def motions(self) -> list[PeriodMotion | None]:
-        """Over the period from each sample; None for those of other ranks."""
+    def motions(self) -> Motions:
+        """Over the period from each of this rank's samples."""
         return self._run[1]
 
     @property
@@ -204,16 +199,16 @@ class CurveState:
         """
         points = points or self.problem.period.reduced.points
         problem, motions, rotation = self.problem, self.motions, self.rotation
-        period, samples = problem.period, len(motions)
+        period, samples = problem.period, problem.samples
         steps, half = period.steps, samples // 2
         lines = min(LINES, steps // 2 - 1)
         orders, seen = np.arange(-half, half + 1), points.modes.shape[:2]
         found = np.zeros((lines + 1, len(orders), *seen), dtype=complex)
-        mine = [(i, problem.seen(motion)) for i, motion in enumerate(motions) if motion is not None]
-        over_samples = np.exp(-2j * np.pi * orders[:, None] * [i for i, _ in mine] / samples) / samples
+        mine = [problem.seen(motion) for motion in motions.values()]
+        over_samples = np.exp(-2j * np.pi * orders[:, None] * [*motions] / samples) / samples
         for begin in range(0, steps if mine else 0, INSTANTS):
             part = slice(begin, min(begin + INSTANTS, steps))
-            u = np.array([_moved(points, period.pairs, motion, part) for _, motion in mine])
+            u = np.array([_moved(points, period.pairs, motion, part) for motion in mine])
             # the slower tone's lines over the samples at each instant, then the faster one's over these
             slow = np.tensordot(over_samples, u, axes=1)
             share = np.arange(part.start, part.stop) / steps
@@ -239,7 +234,7 @@ class CurveState:
     def peak(self) -> float:
         """Largest contact resultant, N. Collective."""
         rows = len(self.problem.period.laws)
-        mine = [motion.forces[:-1, :rows].sum(axis=1) for motion in self.motions if motion is not None]
+        mine = [motion.forces[:-1, :rows].sum(axis=1) for motion in self.motions.values()]
         return self.problem.comm.allreduce(float(np.max(mine, initial=0.0)), MPI.MAX)
 
     def rubbed(self, frequency: float) -> dict[str, Any]:
@@ -248,7 +243,7 @@ class CurveState:
         """
         if self.problem.period.friction is None:
             return {}
-        lost = sum(float(motion.lost.sum()) for motion in self.motions if motion is not None)
+        lost = sum(float(motion.lost.sum()) for motion in self.motions.values())
         power = frequency * self.problem.comm.allreduce(lost) / len(self.states)
         return {"friction_power": power, "sticking": len(self.problem.stuck(self.motions))}
 
@@ -265,12 +260,9 @@ class CurveState:
     def maps(self, smooth: bool) -> CurveMaps:
         """Derivatives along the state: of the steps, or with switches located inside them."""
         problem, driven = self.problem, self.problem.at_sample(self.value)
-        mine, size = range(problem.comm.rank, len(self.states), problem.comm.size), self.states.shape[1]
-        found, unit = np.empty((len(mine), size, size)), np.eye(size)
-        stuck = problem.stuck(self.motions)
-        for place, i in enumerate(mine):
-            motion = self.motions[i]
-            assert motion is not None  # this rank's
+        size, stuck = self.states.shape[1], problem.stuck(self.motions)
+        found, unit = np.empty((len(self.motions), size, size)), np.eye(size)
+        for place, (i, motion) in enumerate(self.motions.items()):
             found[place] = driven(i).carried(motion, unit, located=smooth)
             if problem.period.friction is not None:  # elsewhere on the curve they slip
                 kept = 2 * problem.period.modes + np.flatnonzero(motion.stays(len(problem.period.laws)))

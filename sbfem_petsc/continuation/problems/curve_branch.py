@@ -18,7 +18,7 @@ from ..line_file import LineFile
 from ..problem import Point, Range
 from .driven_orbits import OverParameter
 from .own_tone import beginning
-from .tones import QuasiPeriodic, attracts, own_motion, recorded_motion
+from .tones import QuasiPeriodic, attracts, own_motion
 
 # How a branch is followed; the first step is so long, relative to the first curve's swing.
 PACE, FIRST = Settings(points=60, largest=0.2, smallest=1e-4, growth=1.5), 0.5
@@ -39,6 +39,9 @@ class QuasiPeriodicBranch(OverParameter):
 
     labels: ClassVar = {"place": "points", "tone": "tones", "line": "main"}
     coordinates: ClassVar = ("value", "frequencies", "stable")
+    # names of the tones, and of the lines that tables have
+    tones = "f1", "f2"
+    main = tuple(MAIN)
 
     motions: tuple[QuasiPeriodic, ...] = quantity(text="in order", part="QuasiPeriodic", detail=True)
     reason: str = quantity(text="why the curve ends")
@@ -58,16 +61,6 @@ class QuasiPeriodicBranch(OverParameter):
     def points(self) -> tuple[str, ...]:
         """Named points."""
         return self.motions[0].points
-
-    @property
-    def tones(self) -> tuple[str, str]:
-        """Names of the tones."""
-        return "f1", "f2"
-
-    @property
-    def main(self) -> tuple[str, ...]:
-        """Names of the lines that tables have."""
-        return tuple(MAIN)
 
     @derived("Hz", "f1 and the motion's own f2", "point tone")
     def frequencies(self) -> np.ndarray:
@@ -181,11 +174,11 @@ def _tell(line: Line, stability: bool, point: Point) -> str | None:
     """Note the motion of a point; why the line ends before it where a history leaves it behind motions that
     histories have stayed with.
     """
-    if point.state.recorded is not None:
-        point.told = {"motions": recorded_motion(point)}
-        return None
+    known = point.state.recorded is not None
     _tell_motion(stability, point)
-    *former, last = _motions(line)
+    if known:
+        return None
+    *former, last = line.told("motions")
     if last.resolved or not any(attracts(motion) and motion.resolved for motion in former):
         return None
     return (
@@ -199,11 +192,6 @@ def _tell_motion(stability: bool, point: Point) -> None:
     point.told = {"motions": own_motion(point, stability)}
 
 
-def _motions(line: Line) -> list[QuasiPeriodic]:
-    """Those of all points."""
-    return [point.told["motions"] for point in line.points]
-
-
 def _finish(line: Line, stability: bool) -> None:
     """Finer points where the tone's amplitude bends, but for those that a history leaves."""
     if ran_out(line.reason):
@@ -213,7 +201,7 @@ def _finish(line: Line, stability: bool) -> None:
     names, followed = line.points[0].problem.period.reduced.points.names, list(line.points)
 
     def amplitudes() -> np.ndarray:
-        lines = [[abs(motion.line(0, 1, name)) for name in names] for motion in _motions(line)]
+        lines = [[abs(motion.line(0, 1, name)) for name in names] for motion in line.told("motions")]
         return np.array(lines).T
 
     extent = float(np.ptp(line.values)) or 1.0
@@ -223,7 +211,7 @@ def _finish(line: Line, stability: bool) -> None:
 
 def _branch(line: Line, stop: float) -> QuasiPeriodicBranch:
     """The branch as it is."""
-    values, motions = line.values, tuple(_motions(line))
+    values, motions = line.values, tuple(line.told("motions"))
     complete = bool(values[-1] == stop) or line.reason == CLOSED
     parameter = line.points[0].problem.tone.parameter
     return QuasiPeriodicBranch(parameter, values, motions, line.reason or "unfinished", complete)

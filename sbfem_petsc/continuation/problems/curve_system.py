@@ -206,9 +206,7 @@ class CurveBorder:
         """
         right = np.append(right[:-1] / self.unit, right[-1] / self.size)
         known, held = (right, ()) if self._extra else (right[:-1], right[-1:])
-        size = float(np.linalg.norm(known))
-        if not size:
-            return self.units * np.append(np.zeros(len(known)), held)
+        size = float(np.linalg.norm(known)) or 1.0
         remedy = f"take more samples, or another solver or more iterations under -{PREFIX}ksp_..."
         settings = GmresSettings("quasi_periodic", PREFIX, LINEAR, KEPT, remedy)
         own = by_gmres(self._maps.comm, self.own(known / size), self.product, self.nearby, settings)
@@ -225,8 +223,7 @@ class CurveBorder:
         behind = self._extra if self._maps.comm.rank == 0 else 0
         samples, count = result[: self._coordinates].reshape(-1, self._maps.size), len(own) - behind
         samples[self._maps.mine] = own[:count].reshape(-1, self._maps.size)
-        if behind:
-            result[self._coordinates :] = own[count:]
+        result[len(result) - behind :] = own[count:]
         self._maps.comm.Allreduce(MPI.IN_PLACE, result)
         return result
 

@@ -186,6 +186,7 @@ class Orbits(Problem):
 
     def __init__(self, period: Period, parameter: ParameterRange):
         self.period, self.parameter = period, parameter
+        self.map = period  # whose fixed points the motions are
         if not period.reduced.damping.any() and parameter.name != "damping":
             self.advice = (
                 "without damping motions grow without bound at a resonance and high modes never settle: give "
@@ -224,11 +225,6 @@ class Orbits(Problem):
         if not fewer:
             return ""
         return f"the branch of {self.periods} periods falls onto a motion of {fewer} at {point.value:.8g}"
-
-    @property
-    def map(self) -> Period:
-        """Whose fixed points the motions are."""
-        return self.period
 
     def finer(self, times: int) -> Orbits:
         """See `Problem`."""
@@ -387,29 +383,27 @@ def distances(driven: DrivenPeriod, motion: PeriodMotion) -> dict[int, float]:
     p = driven.period
     periods = p.excitation.periods
     begin = driven.linear_state.copy()
-    begin[: 2 * p.modes] += _difference(p, motion, 0)
+    begin[: 2 * p.modes] += np.concatenate([p.weights * motion.states[0], motion.velocities[0]])
     size = p.size(begin)
     result = {}
     for fewer in range(1, periods):
         if periods % fewer or (p.steps * fewer) % periods or (p.excitation.orders * fewer % periods).any():
             continue
-        k = p.steps * fewer // periods
-        # the linear response repeats with the loads
-        change = np.linalg.norm(_difference(p, motion, k) - _difference(p, motion, 0))
+        change = np.linalg.norm(_change(p, motion, p.steps * fewer // periods))
         result[fewer] = float(change) / max(size, 1e-300)
     return result
 
 
-def _difference(period: Period, motion: PeriodMotion, k: int) -> np.ndarray:
-    return np.concatenate([period.weights * motion.states[k], motion.velocities[k]])
+def _change(period: Period, motion: PeriodMotion, k: int) -> np.ndarray:
+    """Of the state to the k-th instant, after which the loads repeat, and the linear response with them."""
+    moved = period.weights * (motion.states[k] - motion.states[0])
+    return np.concatenate([moved, motion.velocities[k] - motion.velocities[0]])
 
 
 def minimal_periods(fixed: FixedPoint) -> int:
     """The fewest of the loads' periods after which a motion repeats itself."""
-    for fewer, change in distances(fixed.driven, fixed.motion).items():
-        if change < SAME:
-            return fewer
-    return fixed.driven.period.excitation.periods
+    repeats = (fewer for fewer, change in distances(fixed.driven, fixed.motion).items() if change < SAME)
+    return next(repeats, fixed.driven.period.excitation.periods)
 
 
 def passes_shorter(one: FixedPoint, other: FixedPoint) -> int:
@@ -422,8 +416,6 @@ def passes_shorter(one: FixedPoint, other: FixedPoint) -> int:
         return fewer
     if periods % 2 or periods // 2 not in distances(other.driven, other.motion):
         return 0
-    halves = []
-    for fixed in (one, other):
-        p = fixed.driven.period
-        halves.append(_difference(p, fixed.motion, p.steps // 2) - _difference(p, fixed.motion, 0))
-    return periods // 2 if halves[0] @ halves[1] < 0.0 else 0
+    p = other.driven.period
+    before, behind = (_change(p, fixed.motion, p.steps // 2) for fixed in (one, other))
+    return periods // 2 if before @ behind < 0.0 else 0

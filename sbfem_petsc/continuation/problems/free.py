@@ -23,7 +23,7 @@ from ...motion.excitation import Excitation
 from ...motion.period_map import DrivenPeriod, FixedPoint, Period
 from ...reduction.reduced_model import ReducedModel
 from ..linear import Dense, DenseBorder
-from ..newton import correct
+from ..newton import attempt, correct
 from ..problem import Linear, Lost, Metric, Point, Problem
 from .driven_orbits import OrbitState
 
@@ -124,12 +124,9 @@ class FreeSystem:
             return float(room.min(initial=math.inf))
 
         up, down = reach(moved), reach(-moved)
-        if up == down:
-            # closed faces: the side on which more of them part
-            sign = 1.0 if moved.sum() >= 0.0 else -1.0
-        else:
-            sign = 1.0 if up > down else -1.0
-        return sign, 0.5 * min(up, down) ** 2
+        # of closed faces the side on which more of them part
+        freer = moved.sum() if up == down else up - down
+        return 1.0 if freer >= 0.0 else -1.0, 0.5 * min(up, down) ** 2
 
     # ------------------------------------------------------------------ motions of given energies
     def motion(self, state: np.ndarray, frequency: float, excitation: float, energy: float) -> Point:
@@ -270,9 +267,8 @@ class FreeMotions(Problem):
         if last.value <= system.open_side()[1]:
             return None
         more = system.damped(ADDED)
-        try:
-            damped = more.again(last, last.value, ADDED)
-        except Lost:
+        damped = attempt(lambda: more.again(last, last.value, ADDED), Lost)
+        if damped is None:
             return None
         for factor in LEAPS:
             energy = min(max(last.value * factor**direction, self.limits[0]), self.limits[1])

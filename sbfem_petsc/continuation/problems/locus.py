@@ -10,6 +10,7 @@ row's least gap over the period passes through zero smoothly: that is what is so
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -29,6 +30,7 @@ from ..events import folds
 from ..extrapolation import extrapolated
 from ..follow import CLOSED, Line, Settings, points_of, ran_out
 from ..line_file import LineFile
+from ..newton import attempt
 from ..orbit import make_orbit, run_again
 from ..problem import Lost, Point, Range
 from .driven_orbits import Family, OpenRowFamily, least
@@ -141,15 +143,13 @@ def _first(problem: LocusProblem) -> Point:
     """The point of the locus next to its start, with the second parameter held, or the frequency: a fold's
     locus may run along the parameter's axis.
     """
-    failure = None
+    failed = list[Lost]()
     for held in (1, 0):
-        try:
-            return problem.first(held)
-        except Lost as error:
-            failure = failure or error
+        if (found := attempt(functools.partial(problem.first, held), Lost, failed)) is not None:
+            return found
     _, frequency, value = problem.split(problem.begin)
     raise SolveError(
-        f"locus: no {problem.kind} was found near {frequency:.8g} Hz and the factor {value:.6g}: {failure}"
+        f"locus: no {problem.kind} was found near {frequency:.8g} Hz and the factor {value:.6g}: {failed[0]}"
     )
 
 

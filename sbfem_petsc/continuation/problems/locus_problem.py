@@ -131,13 +131,8 @@ class LocusProblem(Problem):
 
     def advanced(self, points: list[Point]) -> tuple[LocusProblem, Point]:
         """The borders follow the null vectors."""
-        return self._renewed(points[-1])
-
-    def _renewed(self, point: Point) -> tuple[LocusProblem, Point]:
-        state = point.state
-        assert isinstance(state, LocusState)
-        problem = self.bordered_by(state.null_vectors())
-        return problem, replace(point, problem=problem)
+        problem = self.bordered_by(points[-1].state.null_vectors())
+        return problem, replace(points[-1], problem=problem)
 
     def memory(self, point: Point) -> Sequence[np.ndarray] | None:
         """The borders of its state, if it has any."""
@@ -146,7 +141,7 @@ class LocusProblem(Problem):
     def recalled(self, u: np.ndarray, value: float, memory: Sequence[np.ndarray] | None) -> Point:
         """A point of a former run."""
         problem = self.bordered_by(memory) if memory else self
-        return problem._renewed(Point(problem, u, problem.at(u), value))[1]
+        return problem.advanced([Point(problem, u, problem.at(u), value)])[1]
 
 
 def _null_vectors(matrix: np.ndarray, place: complex) -> tuple[np.ndarray, np.ndarray]:
@@ -178,9 +173,10 @@ class LocusState:
 
     def __init__(self, problem: LocusProblem, u: np.ndarray):
         self.problem, self.u, self.scale = problem, u, problem.size
-        self._begin()
+        driven, motion = self._run
+        self._begin(driven, motion)
         off = np.where(np.abs(self.condition) > problem.band, self.condition, 0.0)
-        self.residual = np.append(self.motion.residual, FINE * self.scale * off)
+        self.residual = np.append(motion.residual, FINE * self.scale * off)
         self.rows = len(self.residual)
         # orthonormal directions in units, and the slopes of g along them
         self._known: list[tuple[np.ndarray, np.ndarray]] = []
@@ -194,17 +190,7 @@ class LocusState:
     def _run(self) -> tuple[DrivenPeriod, PeriodMotion]:
         return self.problem.run(self.u)
 
-    @property
-    def driven(self) -> DrivenPeriod:
-        """The driven period."""
-        return self._run[0]
-
-    @property
-    def motion(self) -> PeriodMotion:
-        """The motion over it."""
-        return self._run[1]
-
-    def _begin(self) -> None:
+    def _begin(self, driven: DrivenPeriod, motion: PeriodMotion) -> None:
         """Set the condition."""
         raise NotImplementedError
 
@@ -241,7 +227,7 @@ class LocusState:
         """Derivative of the motion's residual along the unknowns in units, (2 m, n)."""
         problem = self.problem
         x, _, value = problem.split(self.u)
-        part = problem.family.derivative(self.driven, self.motion, x, value)
+        part = problem.family.derivative(*self._run, x, value)
         part[:, : len(x)] -= np.eye(len(x))
         result = np.zeros((len(x), len(self.u)))
         result[:, : len(x) + 2] = part
@@ -263,17 +249,14 @@ class LocusState:
 class _AtMultiplier(LocusState):
     """g of the bordered monodromy."""
 
-    def _begin(self) -> None:
-        problem, matrix = self.problem, self.driven.monodromy(self.motion, rubbing=True)
+    def _begin(self, driven: DrivenPeriod, motion: PeriodMotion) -> None:
+        problem, matrix = self.problem, driven.monodromy(motion, rubbing=True)
         (right, left), place, n = problem.borders, problem.place(self.u), len(matrix)
         bordered = np.zeros((n + 1, n + 1), dtype=np.result_type(right, matrix))
         bordered[:n, :n] = matrix
         bordered[range(n), range(n)] -= place
         bordered[:n, n], bordered[n, :n] = left.conj(), right.conj()
-        factors, unit = (
-            linalg.lu_factor(bordered, check_finite=False),
-            np.eye(n + 1)[n].astype(bordered.dtype),
-        )
+        factors, unit = linalg.lu_factor(bordered, check_finite=False), np.eye(n + 1, dtype=bordered.dtype)[n]
         a, b = (linalg.lu_solve(factors, unit, trans, check_finite=False) for trans in (0, 1))
         self.right, self.left = a[:n], b[:n]
         self.image = matrix @ self.right
@@ -299,8 +282,8 @@ class _AtMultiplier(LocusState):
 class _AtGrazing(LocusState):
     """g is the least gap of an open row over what its gap varies by at the start."""
 
-    def _begin(self) -> None:
-        self.condition = self._gap(self.u, self.driven, self.motion)
+    def _begin(self, driven: DrivenPeriod, motion: PeriodMotion) -> None:
+        self.condition = self._gap(self.u, driven, motion)
 
     def _gap(self, u: np.ndarray, driven: DrivenPeriod, motion: PeriodMotion) -> np.ndarray:
         family = self.problem.family

@@ -11,15 +11,15 @@ from collections.abc import Callable
 import numpy as np
 from scipy import sparse
 
-from ...errors import PetscFailure, SolveError, called, failed_solve
+from ...errors import SolveError, called, failed_solve
 from ...motion.period_map import FixedPoint, Period
 from ...motion.period_motion import PeriodMotion
 from ...motion.states import ModalStates
 from ..harmonic_errors import alike, in_modes
 from ..linear import Sparse
-from ..newton import correct
+from ..newton import attempt, correct
 from ..orbit import Orbit, uncertainty_of
-from ..problem import Problem
+from ..problem import Lost, Problem
 
 # Rounds until subspaces part, at most; what is left between subspaces that part; how many times as large as
 # one another moduli of one subspace are at most, as in its product small ones lose as many digits; what is
@@ -148,9 +148,7 @@ def shoot_segments(
     guess = np.zeros((count, 2 * period.modes)) if states is None else states
     try:
         point = correct(problem, np.append(guess, 0.0), problem.value)
-    except PetscFailure:
-        raise
-    except SolveError as error:
+    except Lost as error:
         raise failed_solve(
             f"{called()}: over {count} segments {error}; start from a neighbour, or take more segments "
             "or steps"
@@ -170,11 +168,11 @@ def segmented_stability(segments: Segments) -> tuple[np.ndarray, Callable[[], fl
 
     def error() -> float:
         finer = period.in_steps(2 * period.steps)
-        try:
-            _, other = shoot_segments(finer, frequency, len(begins), np.array(begins))
-        except SolveError:
+        found = attempt(lambda: shoot_segments(finer, frequency, len(begins), np.array(begins)), SolveError)
+        if found is None:
             return np.nan
-        return uncertainty_of(abs(values[0]) - abs(product_eigenvalues(other.derivatives(located=True))[0]))
+        derivatives = found[1].derivatives(located=True)
+        return uncertainty_of(abs(values[0]) - abs(product_eigenvalues(derivatives)[0]))
 
     return values, error
 

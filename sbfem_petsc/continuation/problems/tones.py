@@ -44,6 +44,7 @@ class QuasiPeriodic(ToldError):
 
     labels: ClassVar = {"place": "points", "tone": "tones"}
     coordinates: ClassVar = ("multiple", "frequency")
+    tones = "f1", "f2"  # their names
 
     frequencies: tuple[float, float] = quantity("Hz", "f1 and f2", "tone", least=1e-300)
     samples: int = quantity("1", "phases of the slower tone", least=3)
@@ -141,11 +142,6 @@ class QuasiPeriodic(ToldError):
     def points(self) -> tuple[str, ...]:
         """Named points."""
         return self.reduced.points.names
-
-    @property
-    def tones(self) -> tuple[str, str]:
-        """Names of the tones."""
-        return "f1", "f2"
 
     @derived("1", "multiples of the slower tone in the lines", "slow", kinds="i", detail=True)
     def orders(self) -> np.ndarray:
@@ -256,30 +252,16 @@ class QuasiPeriodic(ToldError):
 def own_motion(point: CurvePoint, stability: bool) -> QuasiPeriodic:
     """The motion of an invariant curve with a tone of its own, a point of `Curves`. Collective."""
     state, own = point.state, point.problem.tone
-    driven, lines, growth = own.driven(state.value), state.lines(), np.zeros(0)
-    if stability:
-        maps, along = state.linearised(smooth=True)[0].maps, tangents(state.states)
-        growth = exponents(maps, state.rotation, EXPONENTS, TURNS, along) / driven.duration
-        if growth[0] * driven.duration * TURNS < -1.0 and strays(point, TURNS) > STRAYED:
-            growth = np.full_like(growth, np.nan)
-    state.recorded = {
-        "exponents": growth,
-        "contact_peak": state.peak,
-        "lines": lines,
-        **state.rubbed(1.0 / driven.duration),
-    }
-    return recorded_motion(point)
-
-
-def attracts(motion: QuasiPeriodic) -> bool:
-    """Whether a motion's exponents say that it attracts histories within their length."""
-    return bool(len(motion.exponents) and motion.exponents[0] * TURNS < -motion.frequencies[0])
-
-
-def recorded_motion(point: CurvePoint) -> QuasiPeriodic:
-    """The same of what is told of it already (`CurveState.recorded`)."""
-    state, own = point.state, point.problem.tone
     driven = own.driven(state.value)
+    if state.recorded is None:  # else of a former run
+        growth = np.zeros(0)
+        if stability:
+            maps, along = state.linearised(smooth=True)[0].maps, tangents(state.states)
+            growth = exponents(maps, state.rotation, EXPONENTS, TURNS, along) / driven.duration
+            if growth[0] * driven.duration * TURNS < -1.0 and strays(point, TURNS) > STRAYED:
+                growth = np.full_like(growth, np.nan)
+        told = {"exponents": growth, "contact_peak": state.peak, "lines": state.lines()}
+        state.recorded = told | state.rubbed(1.0 / driven.duration)
     first = 1.0 / driven.duration
     return QuasiPeriodic(
         (first, state.rotation * first),
@@ -292,6 +274,11 @@ def recorded_motion(point: CurvePoint) -> QuasiPeriodic:
         own=own.at(point.value),
         **state.recorded,
     )
+
+
+def attracts(motion: QuasiPeriodic) -> bool:
+    """Whether a motion's exponents say that it attracts histories within their length."""
+    return bool(len(motion.exponents) and motion.exponents[0] * TURNS < -motion.frequencies[0])
 
 
 def own_curve(motion: QuasiPeriodic) -> np.ndarray:

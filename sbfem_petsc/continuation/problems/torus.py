@@ -26,7 +26,7 @@ from ..harmonic_errors import FAINT, SECOND, beyond, in_modes
 from ..newton import attempt, correct
 from ..orbit import LOWEST
 from ..problem import Point
-from .curve import InvariantCurves, named
+from .curve import InvariantCurves, Motions, named
 from .curve_system import CurveMaps, filtered, shift
 
 # Orbits of the curve's own map, after which Newton's method is tried again.
@@ -100,16 +100,9 @@ class Torus(InvariantCurves):
 
     def at_sample(self, value: float) -> Callable[[int], DrivenPeriod]:
         """See `InvariantCurves`."""
-        return self._following
+        return self.driven
 
-    def _following(self, i: int) -> DrivenPeriod:
-        """The map at a sample, whose gaps may follow forces later, see `delayed`."""
-        result = self.driven(i / self.samples)
-        if i in self.late:
-            result.free_gap = result.free_gap + self.late[i]
-        return result
-
-    def delayed(self, motions: Sequence[PeriodMotion | None], delay: float) -> Torus:
+    def delayed(self, motions: Motions, delay: float) -> Torus:
         """The map whose gaps through what is left out follow the forces of motions and the loads as under
         Rayleigh's damping, see `harmonic_errors.delayed`.
         """
@@ -125,8 +118,7 @@ class Torus(InvariantCurves):
             i: (followed(motion.forces, delay / self.base.step) - motion.forces) @ flexible
             + p.over_time(first)
             + (self._phases(i / self.samples) @ second).real
-            for i, motion in enumerate(motions)
-            if motion is not None
+            for i, motion in motions.items()
         }
         return result
 
@@ -152,13 +144,16 @@ class Torus(InvariantCurves):
             return motion
         return replace(motion, forces=followed(motion.forces, self.delay / self.base.step))
 
-    def driven(self, theta: float) -> DrivenPeriod:
-        """The map at a phase of the second tone, in differences to the linear response."""
-        result = copy.copy(self.base)
-        phases = self._phases(theta)
+    def driven(self, i: int) -> DrivenPeriod:
+        """The map at a sample, in differences to the linear response; its gaps may follow forces later, see
+        `delayed`.
+        """
+        result, phases = copy.copy(self.base), self._phases(i / self.samples)
         # the real part of a product of complex matrices, by one of real ones
         moved = np.concatenate([phases.real, phases.imag], axis=1) @ self.pump_gaps
         result.free_gap = np.add(moved, self.base.free_gap, out=moved)
+        if i in self.late:
+            result.free_gap += self.late[i]
         result.linear_state = np.zeros_like(self.base.linear_state)
         return result
 
@@ -166,14 +161,13 @@ class Torus(InvariantCurves):
         """(steps + 1, k): of the second tone's multiples over the first one's period."""
         return self.turning * np.exp(2j * np.pi * theta * self.drives[1].orders)
 
-    def contact_work(self, motions: Sequence[PeriodMotion | None]) -> float:
+    def contact_work(self, motions: Motions) -> float:
         """As `contact_work.contact_work`, over the motions from all samples. Collective."""
         forces, velocities = self.base.oscillations()
         further = (modal_forces(self.reduced, self.pumped, self.pump_speeds), self.pump_speeds * self.pumped)
         done = np.zeros(2)
-        for i in range(self.comm.rank, self.samples, self.comm.size):
-            motion, phases = motions[i], self._phases(i / self.samples)
-            assert motion is not None  # this rank's
+        for i, motion in motions.items():
+            phases = self._phases(i / self.samples)
             force, velocity = ((phases @ part).real for part in further)
             powers = (forces + force) * (velocities + velocity + motion.velocities)
             done += np.abs(motion.work).sum(), np.abs(powers[:-1]).sum() * self.base.step

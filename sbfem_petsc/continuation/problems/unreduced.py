@@ -159,7 +159,8 @@ class UnreducedLinear(Krylov):
         """See `Krylov`."""
         return self.driven.linear_resolvent(right)
 
-    def rate(self) -> np.ndarray:
+    @functools.cached_property
+    def column(self) -> np.ndarray:
         """See `Krylov`."""
         state = self.state
         step = DIFFERENCE * max(abs(state.value), LEAST)
