@@ -12,6 +12,8 @@ from meshing.gmsh.model import Block, FileModel
 from meshing.gmsh.size_guard import Guard
 
 Groups = Mapping[tuple[int, str], Sequence[Sequence[int]]]
+# Dimension and nodes of each element, by its label.
+Elements = dict[int, tuple[int, list[int]]]
 
 
 def described(
@@ -67,17 +69,19 @@ def described(
     return model.packed()
 
 
-def ends_first(line: Sequence[int], nodes: Mapping[int, Sequence[float]]) -> list[int]:
-    """Nodes of a line; where there are three, programs disagree on the place of the middle one."""
-    if len(line) == 2:
-        return list(line)
-    where = np.array([nodes[node] for node in line])
-    middle = int(np.argmin([np.linalg.norm(where - own, axis=1).max() for own in where]))
-    return [*line[:middle], *line[middle + 1 :], line[middle]]
+def ends_first(elements: Elements, nodes: Mapping[int, Sequence[float]]) -> Elements:
+    """Elements as they are but for lines of three nodes: programs disagree on the place of the middle one."""
+    made = dict(elements)
+    for label, (dimension, line) in elements.items():
+        if dimension == 1 and len(line) == 3:
+            where = np.array([nodes[node] for node in line])
+            middle = int(np.argmin([np.linalg.norm(where - own, axis=1).max() for own in where]))
+            made[label] = 1, [*line[:middle], *line[middle + 1 :], line[middle]]
+    return made
 
 
 def sorted_groups(
-    elements: Mapping[int, tuple[int, Sequence[int]]],
+    elements: Elements,
     element_groups: Mapping[str, Sequence[int]],
     node_groups: Mapping[str, Sequence[int]],
 ) -> tuple[dict[tuple[int, str], list[Sequence[int]]], dict[str, Sequence[int]]]:

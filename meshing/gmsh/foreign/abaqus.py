@@ -72,6 +72,7 @@ class _Deck(Deck):
     def __init__(self, cards: list[Card]) -> None:
         self.shells: set[int] = set()
         super().__init__(cards)
+        self.elements = ends_first(self.elements, self.nodes)
 
     def kind(self, card: Card) -> tuple[int, tuple[int, ...]]:
         """Dimension and numbers of nodes of a type of element."""
@@ -89,10 +90,6 @@ class _Deck(Deck):
     def add_elements(self, card: Card) -> list[int]:
         """Take in those of a card; their labels."""
         labels = super().add_elements(card)
-        for label in labels:
-            dimension, nodes = self.elements[label]
-            if dimension == 1:
-                self.elements[label] = (1, ends_first(nodes, self.nodes))
         if _SHELLS.fullmatch(card.given["TYPE"].upper()):
             self.shells.update(labels)
         return labels
@@ -101,30 +98,28 @@ class _Deck(Deck):
         """Cells by their materials."""
         cells = {label: nodes for label, (dimension, nodes) in self.elements.items() if dimension == 2}
         spelled = {name.upper(): name for card in self.of("MATERIAL") if (name := card.given.get("NAME"))}
-        owner: dict[int, str] = {}
+        said: dict[int, list[str]] = {}
         for card in self.of(*_SECTIONS):
             labels = self.known(card, "ELSET", card.given.get("ELSET", ""))
             name = card.given.get("MATERIAL", "")
             name = spelled.get(name.upper(), name)
             for label in labels if name else ():
-                if owner.setdefault(label, name) != name:
-                    card.refuse(f"gives element {label} the material {name!r}, and another {owner[label]!r}")
-        by_sections = bool(owner)
-        for label, names in () if by_sections else self._names(cells).items():
-            if len(names) > 1:
-                raise Refusal(
-                    f"element {label} is in the sets {names[0]!r} and {names[1]!r}; it can be of one "
-                    "material only, which *SOLID SECTION, ELSET=..., MATERIAL=... says."
-                )
-            owner[label] = names[0]
-        if not owner:
-            owner = dict.fromkeys(cells, "material")
+                if said.setdefault(label, [name]) != [name]:
+                    other = said[label][0]
+                    card.refuse(f"gives element {label} the material {name!r}, and another {other!r}")
+        owner = said or self._names(cells) or dict.fromkeys(cells, ["material"])
         groups: dict[tuple[int, str], list[list[int]]] = {}
         for label, nodes in cells.items():
             if label not in owner:
-                wants = "*SOLID SECTION" if by_sections else "set, whose name is the material's"
+                wants = "*SOLID SECTION" if said else "set, whose name is the material's"
                 raise Refusal(f"element {label} is in no {wants}; give it one.")
-            groups.setdefault((2, owner[label]), []).append(nodes)
+            name, *others = owner[label]
+            if others:
+                raise Refusal(
+                    f"element {label} is in the sets {name!r} and {others[0]!r}; it can be of one material "
+                    "only, which *SOLID SECTION, ELSET=..., MATERIAL=... says."
+                )
+            groups.setdefault((2, name), []).append(nodes)
         return groups
 
     def curves(self) -> dict[tuple[int, str], list[list[int]]]:

@@ -39,13 +39,14 @@ def extract(*, file: str, **options: Any) -> tuple[dict[str, Any], dict[str, np.
         for cell, family in zip(np.asarray(block.data).tolist(), np.ravel(own).tolist()):
             label, kind = len(elements), block.type
             dimension = 2 if kind in PLANE else 1 if kind in _LINES else 0
-            elements[label] = dimension, ends_first(cell, nodes) if dimension == 1 else cell
+            elements[label] = dimension, cell
             for name in mesh.cell_tags.get(family, ()):
                 element_groups[name.strip(" \0")].append(label)
     for node, family in enumerate(np.ravel(mesh.point_data.get("point_tags", ())).tolist()):
         for name in mesh.point_tags.get(family, ()):
             node_groups[name.strip(" \0")].append(node)
-    return described(nodes, *sorted_groups(elements, element_groups, node_groups), **options)
+    groups = sorted_groups(ends_first(elements, nodes), element_groups, node_groups)
+    return described(nodes, *groups, **options)
 
 
 def _names(families: dict[int, list[str]]) -> list[str]:

@@ -62,12 +62,8 @@ def extract(*, file: str, **options: Any) -> tuple[dict[str, Any], dict[str, np.
     for label, (_, corners) in elements.items():
         if missing := [node for node in corners if node not in nodes]:
             raise Refusal(f"element {label} has node {missing[0]}, which does not exist; export it again.")
-    made = {
-        label: (dimension, ends_first(corners, nodes) if dimension == 1 else corners)
-        for label, (dimension, corners) in elements.items()
-    }
-    groups, sets = sorted_groups(made, element_groups, node_groups)
-    return described(nodes, groups, sets, **options)
+    groups = sorted_groups(ends_first(elements, nodes), element_groups, node_groups)
+    return described(nodes, *groups, **options)
 
 
 def _datasets(text: str) -> Iterator[tuple[int, list[str]]]:
