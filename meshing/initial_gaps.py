@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from meshing.input_checks import shown
+from meshing.input_checks import shown, values_at
 from meshing.mesh_arrays import MeshArrays
 
 # A number, a function of arrays x and y, or one value for each of the crack's pairs, m.
@@ -35,13 +35,7 @@ def gaps_with(mesh: MeshArrays, crack: str, gap: Gap) -> np.ndarray:
     mine = np.flatnonzero(mesh.pairs.crack == names.index(crack))
     where = f"with_gap: gap of crack {crack!r}"
     if callable(gap):
-        x, y = mesh.nodes[mesh.pairs.nodes[mine]].mean(axis=1).T.copy()
-        try:
-            gap = gap(x, y)
-        except Exception as error:  # whatever a user's function does
-            raise ValueError(
-                f"{where} failed as a function of arrays x and y: {type(error).__name__}: {error}"
-            ) from error
+        gap = values_at(where, gap, mesh.nodes[mesh.pairs.nodes[mine]].mean(axis=1))
     result = mesh.pairs.gap.copy()
     result[mine] = _numbers(where, gap, len(mine))
     return result

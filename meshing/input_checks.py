@@ -132,6 +132,16 @@ def path(owner: str, name: str, value: Any) -> str:
     return place
 
 
+def values_at(what: str, function: Callable[..., Any], places: np.ndarray) -> Any:
+    """What a user's function gives for arrays x, y ... of places (n, 2) or (n, 3); ValueError if it fails."""
+    try:
+        return function(*places.T.copy())
+    except Exception as error:  # of any kind
+        axes = "x and y" if places.shape[1] == 2 else "x, y and z"
+        why = f"{type(error).__name__}: {error}"
+        raise ValueError(f"{what} failed as a function of arrays {axes}: {why}") from error
+
+
 def number(owner: str, name: str, value: Any) -> float:
     """`value` as a float whose square is one as well; errors as `real`."""
     return real(owner, name, value, within=Bounds(least=-LARGEST, most=LARGEST))

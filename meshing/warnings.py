@@ -6,8 +6,11 @@ import it from any thread.
 
 from __future__ import annotations
 
-import inspect
+import sys
 import warnings
+
+# Modules between a line that warns and the user's: both packages, and wrappers of their functions.
+INSIDE = ("meshing", "sbfem_petsc", "contextlib", "functools")
 
 
 class GmshWarning(UserWarning):
@@ -73,11 +76,16 @@ class IncompleteHistory(UserWarning):
 
 
 def warn(origin: str, sentence: str, kind: type[Warning] = GmshWarning) -> None:
-    """A warning that names its origin, shown at the line outside `meshing` that asked for it."""
-    frame, level = inspect.currentframe(), 1
-    while frame is not None and frame.f_globals.get("__name__", "").split(".")[0] == "meshing":
-        frame, level = frame.f_back, level + 1
-    warnings.warn(f"{origin}: {sentence}", kind, stacklevel=level)
+    """A warning that names its origin, shown at the line outside of both packages that asked for it."""
+    warnings.warn(f"{origin}: {sentence}", kind, stacklevel=caller_level())
+
+
+def caller_level() -> int:
+    """`stacklevel` of the line outside of both packages, for a function that warns itself."""
+    level, frame = 1, sys._getframe(1)
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] in INSIDE:
+        level, frame = level + 1, frame.f_back
+    return level
 
 
 # m; parts that are analysed here are seldom larger or smaller, but those whose mm are taken for m are

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import contextvars
-import sys
 import warnings
 from collections.abc import Iterable
 
+from meshing.warnings import caller_level
+
 from .checks import shown
 
-# Modules between a line that warns and the user's: this package, and wrappers of its functions.
-INSIDE = (__package__, "contextlib", "functools")
 # The analysis that a user has called, while it is under way.
 ANALYSIS: contextvars.ContextVar[str] = contextvars.ContextVar("analysis", default="")
 
@@ -36,14 +35,6 @@ class PetscFailure(SolveError):
     """PETSc refuses an option of the command line, or cannot do what it is asked for; no other first guess
     will change that.
     """
-
-
-def caller_level() -> int:
-    """`stacklevel` of the line outside of this package, for a function that warns itself."""
-    level, frame = 1, sys._getframe(1)
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] in INSIDE:
-        level, frame = level + 1, frame.f_back
-    return level
 
 
 def called(own: str = "periodic") -> str:

@@ -11,10 +11,7 @@ import numpy as np
 import shapely
 
 from meshing.input_checks import check_fields, length
-from meshing.shapes.features import CrackLine, Hole, VNotch, described, lists_of, point_of, refuse_close
-
-_CLEARANCE = 1e-3  # smallest distance between features, relative to the beam's height
-_THINNEST_WALL = 0.02  # beside a hole, relative to its diameter
+from meshing.shapes.features import NEAR, CrackLine, Hole, VNotch, described, lists_of, point_of, refuse_close
 
 
 @dataclass(frozen=True)
@@ -79,7 +76,7 @@ class BeamShape:
                 f"{item}: its tip at x = {notch.x:g} m is outside the beam, 0 < x < {self.length:g} m (its "
                 "length) was expected."
             )
-        clearance = _CLEARANCE * self.height
+        clearance = NEAR * self.height
         for corner in (notch.x, notch.x + notch.left_offset, notch.x + notch.right_offset):
             if not clearance <= corner <= self.length - clearance:
                 raise ValueError(
@@ -89,7 +86,7 @@ class BeamShape:
                 )
 
     def _check_hole(self, item: str, hole: Hole) -> None:
-        clearance = self._wall(hole) + hole.radius
+        clearance = hole.wall(self.height) + hole.radius
         for name, value, extent in (("x", hole.x, self.length), ("y", hole.y, self.height)):
             if not clearance <= value <= extent - clearance:
                 raise ValueError(
@@ -97,10 +94,6 @@ class BeamShape:
                     f"touches the domain or leaves too thin a wall, {name} between {clearance:g} and "
                     f"{extent - clearance:g} m was expected; move the hole or make it smaller."
                 )
-
-    def _wall(self, hole: Hole) -> float:
-        """Least thickness of the material beside a hole, m."""
-        return max(_CLEARANCE * self.height, _THINNEST_WALL * hole.diameter)
 
     def crack_names(self) -> tuple[str, ...]:
         """Of the notches and the cracks in order."""
@@ -113,8 +106,7 @@ class BeamShape:
             if count > 1:
                 raise ValueError(f"Beam: two cracks have the name {name!r}; choose another.")
         areas = [_notch_polygon(self.triangle(notch)) for notch in self.notches]
-        least = _CLEARANCE * self.height
-        refuse_close("", [*zip(self.notches, areas)], self.holes, [self._wall(h) for h in self.holes], least)
+        refuse_close("", [*zip(self.notches, areas)], self.holes, self.height)
 
     def check_point(self, name: str, point: object) -> tuple[float, float]:
         """A user's point as two floats, or the error that says why it cannot be a node."""
@@ -132,7 +124,7 @@ class BeamShape:
             words = f"crack {crack!r} (a mouth's corners are {crack}_right and {crack}_left)"
             gaps[words] = shapely.LineString(line.points).distance(shapely.Point(x, y))
         for item, gap in gaps.items():
-            if gap < _CLEARANCE * self.height:
+            if gap < NEAR * self.height:
                 raise ValueError(f"{where} in or on {item}; move it into the material.")
         return x, y
 

@@ -14,6 +14,8 @@ from meshing.input_checks import check_fields, choice, length, number, said, sho
 
 _STEEPEST = 85.0  # degrees between a face and the vertical
 WIDEST_OPENING = 30.0  # degrees, of a crack
+NEAR = 1e-3  # distance of features that are too near to each other, relative to the body's size
+_THINNEST_WALL = 0.02  # beside a hole, relative to its diameter
 
 
 @dataclass(frozen=True)
@@ -117,6 +119,10 @@ class Hole:
         """m."""
         return self.diameter / 2
 
+    def wall(self, size: float) -> float:
+        """Least thickness of the material beside it in a body of such a size, m."""
+        return max(NEAR * size, _THINNEST_WALL * self.diameter)
+
 
 @dataclass(frozen=True)
 class CrackLine:
@@ -214,11 +220,7 @@ def described(**items: Sequence[object]) -> str:
 
 
 def refuse_close(
-    owner: str,
-    notches: Sequence[tuple[VNotch, shapely.Geometry]],
-    holes: Sequence[Hole],
-    walls: Sequence[float],
-    least: float = 0.0,
+    owner: str, notches: Sequence[tuple[VNotch, shapely.Geometry]], holes: Sequence[Hole], size: float
 ) -> None:
     """ValueError for notches and holes that overlap, touch or come too close to each other.
 
@@ -226,14 +228,12 @@ def refuse_close(
     ----------
     notches : sequence of (VNotch, geometry)
         Each with the area that it takes.
-    walls : sequence of float
-        Least thickness of the material beside each hole, m.
-    least : float
-        Least distance of notches, m.
+    size : float
+        Of the body, m.
     """
     items: list[tuple[VNotch | Hole, shapely.Geometry, float, float]]
-    items = [(notch, area, 0.0, least) for notch, area in notches]
-    items += [(h, shapely.Point(h.x, h.y), h.radius, wall) for h, wall in zip(holes, walls)]
+    items = [(notch, area, 0.0, NEAR * size) for notch, area in notches]
+    items += [(hole, shapely.Point(hole.x, hole.y), hole.radius, hole.wall(size)) for hole in holes]
     if len(items) < 2:
         return
     places = [place for _, place, _, _ in items]

@@ -14,9 +14,7 @@ import shapely
 from meshing.input_checks import check_fields, shown
 from meshing.shapes.features import CrackLine, Hole, corners_of, described, lists_of, refuse_close
 
-_CLEARANCE = 1e-3  # smallest distance between holes and edges, relative to the body's diagonal
 _FARTHEST = 3e6  # coordinates, relative to the body's diagonal
-_THINNEST_WALL = 0.02  # beside a hole, relative to its diameter
 
 
 @dataclass(frozen=True)
@@ -109,11 +107,11 @@ class PlateShape:
         body = shapely.Polygon(self.outline)
         edge = body.exterior
         centres = shapely.points([(hole.x, hole.y) for hole in self.holes] or np.zeros((0, 2)))
-        walls = [max(_CLEARANCE * self.diagonal, _THINNEST_WALL * hole.diameter) for hole in self.holes]
-        for i, (hole, centre, wall) in enumerate(zip(self.holes, centres, walls), 1):
-            if not body.contains(centre) or edge.distance(centre) - hole.radius < wall:
+        for i, (hole, centre) in enumerate(zip(self.holes, centres), 1):
+            gap = edge.distance(centre) - hole.radius
+            if not body.contains(centre) or gap < hole.wall(self.diagonal):
                 raise ValueError(
                     f"Plate: hole {i} ({hole!r}) leaves or touches the outline or leaves too thin a wall; "
                     "move it inside or make it smaller."
                 )
-        refuse_close("Plate: ", [], self.holes, walls)
+        refuse_close("Plate: ", [], self.holes, self.diagonal)

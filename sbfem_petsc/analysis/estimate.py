@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from meshing.warnings import LargeDisplacementWarning, MeshWarning, UnitWarning
+from meshing.warnings import LargeDisplacementWarning, MeshWarning, UnitWarning, caller_level
 
 from ..checks import shown
-from ..errors import SolveError, caller_level, on_all_ranks
+from ..errors import SolveError, on_all_ranks
 from ..ranks.parallel import agree
 from ..record.record import Record, derived, described, quantity
 from ..system.model import Model

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from meshing.input_checks import values_at
 from meshing.warnings import MeshWarning
 
 from ..checks import real, real_array, shown
@@ -257,11 +258,7 @@ def moving_pairs(
 def given_gap(gap: Any, x: np.ndarray) -> np.ndarray:
     """(n,): a user's number, values or function at (n, 3) places."""
     if callable(gap):
-        try:
-            gap = gap(*x.T)
-        except Exception as error:  # of any kind, in a user's function
-            why = f"{type(error).__name__}: {error}"
-            raise ValueError(f"contact: gap = {shown(gap)} fails for arrays x, y and z ({why})") from error
+        gap = values_at(f"contact: gap = {shown(gap)}", gap, x)
     if not isinstance(gap, (list, tuple)) and not np.ndim(gap):
         return np.full(len(x), real("contact", "gap", gap, "m"))
     return real_array("contact", "gap", gap, (len(x),), "m")

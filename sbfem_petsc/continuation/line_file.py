@@ -10,9 +10,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from meshing.warnings import BranchWarning
+from meshing.warnings import BranchWarning, caller_level
 
-from ..errors import caller_level
 from ..motion.excitation import Excitation
 from ..motion.files import run_file
 from ..motion.files.run_file import RunFile

@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from meshing.input_checks import values_at
+
 from ..errors import wrong_input
 from ..petsc import summed
 from ..ranks.parallel import collective
@@ -112,13 +114,7 @@ class _Weights:
 def _values(function: Callable, places: np.ndarray, what: str) -> np.ndarray:
     """(m, 2): a user's function at places, checked."""
     field = np.zeros(places.shape)
-    try:
-        values = function(places[:, 0].copy(), places[:, 1].copy())
-    except Exception as error:  # whatever a user's function does
-        raise ValueError(
-            f"transient: the {what} of initial failed as a function of arrays x and y: "
-            f"{type(error).__name__}: {error}"
-        ) from error
+    values = values_at(f"transient: the {what} of initial", function, places)
     try:
         right = not any(np.iscomplexobj(value) for value in values)
         field[:, 0], field[:, 1] = values

@@ -324,7 +324,7 @@ def test_directions_that_count_from_1(parts):
         (lambda b: b.contact("LEFT", normal="x", gap=-1e-6), "overlap"),
         (
             lambda b: b.contact("LEFT", normal="x", gap=lambda x, y, z: 1e-6 if z > 0.005 else 0.0),
-            "gap = <function .* fails for arrays x, y and z .ValueError: The truth value",
+            "gap = <function .* failed as a function of arrays x, y and z: ValueError: The truth value",
         ),
         (lambda b: b.contact("LEFT", normal="x", offset=1e-6), "at a wall or beside a gap"),
         (
