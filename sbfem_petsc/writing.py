@@ -77,11 +77,11 @@ def write_table(path: Any, columns: Mapping[str, Any]) -> None:
     TypeError, ValueError
         See `replaced`.
     """
-    texts = [[_text(value) for value in np.asarray(values).tolist()] for values in columns.values()]
+    entries = [np.asarray(values).tolist() for values in columns.values()]  # csv writes all digits of floats
     with replaced(path, "table") as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(columns)
-        writer.writerows(zip(*texts))
+        writer.writerows(zip(*entries))
 
 
 def as_json(value: Any, levels: int = 3, end: str = "\n") -> str:
@@ -93,7 +93,3 @@ def as_json(value: Any, levels: int = 3, end: str = "\n") -> str:
     inner = f"{end} "
     entries = (f"{json.dumps(str(key))}: {as_json(item, levels - 1, inner)}" for key, item in value.items())
     return f"{{{inner}{f',{inner}'.join(entries)}{end}}}"
-
-
-def _text(value: Any) -> str:
-    return value if isinstance(value, str) else repr(value)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from pathlib import Path
 from typing import Any
 
 from ..command_line import tell
@@ -84,7 +85,7 @@ def run(options: Options, comm: Any) -> int:
     from ..study.run import run_case
 
     case = _case(options, comm)
-    output = options.output or os.path.join("output", _stem(options.case))
+    output = options.output or os.path.join("output", Path(options.case).stem)
     with watch_for(comm, options.quiet) as watch:
         outcome = run_case(case, output, comm=comm, replace=options.replace, watch=watch)
     _answer(options, comm, outcome.summary, f"results are in {outcome.folder}")
@@ -99,7 +100,7 @@ def sweep(options: Options, comm: Any) -> int:
     from ..study.sweep import sweep as run_sweep
 
     case = _case(options, comm)
-    output = options.output or os.path.join("output", f"{_stem(options.case)}_sweep")
+    output = options.output or os.path.join("output", f"{Path(options.case).stem}_sweep")
     with watch_for(comm, options.quiet) as watch:
         keep = {"output": output, "replace": options.replace, "rows": options.rows}
         found = run_sweep(case, **keep, comm=comm, watch=watch)
@@ -165,7 +166,3 @@ def doctor(options: Options, comm: Any) -> int:
     findings = examine(comm)
     _answer(options, comm, findings, as_text(findings))
     return 1 if findings["faults"] else 0
-
-
-def _stem(path: str) -> str:
-    return os.path.splitext(os.path.basename(path))[0]

@@ -13,20 +13,7 @@ import sbfem_petsc as sb
 
 from ..installation import remedy
 
-PACKAGES = (
-    "numpy",
-    "scipy",
-    "numba",
-    "gmsh",
-    "meshio",
-    "h5py",
-    "matplotlib",
-    "rich",
-    "pydantic",
-    "mpi4py",
-    "petsc4py",
-    "slepc4py",
-)
+PACKAGES = "numpy scipy numba gmsh meshio h5py matplotlib rich pydantic mpi4py petsc4py slepc4py".split()
 
 
 def examine(comm: Any) -> dict[str, Any]:
@@ -64,13 +51,11 @@ def examine(comm: Any) -> dict[str, Any]:
         from matplotlib import font_manager
 
         found["font"] = os.path.basename(font_manager.findfont("DejaVu Sans"))
-    threads = os.environ.get("OMP_NUM_THREADS")
-    found["OMP_NUM_THREADS"] = threads
-    if comm.size > 1 and threads not in ("1",):
+    found["OMP_NUM_THREADS"] = threads = os.environ.get("OMP_NUM_THREADS")
+    if comm.size > 1 and threads != "1":
         faults.append(
-            f"OMP_NUM_THREADS is {threads or 'not set'} with {comm.size} ranks, which then disturb "
-            "each other; "
-            "set it to 1"
+            f"OMP_NUM_THREADS is {threads or 'not set'} with {comm.size} ranks, which then disturb each "
+            "other; set it to 1"
         )
     if found["mpiexec"] is None:
         faults.append("there is no mpiexec on PATH; install an MPI's programs to run on several ranks")
@@ -83,10 +68,8 @@ def _petsc(found: dict[str, Any], faults: list[str]) -> None:
     found["libraries"] = version_line()
     found["scalar"] = str(PETSc.ScalarType.__name__)
     found["integer_bits"] = 8 * PETSc.IntType().itemsize
-    solvers = [
-        name for name in ("mumps", "superlu_dist", "suitesparse") if PETSc.Sys.hasExternalPackage(name)
-    ]
-    found["direct_solvers"] = solvers
+    known = ("mumps", "superlu_dist", "suitesparse")
+    found["direct_solvers"] = solvers = [name for name in known if PETSc.Sys.hasExternalPackage(name)]
     if "complex" in found["scalar"]:
         faults.append(
             "this PETSc computes with complex numbers; use a build with real scalars (PETSC_ARCH "

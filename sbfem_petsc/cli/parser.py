@@ -35,12 +35,10 @@ def make_parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="sbfem",
         description="Vibration of structures with breathing cracks, from a case file to data and pictures.",
-        epilog=f"A first case:\n  sbfem new beam case.toml\n  sbfem check case.toml\n  sbfem run case.toml "
-        "--output results\n\nOn several ranks: mpiexec -n 4 sbfem run case.toml --output "
-        "results\n\nWords after "
-        f"-- go to PETSc and SLEPc, by the prefix of each solve:\n{prefixes}\n  for example  sbfem "
-        "run case.toml "
-        f"-- -static_ksp_type cg -log_view\n\n{EXIT_CODES}",
+        epilog="A first case:\n  sbfem new beam case.toml\n  sbfem check case.toml\n  sbfem run case.toml "
+        "--output results\n\nOn several ranks: mpiexec -n 4 sbfem run case.toml --output results\n\nWords "
+        f"after -- go to PETSc and SLEPc, by the prefix of each solve:\n{prefixes}\n  for example  sbfem run "
+        f"case.toml -- -static_ksp_type cg -log_view\n\n{EXIT_CODES}",
     )
     parser.add_argument("--version", action="version", version=f"sbfem-petsc {sb.__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -60,11 +58,8 @@ def make_parser() -> argparse.ArgumentParser:
         "validate a case; say its extent, unknowns, contact pairs, and what it will take",
         "Memory and disk are estimates from measurements, good to a factor of two.",
     )
-    check.add_argument("case", metavar="CASE", help="case file")
-    check.add_argument("--json", action="store_true", help="answer in JSON on standard output")
 
     mesh = command("mesh", "draw the discretisation of a case")
-    mesh.add_argument("case", metavar="CASE", help="case file")
     shown = mesh.add_mutually_exclusive_group()
     shown.add_argument("--output", metavar="PNG", help="picture (default: CASE with .mesh.png)")
     shown.add_argument("--gui", action="store_true", help="show it in gmsh's window, without a picture")
@@ -81,15 +76,13 @@ def make_parser() -> argparse.ArgumentParser:
         "Writes DIR/sweep.h5 and DIR/sweep.csv. Finished rows are not repeated; failed ones are "
         "tried again.\n\n" + EXIT_CODES,
     )
-    for made, folder in ((run, "output/NAME"), (sweep, "output/NAME_sweep")):
+    for made in (check, mesh, run, sweep):
         made.add_argument("case", metavar="CASE", help="case file")
-        made.add_argument(
-            "--output", metavar="DIR", help=f"folder of the results (default: {folder} of the case)"
-        )
-        made.add_argument(
-            "--replace", action="store_true", help="give up what another case left in the folder"
-        )
-        made.add_argument("--json", action="store_true", help="print the summary in JSON on standard output")
+    for made, folder in ((run, "output/NAME"), (sweep, "output/NAME_sweep")):
+        where = f"folder of the results (default: {folder} of the case)"
+        made.add_argument("--output", metavar="DIR", help=where)
+        left = "give up what another case left in the folder"
+        made.add_argument("--replace", action="store_true", help=left)
 
     sweep.add_argument(
         "--rows",
@@ -106,20 +99,17 @@ def make_parser() -> argparse.ArgumentParser:
     for made in (plot, report, info, export):
         made.add_argument("results", metavar="RESULTS", help="results.h5, sweep.h5 or the folder of a run")
     plot.add_argument("--output", metavar="DIR", help="folder (default: pictures/ beside the results)")
-    plot.add_argument(
-        "--animation",
-        action="store_true",
-        help="also a GIF of the first crack over each history and steady state, which are computed again",
-    )
+    again = "also a GIF of the first crack over each history and steady state, which are computed again"
+    plot.add_argument("--animation", action="store_true", help=again)
     report.add_argument("--output", metavar="HTML", help="file (default: report.html beside the results)")
-    info.add_argument("--json", action="store_true", help="answer in JSON on standard output")
     info.add_argument("--case", action="store_true", help="print the case that the results were made from")
     export.add_argument("--csv", action="store_true", help="tables")
     export.add_argument("--vtu", action="store_true", help="modes and static displacements for ParaView")
     export.add_argument("--output", metavar="DIR", help="folder (default: export/ beside the results)")
 
     doctor = command("doctor", "say versions and what is missing, with remedies")
-    doctor.add_argument("--json", action="store_true", help="answer in JSON on standard output")
+    for made in (check, run, sweep, info, doctor):
+        made.add_argument("--json", action="store_true", help="answer in JSON on standard output")
     command(
         "completion",
         "print what completes these words in bash and zsh",
@@ -138,7 +128,5 @@ def _rows(text: str) -> tuple[int, int]:
 
 def split(arguments: list[str]) -> tuple[list[str], list[str]]:
     """Words of `sbfem` and words of PETSc."""
-    if "--" not in arguments:
-        return arguments, []
-    at = arguments.index("--")
+    at = arguments.index("--") if "--" in arguments else len(arguments)
     return arguments[:at], arguments[at + 1 :]

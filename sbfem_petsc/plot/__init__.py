@@ -17,14 +17,12 @@ except ImportError as error:  # pragma: no cover - depends on the machine
 # Public names by the module they stand in.
 _HOME = {
     "animation": ("animate_crack",),
-    "basins": ("plot_basins",),
     "branches": ("plot_backbone", "plot_branches", "plot_quasi_periodic"),
-    "deformed": ("plot_crack", "plot_field"),
     "drawing": ("save_picture", "save_pictures"),
-    "fields": ("plot_contact", "plot_modes"),
+    "fields": ("plot_contact", "plot_crack", "plot_field", "plot_modes"),
     "histories": ("Panel", "plot_histories", "plot_history", "plot_load_history", "plot_spectra"),
     "lines": ("plot_harmonics", "plot_lines", "plot_sidebands"),
-    "maps": ("plot_detection",),
+    "maps": ("plot_basins", "plot_detection"),
     "meshes": ("plot_discretisation",),
     "orbits": ("plot_multipliers", "plot_orbit"),
     "rubbing": ("plot_friction_power", "plot_hysteresis", "plot_losses", "plot_slips"),

@@ -19,9 +19,8 @@ from ..continuation.branch import Branch
 from ..continuation.problems.curve_branch import QuasiPeriodicBranch
 from ..continuation.problems.free_branch import Backbone
 from ..motion.states import Point
-from ..petsc import MPI
 from .drawing import BLACK, BLUE, CYCLE, DASHED, GREEN, GREY, VERMILION, Scale, above, dots, legend
-from .picture import divisors, named, picture, place_name, symbol, whole
+from .picture import Comm, divisors, named, picture, place_name, symbol, whole
 
 KINDS = {"fold": "o", "period doubling": "s", "Neimark-Sacker": "^", "branch point": "D", "grazing": "v"}
 # Lines between two points of a branch.
@@ -86,7 +85,7 @@ def plot_branches(
     every: bool = False,
     backbone: Backbone | None = None,
     ax: Any = None,
-    comm: MPI.Comm | None = None,
+    comm: Comm = None,
 ) -> Axes | None:
     """Draw branches in one picture: stable parts solid, unstable parts dashed, bifurcations marked by
     their kind. Collective.
@@ -241,17 +240,15 @@ def smooth(parts: Sequence[Part]) -> Sequence[Part]:
     overshoot. Results keep no tangents: points stand so near to each other that these cubics are within 2e-4
     to 1.2e-3 of a picture's size of curves with many more, a third of the line's width.
     """
-    x, y = (
-        np.concatenate([pieces[0][:1], *(piece[1:] for piece in pieces)])
-        for pieces in ([part[1] for part in parts], [part[2] for part in parts])
-    )
-    arc = np.concatenate(
-        [[0.0], np.cumsum(np.hypot(np.diff(x) / (np.ptp(x) or 1.0), np.diff(y) / (np.ptp(y) or 1.0)))]
-    )
+    points = [np.column_stack(at) for _, *at in parts]
+    whole = np.concatenate([points[0][:1], *(some[1:] for some in points)])
+    size = np.ptp(whole, axis=0)
+    lengths = np.linalg.norm(np.diff(whole / np.where(size > 0.0, size, 1.0), axis=0), axis=1)
+    arc = np.concatenate([[0.0], np.cumsum(lengths)])
     apart = np.concatenate([[True], np.diff(arc) > 1e-9 * arc[-1]])
     if apart.sum() < 3:
         return parts
-    through = PchipInterpolator(arc[apart], np.stack([x, y], axis=1)[apart])
+    through = PchipInterpolator(arc[apart], whole[apart])
     result, begin = [], 0
     for stable, places, _ in parts:
         knots = arc[begin : begin + len(places)]
@@ -315,11 +312,7 @@ def abscissa(owner: str, curves: Mapping[str, Any], words: str = "frequency") ->
 
 @picture(Backbone, several=True)
 def plot_backbone(
-    backbones: Backbone | Mapping[str, Backbone],
-    *,
-    title: str = "",
-    ax: Any = None,
-    comm: MPI.Comm | None = None,
+    backbones: Backbone | Mapping[str, Backbone], *, title: str = "", ax: Any = None, comm: Comm = None
 ) -> Axes | None:
     """Draw frequencies of free motions over their energy, broken where they are unstable, and below them the
     damping ratios where there are damped motions; monotone cubics between their points. Collective.
@@ -367,7 +360,7 @@ def plot_quasi_periodic(
     harmonic: int = 1,
     title: str = "",
     ax: Any = None,
-    comm: MPI.Comm | None = None,
+    comm: Comm = None,
 ) -> list[Axes] | None:
     """Draw branches of motions with a tone of their own: the tone's amplitude and, below it, its frequency
     over the branch's parameter; unstable parts dashed. Collective.

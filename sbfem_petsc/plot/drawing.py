@@ -61,6 +61,8 @@ STYLE: Any = {
     "axes.axisbelow": True,
     "axes.formatter.useoffset": False,
 }
+# Rows and columns of panels, or their names as in Matplotlib's `subplot_mosaic`.
+Layout = tuple[int, int] | Sequence[Sequence[str]]
 
 
 class Sheet:
@@ -86,18 +88,12 @@ class Sheet:
         if not self.given or not all(isinstance(axes, Axes) for axes in self.given):
             raise TypeError(f"{owner}: ax = {shown(target)} must be axes of Matplotlib, several, or a figure")
 
-    def panels(
-        self,
-        layout: tuple[int, int] | Sequence[Sequence[str]],
-        height: float,
-        width: float = WIDTH,
-        **options,
-    ) -> list[Axes]:
+    def panels(self, layout: Layout, height: float, width: float = WIDTH, **options) -> list[Axes]:
         """Axes to draw in.
 
         Parameters
         ----------
-        layout : (rows, columns), or names of the panels as in Matplotlib's `subplot_mosaic`
+        layout : (rows, columns), or names of the panels
         height, width : float
             Of a figure of its own, inches.
         **options
@@ -265,14 +261,9 @@ class Scale:
 
 
 def curves(
-    axes: Axes,
-    drawn: Mapping[str, tuple[Any, Any]],
-    across: Scale,
-    up: Scale,
-    styles: Cycler = COLOURED,
-    **style: Any,
+    axes: Axes, drawn: Mapping[str, Any], across: Scale, up: Scale, styles: Cycler = COLOURED, **style
 ) -> None:
-    """Draw values over others as curves by their names, and call the axes what they show."""
+    """Draw pairs of values, places and what is over them, as curves by their names, and label the axes."""
     for own, (name, (x, y)) in zip(styles(), drawn.items()):
         axes.plot(across(x), up(y), label=name, **{"linewidth": 1.1} | own | style)
     axes.set(xlabel=across.label, ylabel=up.label)

@@ -16,9 +16,8 @@ from ..checks import flag, instances, real, shown
 from ..continuation.orbit import component
 from ..motion.history import Motion
 from ..motion.states import Point
-from ..petsc import MPI
 from .drawing import BLACK, BROKEN, CYCLE, Scale, Sheet, above, curves, dots, legend, note
-from .picture import CHECKS, a_text, curve, optional, picture, place_name, symbol, table_of, two_numbers
+from .picture import CHECKS, Comm, a_text, curve, optional, picture, place_name, symbol, table_of, two_numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +63,7 @@ class Panel:
 
 @picture()
 def plot_histories(
-    panels: Panel | Sequence[Panel], *, ax: Any = None, comm: MPI.Comm | None = None
+    panels: Panel | Sequence[Panel], *, ax: Any = None, comm: Comm = None
 ) -> list[Axes] | None:
     """Draw time histories below each other. Collective.
 
@@ -96,7 +95,7 @@ def plot_history(
     window: tuple[float, float] | None = None,
     title: str = "",
     ax: Any = None,
-    comm: MPI.Comm | None = None,
+    comm: Comm = None,
 ) -> list[Axes] | None:
     """Draw what a motion does over time: displacement of a point, and the contact resultant where there is
     contact. Collective.
@@ -132,7 +131,7 @@ def plot_load_history(
     crack: str | None = None,
     title: str = "",
     ax: Any = None,
-    comm: MPI.Comm | None = None,
+    comm: Comm = None,
 ) -> list[Axes] | None:
     """Draw static states under slowly changing loads: displacement of a point, contact resultant, and the
     stress intensity factors of a crack. Collective.
@@ -215,7 +214,7 @@ def plot_spectra(
     decades: float = 6.0,
     harmonics: Mapping[str, Sequence[float]] | None = None,
     ax: Any = None,
-    comm: MPI.Comm | None = None,
+    comm: Comm = None,
 ) -> list[Axes] | None:
     """Draw amplitude spectra below each other on common axes, with named lines marked. Collective.
 

@@ -13,9 +13,8 @@ from ..continuation.orbit import Orbit
 from ..continuation.problems.tones import QuasiPeriodic
 from ..indicators.lines import Sidebands
 from ..motion.states import Point
-from ..petsc import MPI
 from .drawing import MARKED, Scale, legend, note
-from .picture import divisors, named, picture, place_name, symbol
+from .picture import Comm, divisors, named, picture, place_name, symbol
 
 # Orders up to which a line is named in the picture.
 NAMED = 2
@@ -23,9 +22,10 @@ NAMED = 2
 ROUND_OFF = 1e-12
 # A line: its place, its height (m), and what is written above it.
 Line = tuple[float, float, str]
+Lines = Mapping[str, list[Line]]
 
 
-def _highest(found: Mapping[str, list[Line]], still: str) -> float:
+def _highest(found: Lines, still: str) -> float:
     """Height of the highest line; ValueError, in these words, where nothing moves."""
     top = max((height for lines in found.values() for _, height, _ in lines), default=0.0)
     if not top > 0.0:
@@ -33,22 +33,17 @@ def _highest(found: Mapping[str, list[Line]], still: str) -> float:
     return top
 
 
-def _above(found: Mapping[str, list[Line]], least: float) -> dict[str, list[Line]]:
+def _above(found: Lines, least: float) -> dict[str, list[Line]]:
     return {name: [line for line in lines if line[1] > least] for name, lines in found.items()}
 
 
-def _floor(seen: Mapping[str, list[Line]]) -> float:
+def _floor(seen: Lines) -> float:
     """The power of ten below the lowest line, on which stems stand: a logarithmic scale has no zero."""
     return float(10.0 ** np.floor(np.log10(0.7 * min(line[1] for lines in seen.values() for line in lines))))
 
 
 def _stems(
-    axes: Axes,
-    seen: Mapping[str, list[Line]],
-    across: tuple[str, str],
-    up: tuple[str, str],
-    room: float,
-    **look: Any,
+    axes: Axes, seen: Lines, across: tuple[str, str], up: tuple[str, str], room: float, **look: Any
 ) -> None:
     """Lines as stems on a logarithmic scale, of each motion in its colour, up to `room` times the highest;
     words stand at the highest of several motions. `across` and `up` are what the axes show, and its unit.
@@ -81,7 +76,7 @@ def plot_harmonics(
     forces: Mapping[str, float] | None = None,
     title: str = "",
     ax: Any = None,
-    comm: MPI.Comm | None = None,
+    comm: Comm = None,
 ) -> Axes | None:
     """Draw the moduli of the harmonics of several periodic motions as stems on a logarithmic scale.
     Collective.
@@ -133,7 +128,7 @@ def plot_lines(
     decades: float = 6.0,
     title: str = "",
     ax: Any = None,
-    comm: MPI.Comm | None = None,
+    comm: Comm = None,
 ) -> Axes | None:
     """Draw the lines m f1 + n f2 of motions under two tones as stems over their frequencies. Collective.
 
@@ -193,11 +188,7 @@ def _line_name(m: int, n: int) -> str:
 
 @picture(Sidebands, several=True)
 def plot_sidebands(
-    sidebands: Sidebands | Mapping[str, Sidebands],
-    *,
-    title: str = "",
-    ax: Any = None,
-    comm: MPI.Comm | None = None,
+    sidebands: Sidebands | Mapping[str, Sidebands], *, title: str = "", ax: Any = None, comm: Comm = None
 ) -> Axes | None:
     """Draw a carrier and its sidebands as stems over their frequencies. Collective.
 

@@ -1,23 +1,27 @@
-"""Maps and curves of a sweep's indicators, and of what is detected by them."""
+"""Maps: a sweep's indicators over its parameters (or curves of them), what is detected by them, basins of
+attraction over two initial values.
+"""
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import textwrap
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm, Normalize
+from matplotlib.colors import ListedColormap, LogNorm, Normalize, to_rgb
 
 from ..checks import real_array
-from ..petsc import MPI
+from ..continuation.basins import Basins, StartAxis
 from ..record.units import suited
-from .drawing import MARKED, STYLE, Scale, Sheet, bar, curves, save_picture
-from .picture import picture
+from .drawing import BLACK, CYCLE, MARKED, STYLE, Scale, Sheet, bar, curves, dots, legend, save_picture
+from .picture import Comm, picture
 
 # Quantities that are drawn without being asked for: indicators of damage.
 _INDICATORS = re.compile(
@@ -29,6 +33,9 @@ _CURVES = 8
 NARROW = 4.4
 # Ratios below this are the rounding of responses without contact.
 ROUND_OFF = 1e-12
+UNSETTLED = "#BBBBBB"
+# Share of white in the colour of a basin, in which the orbits' marks are to be seen.
+LIGHT = 0.55
 
 
 def draw_sweep(sweep: Any, folder: str) -> list[str]:
@@ -53,17 +60,14 @@ def draw_sweep(sweep: Any, folder: str) -> list[str]:
         If no parameter has two numeric values.
     """
     os.makedirs(folder, exist_ok=True)
-    groups: dict[str, dict[str, np.ndarray]] = {}
-    units: dict[str, str] = {}
+    groups: dict[str, tuple[str, dict[str, np.ndarray]]] = {}
     for name in filter(_INDICATORS.search, sweep.values):
-        together = sweep.picture_name(name)
-        groups.setdefault(together, {}).update(_columns(sweep, name))
-        units[together] = sweep.units.get(name, "1")
-    pictures = []
-    for together, columns in groups.items():
-        path = os.path.join(folder, f"{together}.png")
-        pictures.append(str(save_picture(indicator_figure(sweep, columns, units[together]), path)))
-    return pictures
+        _, columns = groups.setdefault(sweep.picture_name(name), (sweep.units.get(name, "1"), {}))
+        columns |= _columns(sweep, name)
+    return [
+        str(save_picture(indicator_figure(sweep, columns, unit), os.path.join(folder, f"{name}.png")))
+        for name, (unit, columns) in groups.items()
+    ]
 
 
 def _columns(sweep: Any, name: str) -> dict[str, np.ndarray]:
@@ -102,19 +106,25 @@ def indicator_figure(sweep: Any, columns: Mapping[str, np.ndarray], unit: str) -
     labels = (textwrap.fill(f"{words} ({unit})" if unit else words, 28) for words in columns)
     with rc_context(STYLE):
         (_maps if grid else _curves)(sheet, sweep, over, others, dict(zip(labels, table)))
-        count = len(set(zip(*(sweep.inputs[n].tolist() for n in others))))
+        count = len(_alike(sweep, others))
         if count > _CURVES:
             sheet.figure.suptitle(f"the first {_CURVES} of {count} combinations of the other parameters")
         sheet.finished(None, "")
     return sheet.figure
 
 
+def _alike(sweep: Any, names: Sequence[str]) -> dict[tuple, list[int]]:
+    """Rows with the same values of some parameters, by these."""
+    alike: dict[tuple, list[int]] = {}
+    values = zip(*(sweep.inputs[name].tolist() for name in names)) if names else [()] * len(sweep)
+    for row, key in enumerate(values):
+        alike.setdefault(key, []).append(row)
+    return alike
+
+
 def _matters(sweep: Any, name: str, table: np.ndarray) -> bool:
     """Whether values change, in some row, with one parameter alone; True where no rows tell."""
-    rest = list(zip(*(column.tolist() for other, column in sweep.inputs.items() if other != name)))
-    alike: dict[Any, list[int]] = {}
-    for row, key in enumerate(rest or [()] * len(sweep)):
-        alike.setdefault(key, []).append(row)
+    alike = _alike(sweep, [other for other in sweep.inputs if other != name])
     told = [rows for rows in alike.values() if len(rows) > 1]
     return not told or not all(
         np.allclose(table[:, rows], table[:, rows[:1]], rtol=1e-9, atol=0.0, equal_nan=True) for rows in told
@@ -132,17 +142,10 @@ def _axes(sweep: Any) -> list[str]:
     return sorted(numeric, key=lambda n: -len(np.unique(sweep.inputs[n])))
 
 
-def _families(sweep: Any, names: Sequence[str]) -> list[tuple[str, np.ndarray]]:
+def _families(sweep: Any, names: Sequence[str]) -> list[tuple[str, list[int]]]:
     """Rows of equal values of the other parameters, with a label each; nothing but the first eight."""
-    columns = [sweep.inputs[n] for n in names]
-    if not columns:
-        return [("", np.ones(len(sweep), dtype=bool))]
-    keys = list(dict.fromkeys(zip(*(c.tolist() for c in columns))))
-    families = []
-    for key in keys[:_CURVES]:
-        rows = np.all([c == v for c, v in zip(columns, key)], axis=0)
-        families.append((", ".join(_value(sweep, n, v) for n, v in zip(names, key)), rows))
-    return families
+    alike = list(_alike(sweep, names).items())[:_CURVES]
+    return [(", ".join(_value(sweep, n, v) for n, v in zip(names, key)), rows) for key, rows in alike]
 
 
 def _value(sweep: Any, name: str, value: Any) -> str:
@@ -158,10 +161,10 @@ def _curves(
 ) -> None:
     """Curves over one parameter, one each combination of the others, below one another."""
     panels = sheet.panels((len(columns), 1), 0.6 + 2.1 * len(columns), NARROW, sharex=True)
-    families, along, places = _families(sweep, others), _scale(sweep, over[0]), sweep.inputs[over[0]]
-    order = np.argsort(places, kind="stable")
+    along, places = _scale(sweep, over[0]), sweep.inputs[over[0]]
+    families = {text: sorted(rows, key=places.__getitem__) for text, rows in _families(sweep, others)}
     for panel, (label, values) in zip(panels, columns.items()):
-        drawn = {text: (places[order][rows[order]], values[order][rows[order]]) for text, rows in families}
+        drawn = {text: (places[rows], values[rows]) for text, rows in families.items()}
         curves(panel, drawn, along, Scale(1.0, label), MARKED, markersize=3, linewidth=1)
         if _logarithmic(values):
             panel.set_yscale("log")
@@ -217,7 +220,7 @@ def plot_detection(
     *,
     title: str = "",
     ax: Any = None,
-    comm: MPI.Comm | None = None,
+    comm: Comm = None,
 ) -> list[Axes] | None:
     """Draw the probability of detection of cracks of several depths at several places. Collective.
 
@@ -271,3 +274,72 @@ def plot_detection(
     maps[0].set_ylabel(up.label)
     bar(drawn, maps, "probability of detection")
     return panels
+
+
+@picture(Basins)
+def plot_basins(basins: Basins, *, title: str = "", ax: Any = None, comm: Comm = None) -> Axes | None:
+    """Draw which orbit each initial state of a grid of two axes leads to. Collective.
+
+    The orbits' own states at t = 0 are marked where they fall in the plane, unstable ones by a cross; of a
+    model with several modes they are its two coordinates alone. What has not settled is grey.
+
+    Parameters
+    ----------
+    basins : Basins
+        Of two axes with at least two values each; on rank 0 at least.
+    title, ax, comm
+        As for `plot_branches`.
+
+    Returns
+    -------
+    Axes on rank 0, None elsewhere; `save_picture` writes them
+
+    Raises
+    ------
+    TypeError, ValueError
+        For something else than basins over two axes.
+    """
+    if len(basins.axes) != 2 or min(basins.reached.shape) < 2:
+        raise ValueError(
+            f"plot_basins: basins has {len(basins.axes)} axes and the shape {basins.reached.shape}; a "
+            "grid of two axes with at least two values each is expected"
+        )
+    scales = across, up = [_start_scale(axis) for axis in basins.axes]
+    first, second = (scale(axis.values) for scale, axis in zip(scales, basins.axes))
+    colours = [colour for colour, _ in zip(cycle(CYCLE), basins.orbits)]
+    pale = [tuple((1.0 - LIGHT) * np.array(to_rgb(colour)) + LIGHT) for colour in colours]
+    (axes,) = ax.panels((1, 1), 3.6, 5.2)
+    look: Any = {"cmap": ListedColormap([to_rgb(UNSETTLED), *pale]), "vmin": -1.5, "vmax": len(pale) - 0.5}
+    axes.pcolormesh(first, second, basins.reached.T, shading="nearest", rasterized=True, **look)
+    for k, (orbit, share, colour) in enumerate(zip(basins.orbits, basins.share, colours)):
+        x, y = _place(basins, orbit.state)
+        times = f"{orbit.periods} periods" if orbit.periods > 1 else "1 period"
+        reached = f"{100.0 * share:.3g} %" if orbit.stable is not False else "unstable"
+        edge = {"markeredgecolor": BLACK, "markeredgewidth": 0.8, "label": f"orbit {k}, {times}: {reached}"}
+        dots(axes, (across(x), up(y)), "X" if orbit.stable is False else "o", 6, colour, **edge)
+    if (basins.reached < 0).any():
+        dots(axes, ([], []), "s", 6, UNSETTLED, label="not settled")
+    axes.set(xlabel=across.label, ylabel=up.label, xlim=first[[0, -1]], ylim=second[[0, -1]])
+    legend(axes, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return axes
+
+
+def _start_scale(axis: StartAxis) -> Scale:
+    """Of an axis, in a unit that suits its values."""
+    top = max(map(abs, axis.values))
+    if "kg" not in axis.unit or not top > 0.0:
+        return Scale.of(axis.quantity, axis.unit, axis.values)
+    exponent = 3 * math.floor(math.log10(top) / 3.0)  # of units that have no smaller ones
+    unit = f"$10^{{{exponent}}}$ {axis.unit}" if exponent else axis.unit
+    return Scale(10.0**-exponent, f"{axis.quantity} ({unit})")
+
+
+def _place(basins: Basins, state: np.ndarray) -> tuple[float, float]:
+    """Values on both axes of a state's projection on the plane of the axes, which may be oblique."""
+    corner = basins.states[0, 0]
+    directions = [
+        (other - corner) / (axis.values[1] - axis.values[0])
+        for axis, other in zip(basins.axes, (basins.states[1, 0], basins.states[0, 1]))
+    ]
+    found = np.linalg.lstsq(np.array(directions).T, state - corner, rcond=None)[0]
+    return basins.axes[0].values[0] + float(found[0]), basins.axes[1].values[0] + float(found[1])

@@ -14,19 +14,16 @@ from matplotlib.transforms import ScaledTranslation
 from meshing.boundary_mesh import BoundaryMesh
 
 from ..checks import shown
-from ..petsc import MPI
 from ..record.units import place_unit
 from ..selement.basis import shape_functions
 from .drawing import BLACK, BLUE, GREEN, MATERIAL, PURPLE, VERMILION, WIDTH, Sheet, crack_title, dots, note
-from .picture import picture
+from .picture import Comm, picture
 
 OPEN, EDGE = "#FBE3C0", "#7F8C9A"
 
 
 @picture()
-def plot_discretisation(
-    mesh: BoundaryMesh | None, *, ax: Any = None, comm: MPI.Comm | None = None
-) -> list[Axes] | None:
+def plot_discretisation(mesh: BoundaryMesh | None, *, ax: Any = None, comm: Comm = None) -> list[Axes] | None:
     """Draw a boundary mesh: the whole structure, and two levels of zoom on each crack. Collective.
 
     Parameters

@@ -13,18 +13,15 @@ from matplotlib.ticker import MaxNLocator
 from ..continuation.branch import Branch
 from ..continuation.orbit import Orbit, component
 from ..motion.states import Point
-from ..petsc import MPI
 from .branches import draw_growth
 from .drawing import BLACK, BLUE, BROKEN, GREY, VERMILION, Scale, above, curves, dots
-from .picture import picture, place_name, symbol
+from .picture import Comm, picture, place_name, symbol
 
 LIGHT = "#BBBBBB"
 # Growth a period below which the scale of multipliers is linear, else logarithmic.
 LINEAR = 1e-4
 # Marks of multipliers inside the unit circle and outside.
-_MARKS: dict[str, Any] = {"linestyle": "none", "markersize": 3, "markeredgewidth": 0.5}
-INSIDE = {**_MARKS, "color": BLUE, "marker": ".", "label": "inside"}
-OUTSIDE = {**_MARKS, "color": VERMILION, "marker": "^", "label": "outside"}
+SIDES = ((False, ".", BLUE, "inside"), (True, "^", VERMILION, "outside"))
 # Multipliers drawn of each point of a branch in the complex plane.
 OUTERMOST = 6
 
@@ -39,7 +36,7 @@ def plot_orbit(
     pairs: Mapping[str, int] | None = None,
     title: str = "",
     ax: Any = None,
-    comm: MPI.Comm | None = None,
+    comm: Comm = None,
 ) -> list[Axes] | None:
     """Draw a periodic motion: a point's displacement and velocity against each other; gaps and contact
     resultant over one period. Collective.
@@ -110,7 +107,7 @@ def _around(values: np.ndarray) -> np.ndarray:
 # ---------------------------------------------------------------------- multipliers
 @picture(Orbit, Branch)
 def plot_multipliers(
-    subject: Orbit | Branch, *, title: str = "", ax: Any = None, comm: MPI.Comm | None = None
+    subject: Orbit | Branch, *, title: str = "", ax: Any = None, comm: Comm = None
 ) -> list[Axes] | None:
     """Draw Floquet multipliers with the unit circle; beside it the growth |mu| - 1 a period. Collective.
 
@@ -144,9 +141,10 @@ def plot_multipliers(
     growth.set_yscale("symlog", linthresh=LINEAR, linscale=0.6)
     if isinstance(subject, Orbit):
         upper = values.imag >= 0.0
-        for chosen, marks in ((~outside & upper, INSIDE), (outside & upper, OUTSIDE)):
-            turns = np.angle(values[chosen]) / (2.0 * np.pi)
-            growth.plot(turns, np.abs(values[chosen]) - 1.0, **{**marks, "markersize": 4, "label": None})
+        for beyond, marker, colour, _ in SIDES:
+            chosen = values[upper & (outside == beyond)]
+            at = np.angle(chosen) / (2.0 * np.pi), np.abs(chosen) - 1.0
+            dots(growth, at, marker, 4, colour, markeredgewidth=0.5)
         growth.set(xlim=(-0.01, 0.51), xlabel="arg μ / 2π", ylim=(None, None if outside.any() else LINEAR))
     else:
         draw_growth(growth, subject)
@@ -163,9 +161,11 @@ def _draw_plane(plane: Axes, subject: Orbit | Branch, values: np.ndarray, outsid
         if isinstance(subject, Orbit)
         else np.tile(np.arange(np.shape(subject.multipliers)[1]) < OUTERMOST, len(subject.value)) | outside
     )
-    for chosen, marks in ((~outside & shown, INSIDE), (outside, OUTSIDE)):
-        if chosen.any():
-            plane.plot(values[chosen].real, values[chosen].imag, zorder=3, **marks)
+    for beyond, marker, colour, name in SIDES:
+        chosen = values[shown & (outside == beyond)]
+        if len(chosen):
+            style: Any = {"markeredgewidth": 0.5, "zorder": 3, "label": name}
+            dots(plane, (chosen.real, chosen.imag), marker, 3, colour, **style)
     reach = 1.12 * max(1.0, float(np.abs(values).max()))
     plane.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach), xlabel="Re μ", ylabel="Im μ")
     for axis in (plane.xaxis, plane.yaxis):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,26 +52,25 @@ def gather_outline(model: Model, fields: list[Any], subdivisions: int | None = N
     list of Piece on rank 0, None elsewhere
     """
     part = model.layout.part
-    pieces: dict[tuple, Piece] = {}
     at = np.linspace(-1.0, 1.0, (model.order if subdivisions is None else subdivisions) + 1)
     values, _ = shape_functions(model.order, at)
     stacked = np.stack([part.coordinates, *(as_field(state).nodal for state in fields)])
-    for chain in range(len(part.chains)):
-        for nodes in outline_edges(model.layout, chain):
-            ends = (int(part.nodes[nodes[0]]), int(part.nodes[nodes[-1]]))
-            inner = sorted(int(n) for n in part.nodes[nodes[1:-1]][[0, -1]]) if model.order > 1 else []
-            key = (min(ends), max(ends), *inner)
-            if pieces.pop(key, None) is None:
-                sampled = values @ stacked[:, nodes]
-                pieces[key] = Piece(key, *ends, sampled[0], sampled[1:])
-    for piece in _open_faces(model, fields):
-        pieces[piece.key] = piece
-    gathered = model.comm.gather(list(pieces.values()))
-    if gathered is None:
-        return None
+
+    def edge(nodes: np.ndarray) -> Piece:
+        ends = (int(part.nodes[nodes[0]]), int(part.nodes[nodes[-1]]))
+        inner = sorted(int(n) for n in part.nodes[nodes[1:-1]][[0, -1]]) if model.order > 1 else []
+        sampled = values @ stacked[:, nodes]
+        return Piece((min(ends), max(ends), *inner), *ends, sampled[0], sampled[1:])
+
+    edges = (edge(nodes) for k in range(len(part.chains)) for nodes in outline_edges(model.layout, k))
+    gathered = model.comm.gather(_outer([*edges, *_open_faces(model, fields)]))
+    return None if gathered is None else _outer(piece for several in gathered for piece in several)
+
+
+def _outer(pieces: Iterable[Piece]) -> list[Piece]:
+    """Those that come once: an edge between two S-elements, or two ranks, comes from both."""
     outer: dict[tuple, Piece] = {}
-    for piece in (p for several in gathered for p in several):
-        # an edge between two ranks comes from both and is no outline
+    for piece in pieces:
         if outer.pop(piece.key, None) is None:
             outer[piece.key] = piece
     return list(outer.values())
@@ -125,13 +125,7 @@ class Region:
 
 
 def gather_region(
-    model: Model,
-    field: Any,
-    centre: np.ndarray,
-    half: float,
-    *,
-    subdivisions: int | None = None,
-    refine: int = 4,
+    model: Model, field: Any, centre: np.ndarray, half: float, *, subdivisions: int = 0, refine: int = 4
 ) -> Region | None:
     """Interior of the S-elements that reach into the square window ``centre`` +- ``half``, on rank 0.
     Collective.

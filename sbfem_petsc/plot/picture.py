@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from matplotlib import rc_context
 from mpi4py import MPI
 
-from ..checks import Bounds, choice, flag, instance, integer, numbers_of, positive, real, shown
+from ..checks import Bounds, choice, flag, instance, integer, numbers_of, positive, real, real_array, shown
 from ..ranks.parallel import agreed, checked_communicator, collective, on_root, ranks_of
 from ..record.record import Record
 from ..system.fields.places import checked_place
@@ -21,6 +21,8 @@ Subject = TypeVar("Subject")
 Result = TypeVar("Result")
 Parameters = ParamSpec("Parameters")
 Check = Callable[[str, str, Any], Any]
+# Ranks that call a picture; None: those of COMM_WORLD.
+Comm = MPI.Comm | None
 
 
 def picture(
@@ -203,12 +205,6 @@ def fields_by_name(owner: str, name: str, value: Any) -> Mapping[str, Any]:
     return found
 
 
-def _numbers(owner: str, name: str, value: Any) -> list[float]:
-    if isinstance(value, (str, Mapping)) or not isinstance(value, (Sequence, np.ndarray)):
-        raise TypeError(f"{owner}: {name} = {shown(value)} must be a sequence of numbers")
-    return [real(owner, f"{name}[{k}]", item) for k, item in enumerate(value)]
-
-
 def curve(owner: str, name: str, value: Any) -> tuple[np.ndarray, np.ndarray]:
     """A pair of arrays of one length that can be drawn over each other."""
     if not isinstance(value, (tuple, list)) or len(value) != 2:
@@ -249,6 +245,6 @@ CHECKS: dict[str, Check] = {
     "forces": optional(table_of(positive)),
     "lines": optional(table_of(real)),
     "pairs": optional(table_of(whole(0))),
-    "harmonics": optional(table_of(_numbers)),
+    "harmonics": optional(table_of(lambda owner, name, value: real_array(owner, name, value, 1, "Hz"))),
     "every": flag,
 }

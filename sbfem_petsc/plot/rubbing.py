@@ -17,9 +17,8 @@ from ..continuation.orbit import Orbit
 from ..indicators.detection import friction_power
 from ..motion.history import Motion
 from ..motion.states import Point
-from ..petsc import MPI
 from .drawing import BLUE, BROKEN, ORANGE, VERMILION, Scale, above, curves, dots
-from .picture import a_text, named, optional, picture, place_name, symbol, whole
+from .picture import Comm, a_text, named, optional, picture, place_name, symbol, whole
 
 Rubbing = LoadHistory | Motion
 _KINDS = (Motion, LoadHistory)
@@ -37,7 +36,7 @@ def plot_slips(
     window: tuple[float, float] | None = None,
     title: str = "",
     ax: Any = None,
-    comm: MPI.Comm | None = None,
+    comm: Comm = None,
 ) -> Axes | None:
     """Draw where faces are apart, stick and slip, over time and along a crack. Collective.
 
@@ -85,7 +84,7 @@ def plot_hysteresis(
     window: tuple[float, float] | None = None,
     title: str = "",
     ax: Any = None,
-    comm: MPI.Comm | None = None,
+    comm: Comm = None,
 ) -> Axes | None:
     """Draw the friction of a pair over its slip: the area within a loop is what the pair loses. Collective.
 
@@ -126,7 +125,7 @@ def plot_friction_power(
     window: tuple[float, float] | None = None,
     title: str = "",
     ax: Any = None,
-    comm: MPI.Comm | None = None,
+    comm: Comm = None,
 ) -> Axes | None:
     """Draw the mean power that faces lose to friction along a crack, W/m of its length: what warms it in
     vibrothermography. The faces inside tip elements are not among the pairs. Collective.
@@ -169,7 +168,7 @@ def plot_losses(
     count: int = 3,
     title: str = "",
     ax: Any = None,
-    comm: MPI.Comm | None = None,
+    comm: Comm = None,
 ) -> list[Axes] | None:
     """Draw what periodic motions lose to friction, and their harmonics beside the first, over its amplitude.
     Collective.

@@ -11,10 +11,9 @@ from ..checks import instance, instances
 from ..continuation.branch import Branch
 from ..continuation.problems.locus import KINDS, Locus
 from ..motion.swept import SweptResponse
-from ..petsc import MPI
 from .branches import Height, draw_parts, marks_of, name_verdicts, smooth, split
 from .drawing import BLACK, BLUE, GREEN, PURPLE, VERMILION, Scale, legend
-from .picture import named_point, picture, symbol
+from .picture import Comm, named_point, picture, symbol
 
 STYLES = {
     "fold": (BLUE, "-"),
@@ -34,7 +33,7 @@ def plot_swept(
     least: float = 0.2,
     title: str = "",
     ax: Any = None,
-    comm: MPI.Comm | None = None,
+    comm: Comm = None,
 ) -> Axes | None:
     """Draw amplitudes under swept frequencies, over the response curve; arrows mark the jumps. Collective.
 
@@ -101,7 +100,7 @@ def plot_loci(
     label: str | None = None,
     title: str = "",
     ax: Any = None,
-    comm: MPI.Comm | None = None,
+    comm: Comm = None,
 ) -> Axes | None:
     """Draw loci of one second parameter over the forcing frequency; monotone cubics between their points.
     Collective.

@@ -17,6 +17,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
+from scipy.spatial.transform import Rotation
 
 from ..bodies.cells import surface
 from ..bodies.finite_element_model import FiniteElementModel
@@ -120,6 +121,7 @@ class Window:
 
     def __init__(self, crack: Any, half: float, colour: str):
         self.tip, self.half, self.colour = np.array(crack.tip), float(half), colour
+        self.origin = self.tip  # of the axes
         self.notches = [Notch(crack, self.half)]
         self.magnified = self.notches[0].magnified
 
@@ -175,11 +177,6 @@ class Window:
                 dashes: Any = "-" if piece.key[0] >= 0 else (0, (2, 1))  # of faces without pairs
                 painted += axes.plot(*line.T, color=BLACK, linewidth=0.8, linestyle=dashes)
         return painted
-
-    @property
-    def origin(self) -> np.ndarray:
-        """Of the axes."""
-        return self.tip
 
     def _relative(self, region: Region) -> tuple[np.ndarray, Any, np.ndarray]:
         """Points inside, rigid-body motion as a function of arms, displacements without it."""
@@ -250,13 +247,9 @@ class Whole(Window):
     def __init__(self, model: Model, colour: str):
         lower, upper = model.extent
         self.extent, self.tip, self.colour = upper - lower, 0.5 * (lower + upper), colour
-        self.half = 0.5 * float(self.extent.max())
+        self.half, self.origin = 0.5 * float(self.extent.max()), np.zeros(2)
         self.notches = [Notch(crack, crack.length) for crack in model.cracks]
         self.magnified = self.notches[0].magnified if self.notches else "displacement"
-
-    @property
-    def origin(self) -> np.ndarray:
-        return np.zeros(2)
 
     def frame(self, axes: Axes) -> None:
         """In coordinates."""
@@ -302,14 +295,8 @@ class Solid:
         rigid = [np.tile(axis, (len(arms), 1)) for axis in np.eye(3)] + [np.cross(e, arms) for e in np.eye(3)]
         motions = np.stack([motion.ravel() for motion in rigid], axis=1)
         self.rigid = np.linalg.qr(motions)[0] if not near.all() else motions[:, :0]
-        a, b = np.radians(TURNED), np.radians(ABOVE)
-        self.view = np.array(
-            [
-                [-np.sin(a), np.cos(a), 0.0],
-                [-np.sin(b) * np.cos(a), -np.sin(b) * np.sin(a), np.cos(b)],
-                [np.cos(b) * np.cos(a), np.cos(b) * np.sin(a), np.sin(b)],  # towards the eye
-            ]
-        )
+        # across, up, towards the eye
+        self.view = Rotation.from_euler("zx", [-90.0 - TURNED, ABOVE - 90.0], degrees=True).as_matrix()
 
     def _relative(self, state: np.ndarray) -> np.ndarray:
         """(nodes, 3): without rigid-body motion, zero where nothing is drawn."""

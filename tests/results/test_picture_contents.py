@@ -8,8 +8,7 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.plot.animation import animate_crack
-from sbfem_petsc.plot.deformed import plot_crack
-from sbfem_petsc.plot.fields import plot_contact, plot_modes
+from sbfem_petsc.plot.fields import plot_contact, plot_crack, plot_modes
 from sbfem_petsc.plot.meshes import plot_discretisation
 from sbfem_petsc.plot.orbits import plot_multipliers, plot_orbit
 from tests.systems import two_masses
