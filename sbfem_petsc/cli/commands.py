@@ -128,8 +128,7 @@ def report(options: Options, comm: Any) -> int:
     from ..study.report import write_report
 
     path = on_root(comm, lambda: write_report(options.results, options.output))
-    if comm.rank == 0:
-        _say(options, comm, f"written: {path}")
+    _say(options, comm, f"written: {path}")
     return 0
 
 

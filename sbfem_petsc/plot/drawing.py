@@ -83,8 +83,7 @@ class Sheet:
         self.given: list[Axes] = []
         if target is None or self.figure is not None:
             return
-        several = isinstance(target, (list, tuple, np.ndarray))
-        self.given = list(np.ravel(np.array(target, dtype=object))) if several else [target]
+        self.given = list(np.ravel(np.array(target, dtype=object)))
         if not self.given or not all(isinstance(axes, Axes) for axes in self.given):
             raise TypeError(f"{owner}: ax = {shown(target)} must be axes of Matplotlib, several, or a figure")
 

@@ -255,7 +255,7 @@ def plot_spectra(
         for place in lines.values():
             axes.axvline(along(place), color="#BBBBBB", linewidth=0.6, linestyle=(0, (3, 2)), zorder=0.5)
         axes.plot(along(places), np.maximum(level, np.finfo(float).tiny), color=colour, linewidth=0.7)
-        for shade, (family, tones) in zip((BLACK, *CYCLE[-2::-1]), harmonics.items()):
+        for shade, (family, tones) in zip(cycle((BLACK, *CYCLE[-2::-1])), harmonics.items()):
             peaks = _peaks(places, level, [f for f in tones if low <= f <= high])
             dots(axes, (along(places[peaks]), level[peaks]), "v", 3.5, shade, label=family, markeredgewidth=0)
         axes.set(yscale="log", xlim=(along(low), along(high)), ylabel=quantity, xlabel=along.label)

@@ -143,16 +143,22 @@ def plot_friction_power(
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    drawn = {}
+    drawn, numbered = {}, set[bool]()
     each: Mapping[str, Rubbing] = named(motions)
     for name, motion in each.items():
         along, place, pairs, length = _along("plot_friction_power", motion, crack)
+        numbered.add(along.label == "pair")
         slid = motion.slid if isinstance(motion, LoadHistory) else None
         ways = None if slid is None else slid[_within("plot_friction_power", motion, window)]
         power = friction_power(*_rubbed("plot_friction_power", motion, window), ways)
         drawn[name] = place, power[pairs] / length
+    if len(numbered) > 1:
+        raise ValueError(
+            "plot_friction_power: some motions know where their pairs are and some only their numbers; draw "
+            "them apart"
+        )
     (axes,) = ax.panels((1, 1), 2.6)
-    up = Scale(1.0, f"power lost to friction ({'W' if along.label == 'pair' else 'W/m'})")
+    up = Scale(1.0, f"power lost to friction ({'W' if True in numbered else 'W/m'})")
     curves(axes, drawn, along, up, marker=".", markersize=3, linewidth=0.9)
     axes.set_ylim(bottom=0.0)
     above(axes)

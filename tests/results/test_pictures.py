@@ -162,6 +162,19 @@ def test_a_place_of_motions_with_a_tone_of_their_own(monkeypatch):
     assert "0.1 m, 0 m" in placed[0].get_ylabel()
 
 
+def test_more_families_of_a_spectrum_than_colours():
+    """All of them are marked and named."""
+    frequency = np.arange(1.0, 200.0)
+    families = {f"family {k}": [20.0 * k + 10.0] for k in range(9)}
+    peaks = np.isin(frequency, [at for (at,) in families.values()])
+    (axes,) = plot.plot_spectra(
+        {"a": (frequency, np.where(peaks, 1.0, 1e-3))}, "u (m)", (1.0, 199.0), harmonics=families
+    )
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == list(families)
+    marked = [line.get_xdata() for line in axes.get_lines() if line.get_marker() == "v"]
+    assert np.concatenate(marked).tolist() == [at for (at,) in families.values()]
+
+
 # ---------------------------------------------------------------------- ranks
 def on_rank() -> None:
     """A program: at a place both ranks find the displacement, and rank 0 alone has the picture."""

@@ -91,6 +91,24 @@ def test_a_case_draws_them(loads):
     assert set(names) == {"harmonics", *Periodic.captions}
 
 
+def test_power_along_cracks_of_other_lengths(loads):
+    """Two cracks on one axis: places of both in its unit, whatever the unit that suits each alone; numbers of
+    pairs are no places.
+    """
+    with square([[(0.04, 0.05), (0.0415, 0.05)]], sb.Coulomb(COEFFICIENT), order=2) as model:
+        load = sb.EdgeLoad("edge3", pressure=sb.Samples([0.0, 1.0], [0.0, 1e6]))
+        small = sb.load_history(model, load, [0.0, 1.0])
+        assert plot.plot_friction_power(small).get_xlabel() == "along crack1 (µm)"
+        for motions in ({"a": loads, "b": small}, {"b": small, "a": loads}):
+            axes = plot.plot_friction_power(motions)
+            factor = {"µm": 1e6, "mm": 1e3}[axes.get_xlabel()[-3:-1]]
+            for name, (place, _) in zip(motions, lines(axes)):
+                arc = motions[name].states[0].model.pairs.arc
+                assert place == pytest.approx(factor * np.sort(arc))
+    with pytest.raises(ValueError, match="some only their numbers; draw them apart"):
+        plot.plot_friction_power({"a": loads, "b": examples.rubbing_loads()})
+
+
 def test_power_in_closed_form():
     """A constant friction times the speed of a slip forth and back."""
     time = np.linspace(0.0, 2.0, 401)
