@@ -12,6 +12,7 @@ from matplotlib import rc_context
 from mpi4py import MPI
 
 from ..checks import Bounds, choice, flag, instance, integer, numbers_of, positive, real, real_array, shown
+from ..indicators.record import numbers
 from ..ranks.parallel import agreed, checked_communicator, collective, on_root, ranks_of
 from ..record.record import Record
 from ..system.fields.places import checked_place
@@ -209,19 +210,15 @@ def curve(owner: str, name: str, value: Any) -> tuple[np.ndarray, np.ndarray]:
     """A pair of arrays of one length that can be drawn over each other."""
     if not isinstance(value, (tuple, list)) or len(value) != 2:
         raise TypeError(f"{owner}: {name} = {shown(value)} must be two arrays, places and values")
-    try:
-        along, values = (np.asarray(part) for part in value)
-    except ValueError:  # rows of different lengths
-        raise ValueError(f"{owner}: {name} must be two arrays, places and values") from None
-    if along.ndim != 1 or along.shape != values.shape or along.dtype.kind not in "iuf":
+    along = real_array(owner, f"{name}[0]", value[0], 1)
+    values = numbers(owner, f"{name}[1]", value[1], "an array of real or complex numbers")
+    if along.shape != values.shape:
         raise ValueError(
             f"{owner}: {name} has the shapes {along.shape} and {values.shape}; two arrays of one length, "
             "places and values, are expected"
         )
-    if values.dtype.kind not in "iufc" or not len(along):
-        raise ValueError(f"{owner}: {name} has no numbers to be drawn")
-    if not np.isfinite(along).all() or not np.isfinite(values).any():
-        raise ValueError(f"{owner}: {name} has places, or all values, that are not finite")
+    if not np.isfinite(values).any():
+        raise ValueError(f"{owner}: {name}[1] has no finite number to be drawn")
     return along, values
 
 
