@@ -13,7 +13,6 @@ from matplotlib.transforms import ScaledTranslation
 
 from meshing.boundary_mesh import BoundaryMesh
 
-from ..checks import shown
 from ..record.units import place_unit
 from ..selement.basis import shape_functions
 from .drawing import BLACK, BLUE, GREEN, MATERIAL, PURPLE, VERMILION, WIDTH, Sheet, crack_title, dots, note
@@ -22,7 +21,7 @@ from .picture import Comm, picture
 OPEN, EDGE = "#FBE3C0", "#7F8C9A"
 
 
-@picture()
+@picture(BoundaryMesh)
 def plot_discretisation(mesh: BoundaryMesh | None, *, ax: Any = None, comm: Comm = None) -> list[Axes] | None:
     """Draw a boundary mesh: the whole structure, and two levels of zoom on each crack. Collective.
 
@@ -39,8 +38,7 @@ def plot_discretisation(mesh: BoundaryMesh | None, *, ax: Any = None, comm: Comm
     -------
     Axes on rank 0, the whole structure first, None elsewhere; `save_picture` writes them
     """
-    if not isinstance(mesh, BoundaryMesh):
-        raise TypeError(f"plot_discretisation: mesh = {shown(mesh)} is not a BoundaryMesh")
+    assert mesh is not None  # on rank 0
     lower, upper = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
     extent = upper - lower
     stretch = max(1.0, 0.16 * extent[0] / extent[1])
@@ -48,8 +46,7 @@ def plot_discretisation(mesh: BoundaryMesh | None, *, ax: Any = None, comm: Comm
     tall = (WIDTH - 0.8) * min(extent[1] / extent[0] * stretch, 1.2) + 0.75
     heights = [tall] + [3.45] * len(zoomed)
     layout = [["whole", "whole"]] + [[f"crack {k}", f"tip {k}"] for k in range(len(zoomed))]
-    sheet = ax
-    whole, *zooms = panels = sheet.panels(layout, sum(heights) + 0.3, height_ratios=heights)
+    whole, *zooms = panels = ax.panels(layout, sum(heights) + 0.3, height_ratios=heights)
     margin = np.array([0.015, 0.2 if stretch > 1 else 0.07]) * extent
     _panel(whole, mesh, lower - margin, upper + margin, nodes=len(mesh.nodes) < 1500, stretch=stretch)
     facts = (
@@ -59,7 +56,7 @@ def plot_discretisation(mesh: BoundaryMesh | None, *, ax: Any = None, comm: Comm
     whole.set_title(facts + (f"; y stretched {stretch:.2g} times" if stretch > 1 else ""))
     for crack, around, at_tip in zip(zoomed, zooms[::2], zooms[1::2]):
         _draw_zooms(around, at_tip, mesh, crack)
-    _add_legend(sheet, panels)
+    _add_legend(ax, panels)
     return panels
 
 

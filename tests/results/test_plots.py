@@ -127,7 +127,7 @@ def test_bad_requests(solved, tmp_path):
     with pytest.raises(ValueError, match="'kept' was read from a file, which keeps no model"):
         sb.save(str(tmp_path / "static.h5"), cases["opening"])
         plot_contact({"kept": sb.read(str(tmp_path / "static.h5"))})
-    with pytest.raises(TypeError, match="is not a BoundaryMesh"):
+    with pytest.raises(TypeError, match="mesh = None must be a BoundaryMesh"):
         plot_discretisation(None)
     with pytest.raises(ValueError, match="picture .* cannot be written: No such file"):
         save_picture(plot_discretisation(mesh), str(tmp_path / "none" / "a.png"))
