@@ -40,7 +40,6 @@ from ..motion.preparation import (
     tells_stability,
 )
 from ..motion.unreduced.period import UnreducedPeriod, prepare_unreduced
-from ..petsc import MPI
 from ..progress import Progress
 from ..ranks.capacity import points_in_room
 from ..ranks.parallel import collective
@@ -223,11 +222,6 @@ class _Run:
     progress: Progress
 
     @property
-    def comm(self) -> MPI.Comm:
-        """The model's ranks."""
-        return communicator(self.model)
-
-    @property
     def begins(self) -> float:
         """The forcing frequency of its first motion, Hz."""
         return self.over.frequency or self.over.start
@@ -235,7 +229,7 @@ class _Run:
     def kept(self) -> LineFile:
         """Where it is kept, and whom it tells."""
         shown: dict[str, Any] = {"task": f"{self.over.name} response", "progress": self.progress}
-        return LineFile(self.comm, self.file, "branch", resume=self.resume, **shown)
+        return LineFile(self.model.comm, self.file, "branch", resume=self.resume, **shown)
 
     def conditions(self) -> dict[str, Any]:
         """What a run must have been begun with to be gone on with."""
@@ -268,12 +262,12 @@ class _Run:
     def followed(self, reduction: object) -> Branch:
         """Of the model as it is or of a reduced one."""
         what = self.over.owner
-        with collective(self.comm):
+        with collective(communicator(self.model)):
             check_reduction(what, reduction, self.model)
+            if reduction is not None:
+                require_at(what, "guess", self.guess, self.begins, self.settings.periods)
         if reduction is None:
             return self._unreduced()
-        with collective(self.comm):
-            require_at(what, "guess", self.guess, self.begins, self.settings.periods)
         begun = self._begun()
         accuracy = Accuracy(what, self.model, begun.settings)
         with self.kept() as file:
@@ -292,7 +286,7 @@ class _Run:
             "stability": self.stability or None,
             "accuracy": self.settings.accuracy,
         }
-        with collective(self.comm):
+        with collective(self.model.comm):
             require_unreduced(what, self.model, given)
         assert isinstance(self.model, Model)
         settings = replace(self.settings, periods=self.settings.periods or 1)

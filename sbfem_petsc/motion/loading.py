@@ -178,7 +178,7 @@ def _loading(
         )
     system.model.checked_loads(load, constant=False)
     units, signals = separate(load, number)
-    acting: list[Signal] = [Constant(0.0)] * count
+    acting: dict[int, Signal] = {}
     for unit, signal in zip(units, signals):
         if unit not in system.loads:
             raise ValueError(
@@ -187,12 +187,9 @@ def _loading(
             )
         place = system.loads.index(unit)
         # the same place twice: the signals add up
-        acting[place] = (
-            signal
-            if isinstance(acting[place], Constant) and acting[place](0.0) == 0.0
-            else acting[place] + signal
-        )
-    return Loading(system.loads, tuple(acting), edges=edges)
+        acting[place] = acting[place] + signal if place in acting else signal
+    given = tuple(acting.get(k, Constant(0.0)) for k in range(count))
+    return Loading(system.loads, given, edges=edges)
 
 
 def amplitudes_only(what: str, load: Any) -> None:
