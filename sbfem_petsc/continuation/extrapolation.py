@@ -88,7 +88,7 @@ def _told(line: Line, k: int, sought: _Fold | _Passage | _Jump) -> tuple[float, 
     return extrapolated(
         sought.own,
         lambda times: sought.located(lambda *place: in_finer_steps(line, times, (k, place[0]), *place[1:])),
-        lambda value: _moved(line, k, sought.in_modes, value),
+        lambda value: _moved(line, k, sought, value),
     )
 
 
@@ -115,7 +115,7 @@ def extrapolated(
     return last + moved, max(abs(last - values[-1]), abs(last - earlier)) + left
 
 
-def _moved(line: Line, k: int, located: Callable[[_MoreModes], float], value: float) -> tuple[float, float]:
+def _moved(line: Line, k: int, sought: _Fold | _Passage | _Jump, value: float) -> tuple[float, float]:
     """How far a value in twice the steps moves in more modes, and what those that are left out then may do; 0
     where nothing is known of them, or there are none. The latter is nan if it is not found in these, or they
     have no part in the motion.
@@ -127,34 +127,16 @@ def _moved(line: Line, k: int, located: Callable[[_MoreModes], float], value: fl
             return 0.0, 0.0
         if not math.isfinite(more.factor):
             return 0.0, math.nan
-        moved = located(_MoreModes(line, k, more)) - value
+        first = max(0, k - 1)
+        way = Way(Line([more.moved(point) for point in line.points[first : k + 3]]), k - first)
+
+        def solve(place: float, start: np.ndarray, near: Point) -> Point:
+            return way.point(more.problem, place, start, near.linear)
+
+        moved = sought.in_modes(more, solve) - value
         return moved, max(more.factor - 1.0, LEFT) * abs(moved)
 
     return attempt(change, SolveError) or (0.0, math.nan)
-
-
-class _MoreModes:
-    """The way from point k of a line to the next one in more modes."""
-
-    def __init__(self, line: Line, k: int, more: WiderOrbits):
-        self.more = more
-        first = max(0, k - 1)
-        around = [self.moved(point) for point in line.points[first : k + 3]]
-        self.way = Way(Line(around), k - first)
-
-    def moved(self, point: Point) -> Point:
-        """A point's unknowns in these modes; they are no solution."""
-        return Point(self.more.problem, self.more.moved(point.u), None, point.value, leapt=point.leapt)
-
-    def begun(self, point: Point) -> Point:
-        """The same with about the linearised equations there."""
-        found = self.moved(point)
-        found.state = self.more.state(point, found.u)
-        return found
-
-    def solve(self, place: float, start: np.ndarray, near: Point) -> Point:
-        """See `Solve`."""
-        return self.way.point(self.more.problem, place, start, near.linear)
 
 
 class _Fold:
@@ -163,10 +145,10 @@ class _Fold:
     def __init__(self, line: Line, k: int, point: Point):
         self.place, self.point, self.near, self.own = Way(line, k).place_of(point), point, point, point.value
 
-    def in_modes(self, more: _MoreModes) -> float:
+    def in_modes(self, more: WiderOrbits, solve: Solve) -> float:
         """Its value in more modes."""
         begun = more.begun(self.near)
-        return more.solve(self.place, begun.u, begun).value
+        return solve(self.place, begun.u, begun).value
 
     def located(self, solve: Solve) -> float:
         """Its value in other steps."""
@@ -202,7 +184,7 @@ class _Passage:
     def _to_zero(self, excess: float) -> float:
         return -excess / self.slope if self.slope else math.inf
 
-    def in_modes(self, more: _MoreModes) -> float:
+    def in_modes(self, more: WiderOrbits, solve: Solve) -> float:
         """Value of the parameter at which it passes in more modes, from where it does in as many steps: the
         multipliers of further ones are about those of free motions.
         """
@@ -211,8 +193,8 @@ class _Passage:
         other.rate, other.near = (behind - one) / self.width, more.begun(self.near)
         other.furthest = FURTHEST[1]
         if not self.multiplier.imag:
-            other.slope *= more.more.free(self.near.value, math.copysign(1.0, self.multiplier.real))
-        return other.located(more.solve)
+            other.slope *= more.free(self.near.value, math.copysign(1.0, self.multiplier.real))
+        return other.located(solve)
 
     def located(self, solve: Solve) -> float:
         """Value of the parameter at which it passes, in other steps or modes.
@@ -264,12 +246,12 @@ class _Jump:
     def _count(self, point: Point) -> int:
         return int(outside(point.state.multipliers).sum())
 
-    def in_modes(self, more: _MoreModes) -> float:
+    def in_modes(self, more: WiderOrbits, solve: Solve) -> float:
         """Value of the parameter in the middle of a bracket in more modes."""
         other = copy.copy(self)
         other.ends = {place: more.begun(point) for place, point in self.ends.items()}
         other.furthest = FURTHEST[1]
-        return other.located(more.solve)
+        return other.located(solve)
 
     def located(self, solve: Solve) -> float:
         """Value of the parameter in the middle of a bracket in other steps or modes.

@@ -12,7 +12,7 @@ from ..errors import PetscFailure, SolveError, called, failed_solve, on_all_rank
 from ..motion.period_map import DrivenPeriod, FixedPoint
 from ..motion.period_motion import PeriodMotion
 from ..petsc import MPI, PETSc, asked, configure, finite, free, reason_of, require_thread, scripted
-from .linear import PREFIX, Factors, Operator, by_operator, operator
+from .linear import PREFIX, Factors, Operator, by_operator, operator, preconditioned
 from .newton import ITERATIONS, Updated, attempt
 from .problem import GAIN, Lost
 
@@ -240,11 +240,8 @@ class Shooting(Steady):
     ) -> tuple[PETSc.Mat, tuple[PETSc.Mat | PETSc.PC, ...]]:
         """See `Steady`: for its kind."""
         if self.jacobian == "matrix-free":
-            matrix = operator(MPI.COMM_SELF, size, Operator(self._product))
-            ksp.setType(PETSc.KSP.Type.GMRES)
-            ksp.setGMRESRestart(min(size, 200))
-            ksp.setTolerances(rtol=1e-11, max_it=2 * size)
-            return matrix, (matrix, by_operator(pc, Operator(self.driven.linear_resolvent)))
+            matrix, nearby = operator(self.comm, size, Operator(self._product)), self.driven.linear_resolvent
+            return matrix, (matrix, preconditioned(ksp, min(size, 200), 1e-11, Operator(nearby)))
         matrix = PETSc.Mat().createDense([size, size], comm=PETSc.COMM_SELF)
         matrix.setUp()
         ksp.setType(PETSc.KSP.Type.PREONLY)

@@ -5,10 +5,20 @@ import math
 import numpy as np
 import pytest
 
-from sbfem_petsc.continuation.events import Way, between, find_zero, folds, furthest, refine, turns_twice
+from sbfem_petsc.continuation.events import (
+    Way,
+    between,
+    find_zero,
+    folds,
+    furthest,
+    insert,
+    refine,
+    turns_twice,
+)
 from sbfem_petsc.continuation.follow import CLOSED, Follower, Line, Settings, follow
 from sbfem_petsc.continuation.newton import ITERATIONS, correct
 from sbfem_petsc.continuation.problem import Lost, Metric, Point, Range
+from sbfem_petsc.errors import PetscFailure
 
 from .problems import ByProducts, Duffing, Equations, circle, kinked, pitchfork
 
@@ -339,3 +349,21 @@ def test_turns_between_two_points(within, expected):
 def test_where_points_turn(values, k, within, expected):
     line = Line([Point(None, np.array([v]), None, v) for v in values])
     assert furthest(line, k, within) == expected
+
+
+def test_a_refusal_of_petsc_is_no_point_that_is_not_found(monkeypatch):
+    """Another first guess would not change it; a point that is lost is left out."""
+    line = follow(Line([at(circle(), 1.0, 0.0)]), Range(-2.0, 2.0, 1), Settings(points=6))
+    line.most = 20
+    for failure in (Lost("nothing here"), PetscFailure("an option is refused")):
+
+        def at_u(u, failure=failure):
+            raise failure
+
+        monkeypatch.setattr(line.points[3].problem, "at", at_u)
+        if isinstance(failure, PetscFailure):
+            with pytest.raises(PetscFailure, match="refused"):
+                insert(line, 2, 0.5, print)
+        else:
+            insert(line, 2, 0.5, print)
+        assert len(line.points) == 6

@@ -262,19 +262,20 @@ class WiderOrbits:
         self.problem.gain = FINER_GAIN
         self.factor = beyond(own, more)
 
-    def moved(self, u: np.ndarray) -> np.ndarray:
-        """Unknowns in as many steps, or fewer, in these modes."""
-        value = float(u[-1])
+    def moved(self, point: Point) -> Point:
+        """A point in as many steps, or fewer, in these modes; it is no solution."""
+        u, value = point.u, float(point.u[-1])
         old, new = self.own.driven(value), self.problem.driven(value)
         added = in_modes(u[:-1] - old.linear_state, old.period.reduced, new.period.reduced)
-        return np.append(new.linear_state + added, value)
+        u = np.append(new.linear_state + added, value)
+        return Point(self.problem, u, None, point.value, leapt=point.leapt)
 
-    def state(self, point: Point, u: np.ndarray) -> OrbitState:
-        """The state of a solution's unknowns that have been moved, with about the linearised equations."""
-        state = self.problem.at(u)
-        derivative = carried_derivative(point.state, state.driven, state.state)
-        state.begin(derivative)
-        return state
+    def begun(self, point: Point) -> Point:
+        """The same with about the linearised equations there."""
+        found = self.moved(point)
+        state = found.state = self.problem.at(found.u)
+        state.begin(carried_derivative(point.state, state.driven, state.state))
+        return found
 
     def free(self, value: float, place: float) -> float:
         """Product of the distances of the multipliers of the further modes' free motions from a place on the
