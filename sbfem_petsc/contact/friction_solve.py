@@ -17,7 +17,7 @@ from .complementarity import Complementarity
 from .friction import AGAINST, ALONG, STICKS, Friction, Memory
 from .held_rows import Rubbing, Sets, empty_sets, rubbing_of
 from .law import FREE, PRESSED, PULLED, RowLaws
-from .rubbing import rubbing_forces
+from .rubbing import Problem, rubbing_forces
 
 # Smallest pivot of Lemke's tableau, whose rows are scaled.
 _LEAST = 1e-11
@@ -57,8 +57,8 @@ def solve_friction(
     flexibility, rubbing = np.ascontiguousarray(flexibility), rubbing_of(friction, flexibility, count)
     sets = empty_sets(len(free_gap)) if sets is None else sets
     state, before = np.append(memory.normal, memory.tangential), np.append(memory.gap, memory.slip)
-    given = (free_gap, before), (laws.table, rubbing, state), sets, force
-    exchanges = rubbing_forces(flexibility, *given)
+    problem = Problem(flexibility, free_gap, before, laws.table, rubbing, state, sets, force)
+    exchanges = rubbing_forces(problem)
     for _ in range(2):  # without the rows that wait, and with them
         if exchanges >= 0:
             break
@@ -69,7 +69,7 @@ def solve_friction(
         if basic is None:
             break
         state[:] = basic
-        exchanges = rubbing_forces(flexibility, *given)
+        exchanges = rubbing_forces(problem)
     if exchanges < 0:
         sets.members[-1] = -1
         raise on_all_ranks(

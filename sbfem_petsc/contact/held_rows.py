@@ -140,10 +140,6 @@ def rubbing_room(rows: int) -> tuple[np.ndarray, ...]:
     return right, solved, free, following, swept, kept, landed, waits, told, aside, seen, np.arange(rows)
 
 
-# Where nothing rubs.
-NO_ROOM = rubbing_room(0)
-
-
 def empty_sets(rows: int) -> Sets:
     """Nothing is known yet."""
     known, place = np.zeros(rows, dtype=np.int8), np.zeros(rows, dtype=np.int64)

@@ -18,23 +18,22 @@ import numpy as np
 
 from .compiled import compiled_loops, inner_loops, typeof, typeof_impl, types
 from .friction import STICKS
-from .held_rows import NO_ROOM, NOTHING, Sets, rubbing_room
+from .held_rows import NOTHING, Sets, rubbing_room
 from .law import FREE, RowLaws
 from .pivoted_step import pivoted_step
-from .pivoting import Factor, add_rows, caught, empty_factor, products
-from .rubbing import rubbing_forces, smooth_forces
+from .pivoting import add_rows, caught, products
+from .rubbing import Problem, rubbing_forces, smooth_forces
 from .step_data import NEVER, Halving, Marched, StepConstants, StepHistory, StepLoads, StepState
 from .step_work import End, energy_of_modes, lost_to_friction, work_of_contact
 
 
 class Room(NamedTuple):
-    """Room for steps: the factors of each level, with friction those of `sets`, their states and places;
-    both ends of a step and gaps in the thin space (r,).
+    """Room for steps: the inverses of each level, their members, states and places, with which `sets` are
+    those of a level; both ends of a step and gaps in the thin space (r,).
     """
 
     inverses: np.ndarray
     members: np.ndarray
-    factor: Factor
     known: np.ndarray
     places: np.ndarray
     sets: Sets
@@ -80,9 +79,8 @@ def empty_room(step: StepConstants) -> Room:
 
     members, inverses = np.full((levels, pairs + 1), -1), np.empty((levels, pairs, pairs))
     known, places = np.zeros((levels, pairs), dtype=np.int8), np.zeros((levels, pairs), dtype=np.int64)
-    shared = rubbing_room(pairs) if step.rubbing.rows.size else NO_ROOM
-    sets = Sets(False, inverses[0], known[0], members[0], places[0], *shared)
-    return Room(inverses, members, empty_factor(pairs), known, places, sets, end(), end(), np.empty(rank))
+    sets = Sets(False, inverses[0], known[0], members[0], places[0], *rubbing_room(pairs))
+    return Room(inverses, members, known, places, sets, end(), end(), np.empty(rank))
 
 
 def march(
@@ -125,7 +123,7 @@ def begun(step: StepConstants) -> tuple[Room, Address]:
 def _begin(step: StepConstants, loads: StepLoads, state: StepState, room: Room) -> None:
     """The first end of the first step."""
     rank, pairs = step.left.shape
-    every, end = room.factor.every, room.before
+    every, end = room.sets.every, room.before
     count = step.rubbing.beside.size
     for level in range(room.members.shape[0]):
         room.members[level, pairs] = -1
@@ -174,12 +172,12 @@ typeof_impl.register(Address, lambda address, context: address.kind)
 
 def contact_kernel(step: StepConstants, room: Room) -> Address:
     """What solves the contact problems of steps."""
-    one, other = room.before, room.after
-    gaps, held = (other.gap, one.gap), (step.laws, step.rubbing, one.rows)
-    given, rubs = (step.flexibility[0], gaps, held, room.sets, one.force), step.rubbing.rows.size > 0
+    end, rubs = room.before, step.rubbing.rows.size > 0
+    laws, gaps = (step.laws, step.rubbing), (end.gap, room.after.gap)
+    given = Problem(step.flexibility[0], *gaps, *laws, end.rows, room.sets, end.force)
     layout = (rubs, _layout_of(given))
     if layout not in _addresses:
-        _addresses[layout] = Address(rubbing_forces if rubs else smooth_forces, *given)
+        _addresses[layout] = Address(rubbing_forces if rubs else smooth_forces, given)
     return _addresses[layout]
 
 
@@ -193,33 +191,24 @@ def _layout_of(given: Any) -> object:
 @inner_loops
 def _sets(room: Room, level: int) -> Sets:
     """Those of a level."""
-    own, of = room.factor, room.sets
-    inverse, known = room.inverses[level], room.known[level]
-    held, at = room.members[level], room.places[level]
-    found = of.sharp, inverse, known, held, at, of.right, own.solved, own.free
+    of, inverse, known = room.sets, room.inverses[level], room.known[level]
+    found = of.sharp, inverse, known, room.members[level], room.places[level], of.right, of.solved, of.free
     return Sets(
-        *found, of.following, of.swept, of.kept, of.landed, of.waits, of.told, of.aside, of.seen, own.every
+        *found, of.following, of.swept, of.kept, of.landed, of.waits, of.told, of.aside, of.seen, of.every
     )
 
 
 @inner_loops
-def _take(
-    step: StepConstants,
-    loads: StepLoads,
-    place: tuple[int, int, float, float],
-    before: End,
-    after: End,
-    room: Room,
-) -> bool:
+def _take(step: StepConstants, loads: StepLoads, place: tuple[int, int, float, float], room: Room) -> bool:
     """A step of a level without the contact at its end, from one share of a given step to another; whether
     there is any.
     """
-    level, done, begin, end = place
+    (level, done, begin, end), before, after = place, room.before, room.after
     coefficients, left, right = step.coefficients[level], step.left, step.right
     external, free_gap, _ = loads
     q, v, pull = after.q, after.v, after.pull
     rank, pairs = left.shape
-    m, every, count = q.size, room.factor.every, step.rubbing.beside.size
+    m, every, count = q.size, room.sets.every, step.rubbing.beside.size
     for j in range(m):
         q[j] = (
             coefficients[0, j] * before.q[j]
@@ -258,12 +247,12 @@ def _take(
 
 
 @inner_loops
-def _push(step: StepConstants, level: int, after: End, room: Room) -> None:
+def _push(step: StepConstants, level: int, room: Room) -> None:
     """Let contact at the end of a step act in it, and put gaps of held rows in their place."""
-    coefficients, left, right = step.coefficients[level], step.left, step.right
-    q, v, pull, free = after.q, after.v, after.pull, room.factor.free
+    coefficients, left, right, after = step.coefficients[level], step.left, step.right, room.after
+    q, v, pull, free = after.q, after.v, after.pull, room.sets.free
     rank, pairs = left.shape
-    m, every, count = q.size, room.factor.every, step.rubbing.beside.size
+    m, every, count = q.size, room.sets.every, step.rubbing.beside.size
     for i in range(count):
         rest = after.rows[i]
         after.gap[i] = free[i] if rest == FREE else step.laws.place[rest, i]
@@ -328,12 +317,15 @@ def _march(
         while place < whole:
             size = 1 << (last - level)
             exchange = 0
-            if _take(step, loads, (level, done, place / whole, (place + size) / whole), before, after, room):
-                gaps, held = (after.gap, before.gap), (step.laws, rubbing, after.rows)
-                exchange = forces_of(step.flexibility[level], gaps, held, _sets(room, level), after.force)
+            if _take(step, loads, (level, done, place / whole, (place + size) / whole), room):
+                flexibility, sets = step.flexibility[level], _sets(room, level)
+                given = Problem(
+                    flexibility, after.gap, before.gap, step.laws, rubbing, after.rows, sets, after.force
+                )
+                exchange = forces_of(given)
                 if exchange < 0:
                     return done, exchanges, unresolved, taken
-                _push(step, level, after, room)
+                _push(step, level, room)
             exchanges += exchange
             lost = lost_to_friction(step.flexibility[level], rubbing, room.sets.kept, before, after)
             if exchange > 0:  # where no row changes sides there is no work

@@ -12,7 +12,7 @@ from .friction import Friction, Memory
 from .friction_solve import solve_friction
 from .held_rows import Sets
 from .law import RowLaws
-from .pivoting import Factor, contact_forces
+from .rubbing import Problem, smooth_forces
 from .step_data import StepConstants, StepHistory, StepLoads, StepState
 
 
@@ -44,16 +44,17 @@ def pivoted_step(step: StepConstants, loads: StepLoads, state: StepState, histor
     return True
 
 
-def touch(step: StepConstants, free_gap: np.ndarray, state: StepState, room: tuple[Factor, Sets]) -> bool:
+def touch(step: StepConstants, free_gap: np.ndarray, state: StepState, sets: Sets) -> bool:
     """Contact at an instant from which no step leads back, under the gaps without forces (pairs,), from the
     slips and states before: forces, states and slips of `state` are written, and room for what solves it;
     whether there is a solution.
     """
-    count, (_, _, force, rows, slip), (factor, sets) = step.rubbing.beside.size, state, room
-    factor.members[-1] = sets.members[-1] = -1
+    count, (_, _, force, rows, slip), laws = step.rubbing.beside.size, state, (step.laws, step.rubbing)
+    sets.members[-1] = -1
     if not len(slip):
         rows[:] = RowLaws(step.laws).touched(free_gap)
-        return not rows.any() or contact_forces(step.residual, free_gap, step.laws, rows, factor, force) >= 0
+        problem = Problem(step.residual, free_gap, free_gap, *laws, rows, sets, force)
+        return not rows.any() or smooth_forces(problem) >= 0
     nothing, along = np.zeros(count), np.zeros(len(slip))
     memory = Memory(slip, along, nothing, rows[:count], rows[count:], nothing, slip)
     _, found = _pivoted(step, step.residual, free_gap, memory, sets)

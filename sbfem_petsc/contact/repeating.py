@@ -13,6 +13,7 @@ from .law import FREE
 from .marching import Room, _march, _sets, begun, march
 from .pivoted_step import touch
 from .pivoting import add_rows, caught, products
+from .rubbing import Problem
 from .step_data import StepConstants, StepHistory, StepLoads, StepState
 
 # What a motion has come to; from 0 on the number of a known one.
@@ -115,9 +116,7 @@ def settle(
         gap = free_gap[0] + (step.right @ moving.q) @ step.left
         if outcome == UNSOLVED:  # what kernels have come to in vain is no state before
             moving.rows[:] = FREE
-        touches = slips and (
-            outcome == _STOPPED or touch(step, gap, moving, (stepping.factor, stepping.sets))
-        )
+        touches = slips and (outcome == _STOPPED or touch(step, gap, moving, stepping.sets))
         if not touches or march(step, loads, moving, room.history, (stepping, forces_of)).steps < steps:
             return UNSOLVED, done, 0
         moving.slip[:], done = room.history.kept, done + 1
@@ -133,7 +132,7 @@ def _touch(
     for i in range(pairs):
         gap[i], force[i] = free_gap[0, i], 0.0
     products(step.right, q, rank, (m, m), room.thin)
-    add_rows(step.left, room.factor.every, room.thin, rank, (pairs, pairs), gap)
+    add_rows(step.left, room.sets.every, room.thin, rank, (pairs, pairs), gap)
     for i in range(count):
         rows[i] = caught(step.laws, i, gap[i])
         touches |= rows[i] != FREE
@@ -143,7 +142,8 @@ def _touch(
     sets = _sets(room, 0)
     if touches:
         sets.members[pairs] = -1
-        if forces_of(step.residual, (gap, former), (step.laws, step.rubbing, rows), sets, force) < 0:
+        given = Problem(step.residual, gap, former, step.laws, step.rubbing, rows, sets, force)
+        if forces_of(given) < 0:
             return False
     for i in range(count, pairs):
         if rows[i] != STICKS:

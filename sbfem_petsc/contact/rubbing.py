@@ -8,6 +8,8 @@ and where that does not help the inverse is built anew.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from .compiled import compiled_apart, inner_loops, inner_sums
@@ -25,19 +27,41 @@ _LEFT, _REFINED = 1e-13, 4
 _MISSED = 1e-9
 
 
-@inner_loops
-def _refined(
-    flexibility: np.ndarray,
-    gap: tuple[np.ndarray, np.ndarray],
-    held: tuple[Table, Rubbing, np.ndarray],
-    sets: Sets,
-    force: np.ndarray,
-) -> bool:
-    """Forces of a set, and in `free` the gaps of all rows; `gap` are those without forces, and before. What
-    rounding leaves of the gaps that are kept is solved for again; whether nothing is left.
+class Problem(NamedTuple):
+    """A contact problem, whose gaps and slips are W force + free, of n rows.
+
+    Attributes
+    ----------
+    flexibility : (n, n) array
+        W.
+    free, before : (n,) arrays
+        Gaps and slips without forces, and those of the step before.
+    laws : Table
+    rubbing : Rubbing
+    state : (n,) int8 array
+        States of the step before, which are written anew.
+    sets : Sets
+    force : (n,) array
+        Written.
     """
-    (laws, rubbing, state), members, right, free = held, sets.members, sets.right, sets.free
-    solved, (without, before) = sets.solved, gap
+
+    flexibility: np.ndarray
+    free: np.ndarray
+    before: np.ndarray
+    laws: Table
+    rubbing: Rubbing
+    state: np.ndarray
+    sets: Sets
+    force: np.ndarray
+
+
+@inner_loops
+def _refined(problem: Problem) -> bool:
+    """Forces of a set, and in `sets.free` the gaps of all rows. What rounding leaves of the gaps that are
+    kept is solved for again; whether nothing is left.
+    """
+    flexibility, without, _, laws, rubbing, state, sets, force = problem
+    members, right, free, solved = sets.members, sets.right, sets.free, sets.solved
     n, count = without.size, rubbing.beside.size
     unknowns, left = members[n], np.inf
     for i in range(n):
@@ -46,7 +70,7 @@ def _refined(
         last, left, size = left, 0.0, 0.0
         for a in range(unknowns):
             row = members[a]
-            kept = laws.place[state[row], row] if row < count else before[row]
+            kept = laws.place[state[row], row] if row < count else sets.kept[row]
             right[a] = kept - free[row]
             left = max(left, abs(right[a]))
             size = max(size, abs(without[row]), abs(flexibility[row, row] * force[row]))
@@ -71,79 +95,63 @@ def _refined(
 
 
 @inner_loops
-def _missed(gap: tuple[np.ndarray, np.ndarray], held: tuple[Table, Rubbing, np.ndarray], sets: Sets) -> bool:
+def _missed(problem: Problem) -> bool:
     """Whether rows that wait, see `held_rows.follow`, are not where they are kept, under forces of others."""
-    (laws, rubbing, state), missed, size = held, 0.0, 0.0
+    _, without, _, laws, rubbing, state, sets, _ = problem
+    missed, size, count = 0.0, 0.0, rubbing.beside.size
     for i in range(state.size):
-        size = max(size, abs(gap[0][i]))
-        if sets.place[i] < 0 and (state[i] != FREE if i < rubbing.beside.size else state[i] == STICKS):
-            kept = laws.place[state[i], i] if i < rubbing.beside.size else gap[1][i]
+        size = max(size, abs(without[i]))
+        if sets.place[i] < 0 and (state[i] != FREE if i < count else state[i] == STICKS):
+            kept = laws.place[state[i], i] if i < count else sets.kept[i]
             missed = max(missed, abs(kept - sets.free[i]))
     return missed > _MISSED * size
 
 
 @inner_loops
-def _solve(
-    flexibility: np.ndarray,
-    gap: tuple[np.ndarray, np.ndarray],
-    held: tuple[Table, Rubbing, np.ndarray],
-    sets: Sets,
-    force: np.ndarray,
-) -> bool:
+def _solve(problem: Problem) -> bool:
     """Forces and gaps of a set; whether it has any. Where rounding has piled up, all is done anew."""
+    sets = problem.sets
     for _ in range(2):
-        found = follow(flexibility, held[1], held[2], sets) and _refined(flexibility, gap, held, sets, force)
-        if found and not _missed(gap, held, sets):
+        found = follow(problem.flexibility, problem.rubbing, problem.state, sets) and _refined(problem)
+        if found and not _missed(problem):
             return True
         sets.members[sets.place.size] = -1
     return False
 
 
 @inner_sums
-def _rounding(flexibility: np.ndarray, without: np.ndarray, force: np.ndarray, row: int) -> float:
+def _rounding(problem: Problem, row: int) -> float:
     """Of a gap."""
-    total = abs(without[row])
-    for i in range(force.size):
-        total += abs(flexibility[row, i] * force[i])
+    total = abs(problem.free[row])
+    for i in range(problem.force.size):
+        total += abs(problem.flexibility[row, i] * problem.force[i])
     return 10.0 * ROUND_OFF * total
 
 
 @inner_loops
-def _normal(
-    flexibility: np.ndarray,
-    without: np.ndarray,
-    laws: Table,
-    of: tuple[int, int],
-    sets: Sets,
-    force: np.ndarray,
-) -> int:
-    """State that a normal row, `of` a state and with a number, goes on to."""
-    now, row = of
+def _normal(problem: Problem, row: int) -> int:
+    """State that a normal row goes on to."""
+    laws, sets, force, now = problem.laws, problem.sets, problem.force, problem.state[row]
     if now != FREE:
         pull = sets.right[sets.right.size - 1]
         let = force[row] < laws.least[now, row] - pull or force[row] > laws.most[now, row] + pull
         return FREE if let else now
-    if not flexibility[row, row] > 0.0 or sets.waits[row] != 0:
+    if not problem.flexibility[row, row] > 0.0 or sets.waits[row] != 0:
         return FREE
     found = caught(laws, row, sets.free[row])
     if found == FREE:
         return FREE
     beyond = max(laws.least[FREE, row] - sets.free[row], sets.free[row] - laws.most[FREE, row])
-    return found if beyond > _rounding(flexibility, without, force, row) else FREE
+    return found if beyond > _rounding(problem, row) else FREE
 
 
 @inner_loops
-def _alone(
-    flexibility: np.ndarray,
-    rows: tuple[int, int],
-    rest: tuple[float, float],
-    bounds: tuple[float, float],
-    sets: Sets,
-) -> int:
-    """Pressure and friction, the first entries of `right`, of a pair of rows whose gap and change of slip
-    are `rest` without them; the state of the second.
+def _alone(problem: Problem, rows: tuple[int, int], rest: tuple[float, float]) -> int:
+    """Pressure and friction, the first entries of `sets.right`, of a pair of rows whose gap and change of
+    slip are `rest` without them; the state of the second.
     """
-    (i, t), (kinetic, static), right = rows, bounds, sets.right
+    flexibility, rubbing, right, (i, t) = problem.flexibility, problem.rubbing, problem.sets.right, rows
+    kinetic, static = rubbing.kinetic[t - rubbing.beside.size], rubbing.static[t - rubbing.beside.size]
     if rest[0] >= 0.0:
         right[0], right[1] = 0.0, 0.0
         return FREE
@@ -161,58 +169,41 @@ def _alone(
 
 
 @inner_loops
-def _tangential(
-    flexibility: np.ndarray,
-    gap: tuple[np.ndarray, np.ndarray],
-    rubbing: Rubbing,
-    of: tuple[int, int],
-    sets: Sets,
-    force: np.ndarray,
-) -> int:
-    """State that a tangential row, `of` a state and with a number, goes on to: of a pair that closes what it
-    would be in alone, but that where friction falls as a slip begins it has not begun to. What both sticking
-    and slipping meet by rounding stays.
+def _tangential(problem: Problem, row: int) -> int:
+    """State that a tangential row goes on to: of a pair that closes what it would be in alone, but that where
+    friction falls as a slip begins it has not begun to. What both sticking and slipping meet by rounding
+    stays.
     """
-    now, row = of
+    rubbing, sets, force, now = problem.rubbing, problem.sets, problem.force, problem.state[row]
     number = row - rubbing.beside.size
     normal = rubbing.rows[number]
     if sets.following[normal] == FREE or not rubbing.static[number] > 0.0:
         return FREE
-    without, before = gap
-    moved = sets.free[row] - before[row]
+    moved = sets.free[row] - sets.kept[row]
     if now == FREE:
-        bounds = (rubbing.kinetic[number], rubbing.static[number])
-        if bounds[1] > bounds[0]:
+        if rubbing.static[number] > rubbing.kinetic[number]:
             return STICKS
-        return max(_alone(flexibility, (normal, row), (sets.free[normal], moved), bounds, sets), STICKS)
+        return max(_alone(problem, (normal, row), (sets.free[normal], moved)), STICKS)
     if now == STICKS:
         bound = rubbing.static[number] * max(force[normal], 0.0) + sets.right[sets.right.size - 1]
         if abs(force[row]) <= bound:
             return STICKS
         return ALONG if force[row] > 0.0 else AGAINST
     off = moved if now == ALONG else -moved
-    return STICKS if off > 0.0 and off > _rounding(flexibility, without, force, row) else now
+    return STICKS if off > 0.0 and off > _rounding(problem, row) else now
 
 
 @inner_loops
-def _exchange(
-    flexibility: np.ndarray,
-    gap: tuple[np.ndarray, np.ndarray],
-    held: tuple[Table, Rubbing, np.ndarray],
-    sets: Sets,
-    force: np.ndarray,
-) -> int:
+def _exchange(problem: Problem) -> int:
     """States that the rows go on to; how many change."""
-    (laws, rubbing, state), following = held, sets.following
+    state, sets, force, following = problem.state, problem.sets, problem.force, problem.sets.following
     largest, changed = 0.0, 0
     for i in range(force.size):
         largest = max(largest, abs(force[i]))
     sets.right[sets.right.size - 1] = ROUNDING * largest
     for i in range(force.size):
-        if i < rubbing.beside.size:
-            following[i] = _normal(flexibility, gap[0], laws, (state[i], i), sets, force)
-        else:
-            following[i] = _tangential(flexibility, gap, rubbing, (state[i], i), sets, force)
+        normal = i < problem.rubbing.beside.size
+        following[i] = _normal(problem, i) if normal else _tangential(problem, i)
     for i in range(force.size):
         changed += following[i] != state[i]
         state[i] = following[i]
@@ -233,16 +224,12 @@ def _repeats(state: np.ndarray, seen: np.ndarray, done: int) -> bool:
 
 
 @inner_loops
-def _sweep(
-    flexibility: np.ndarray,
-    gap: tuple[np.ndarray, np.ndarray],
-    held: tuple[Table, Rubbing, np.ndarray],
-    sets: Sets,
-) -> None:
-    """Go over all rows once, each with its tangential one exactly under the forces of the others; `free` are
-    the gaps under the forces `swept`.
+def _sweep(problem: Problem) -> None:
+    """Go over all rows once, each with its tangential one exactly under the forces of the others; `sets.free`
+    are the gaps under the forces `sets.swept`.
     """
-    (laws, rubbing, state), free, swept = held, sets.free, sets.swept
+    flexibility, _, _, laws, rubbing, state, sets, _ = problem
+    free, swept = sets.free, sets.swept
     n, count = free.size, rubbing.beside.size
     for i in range(count):
         if not flexibility[i, i] > 0.0 or sets.waits[i] != 0:
@@ -250,9 +237,8 @@ def _sweep(
         t, more = rubbing.beside[i], 0.0
         if t >= 0 and rubbing.static[t - count] > 0.0:
             first = free[i] - flexibility[i, i] * swept[i] - flexibility[i, t] * swept[t]
-            second = free[t] - flexibility[i, t] * swept[i] - flexibility[t, t] * swept[t] - gap[1][t]
-            bounds = (rubbing.kinetic[t - count], rubbing.static[t - count])
-            state[t] = _alone(flexibility, (i, t), (first, second), bounds, sets)
+            second = free[t] - flexibility[i, t] * swept[i] - flexibility[t, t] * swept[t] - sets.kept[t]
+            state[t] = _alone(problem, (i, t), (first, second))
             state[i] = FREE if state[t] == FREE else PRESSED
             pressure, more = sets.right[0], sets.right[1] - swept[t]
             swept[t] = sets.right[1]
@@ -272,18 +258,13 @@ def _sweep(
 
 
 @inner_loops
-def _land(
-    flexibility: np.ndarray,
-    gap: tuple[np.ndarray, np.ndarray],
-    held: tuple[Table, Rubbing, np.ndarray],
-    sets: Sets,
-    force: np.ndarray,
-) -> int:
+def _land(problem: Problem) -> int:
     """Tell where the rows that wait land, and let them: gap and slip go linearly from those before to those
     of the solution without them, of rows that land only because others do at its end. How many change their
     states, -1 where none lands.
     """
-    (laws, rubbing, state), count, lands = held, held[1].beside.size, False
+    _, _, before, laws, rubbing, state, sets, force = problem
+    count, lands = rubbing.beside.size, False
     for i in range(count):
         lands |= sets.waits[i] != 0 and caught(laws, i, sets.free[i]) != FREE
     if not lands:
@@ -294,79 +275,68 @@ def _land(
     for k in range(rubbing.rows.size):
         i, t = rubbing.rows[k], count + k
         if sets.waits[i] != 0 and rubbing.static[k] > 0.0:
-            reached, slipped = min(sets.free[i], 0.0), sets.free[t] - gap[1][t]
-            share = 1.0 / (gap[1][i] - reached)
-            sets.landed[t, 0] = share * gap[1][i]
+            reached, slipped = min(sets.free[i], 0.0), sets.free[t] - before[t]
+            share = 1.0 / (before[i] - reached)
+            sets.landed[t, 0] = share * before[i]
             sets.landed[t, 1] = slipped * share**2 * reached
-            sets.landed[t, 2] = slipped * share**2 * gap[1][i] if reached < 0.0 else 0.0
-            sets.kept[t] = gap[1][t] + sets.landed[t, 0] * slipped
+            sets.landed[t, 2] = slipped * share**2 * before[i] if reached < 0.0 else 0.0
+            sets.kept[t] = before[t] + sets.landed[t, 0] * slipped
     for i in range(count):
         sets.waits[i] = 0
-    return _exchange(flexibility, (gap[0], sets.kept), held, sets, force)
+    return _exchange(problem)
 
 
 @inner_loops
-def _settle(
-    flexibility: np.ndarray,
-    gap: tuple[np.ndarray, np.ndarray],
-    held: tuple[Table, Rubbing, np.ndarray],
-    sets: Sets,
-    force: np.ndarray,
-) -> int:
+def _settle(problem: Problem) -> int:
     """Forces, gaps and states that fit together; how many exchanges they take, -1 if none are found."""
-    laws, rubbing, state = held
-    n, exchanges, without = gap[0].size, 0, (gap[0], sets.kept)
+    flexibility, free, before, laws, rubbing, state, sets, force = problem
+    n, exchanges = free.size, 0
     slipping = Rubbing(rubbing.rows, rubbing.beside, rubbing.kinetic, rubbing.kinetic)
     for i in range(n):
         sets.swept[i] = 0.0
     for attempt in range(ROUNDS + 1):
         # what sticks under what holds a row that slips sticks under more
         bounds = rubbing if attempt <= ROUNDS // 2 else slipping
+        bounded = Problem(flexibility, free, before, laws, bounds, state, sets, force)
         if attempt > 0:
             for i in range(n):
-                sets.free[i] = gap[0][i]
+                sets.free[i] = free[i]
                 for j in range(n):
                     sets.free[i] += flexibility[i, j] * sets.swept[j]
             for _ in range(SWEEPS):
-                _sweep(flexibility, without, (laws, bounds, state), sets)
+                _sweep(bounded)
         done = 0
         while done < MAXIMUM and not _repeats(state, sets.seen, done):
             done += 1
-            if not _solve(flexibility, without, held, sets, force):
+            if not _solve(problem):
                 break
-            if _exchange(flexibility, without, (laws, bounds, state), sets, force) == 0:
+            if _exchange(bounded) == 0:
                 return exchanges
             exchanges += 1
     return -1
 
 
 @compiled_apart
-def rubbing_forces(
-    flexibility: np.ndarray,
-    gap: tuple[np.ndarray, np.ndarray],
-    held: tuple[Table, Rubbing, np.ndarray],
-    sets: Sets,
-    force: np.ndarray,
-) -> int:
-    """Solve a contact problem with friction, whose gaps and slips are W force + gap.
+def rubbing_forces(problem: Problem) -> int:
+    """Solve a contact problem with friction.
 
-    `gap` are the free gaps and slips, and those of the step before, whose slips rows that stick keep, those
-    that land the slips where they do (of gaps of zero before those of the step before); `held` are the laws,
-    what rubs, and the states of the step before, which are written anew. Rows that stood apart wait until the
-    others have settled. `sets.free` is left with gaps and slips, `sets.kept` with the slips that are kept.
-    Returns the exchanges of states, -1 if no solution is found.
+    Rows that stick keep their slips of the step before, those that land the slips where they do (of gaps of
+    zero before those of the step before). Rows that stood apart wait until the others have settled.
+    `sets.free` is left with gaps and slips, `sets.kept` with the slips that are kept. Returns the exchanges
+    of states, -1 if no solution is found.
     """
-    (laws, _, state), count, waits, changed, landed = held, held[1].beside.size, False, -1, False
+    _, _, before, laws, rubbing, state, sets, force = problem
+    count, waits, changed, landed = rubbing.beside.size, False, -1, False
     for i in range(state.size):
-        sets.kept[i] = gap[1][i]
+        sets.kept[i] = before[i]
     for i in range(count):
-        sets.waits[i] = 1 if state[i] == FREE and gap[1][i] > 0.0 else 0
+        sets.waits[i] = 1 if state[i] == FREE and before[i] > 0.0 else 0
         waits |= sets.waits[i] != 0
-    exchanges = _settle(flexibility, gap, held, sets, force)
+    exchanges = _settle(problem)
     if waits and exchanges >= 0:
-        changed = _land(flexibility, gap, held, sets, force)
+        changed = _land(problem)
     if changed > 0:
-        more = _settle(flexibility, gap, held, sets, force)
+        more = _settle(problem)
         exchanges = exchanges + more + 1 if more >= 0 else -1
     if exchanges < 0:
         return -1
@@ -375,7 +345,7 @@ def rubbing_forces(
             force[i] = min(max(force[i], laws.least[state[i], i]), laws.most[state[i], i])
     for t in range(count, state.size if changed >= 0 else count):
         if state[t] == FREE:
-            sets.kept[t] = gap[1][t]
+            sets.kept[t] = before[t]
             sets.landed[t, 0], sets.landed[t, 1], sets.landed[t, 2] = 0.0, 0.0, 0.0
         landed |= sets.landed[t, 0] > 0.0
     sets.told[state.size] = landed
@@ -383,14 +353,10 @@ def rubbing_forces(
 
 
 @compiled_apart
-def smooth_forces(
-    flexibility: np.ndarray,
-    gap: tuple[np.ndarray, np.ndarray],
-    held: tuple[Table, Rubbing, np.ndarray],
-    sets: Sets,
-    force: np.ndarray,
-) -> int:
-    """`contact_forces` with the arguments of `rubbing_forces`, of which a step calls one."""
-    (laws, _, state), (free, _) = held, gap
+def smooth_forces(problem: Problem) -> int:
+    """`contact_forces` as `rubbing_forces` is called, of which a step calls one."""
+    sets = problem.sets
     factor = Factor(sets.inverse, sets.members, sets.solved, sets.free, sets.every)
-    return contact_forces(flexibility, free, laws, state, factor, force)
+    return contact_forces(
+        problem.flexibility, problem.free, problem.laws, problem.state, factor, problem.force
+    )

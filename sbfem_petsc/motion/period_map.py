@@ -305,7 +305,7 @@ class DrivenPeriod:
         begin = StepState(q, v, forces[0].copy(), former.copy(), slip.copy())
         gap = self.free_gap[0] + p.left @ (p.right.T @ q)
         room, solves = p.kept(self.constants)
-        reached, touches = 0, touch(self.constants, gap, begin, (room.factor, room.sets))
+        reached, touches = 0, touch(self.constants, gap, begin, room.sets)
         states[0], velocities[0], forces[0] = q, v, begin.force
         rows[:1], left = begin.rows[: rows.shape[1]], np.empty(len(slip))
         landed = np.zeros((len(lost), len(slip), 3)), np.zeros((len(lost), kept[1]), dtype=np.int8)

@@ -16,7 +16,7 @@ from sbfem_petsc.contact.friction import STICKS, Friction, Memory
 from sbfem_petsc.contact.friction_solve import pivoted, solve_friction
 from sbfem_petsc.contact.held_rows import empty_sets, rubbing_of
 from sbfem_petsc.contact.law import FREE, RowLaws
-from sbfem_petsc.contact.rubbing import _sweep
+from sbfem_petsc.contact.rubbing import Problem, _sweep
 from tests.validation.contact_cases import ray
 
 SIDE = 0.1
@@ -289,9 +289,9 @@ def test_rows_that_hardly_rub_are_rows_that_do_not():
 
 
 @compiled_apart
-def swept(flexibility, gap, held, sets, times):
+def swept(problem, times):
     for _ in range(times):
-        _sweep(flexibility, gap, held, sets)
+        _sweep(problem)
 
 
 def test_sweeps_alone_settle_on_the_solution():
@@ -305,8 +305,9 @@ def test_sweeps_alone_settle_on_the_solution():
         laws, free, sets = RowLaws.unilateral(count), 1e-6 * rng.normal(size=2 * count), empty_sets(2 * count)
         slip, state = 1e-7 * rng.normal(size=count), np.zeros(2 * count, dtype=np.int8)
         sets.swept[:], sets.free[:] = 0.0, free
-        held = laws.table, rubbing_of(friction, flexibility, count), state
-        swept(flexibility, (free, np.append(np.zeros(count), slip)), held, sets, 300)
+        sets.kept[:] = np.append(np.zeros(count), slip)
+        rubbing = rubbing_of(friction, flexibility, count)
+        swept(Problem(flexibility, free, sets.kept, laws.table, rubbing, state, sets, sets.swept), 300)
         found = Complementarity(sets.swept, sets.free, state, 300)
         check(flexibility, free, friction, Memory.none(laws, friction)._replace(slip=slip), found)
         assert found.gap == pytest.approx(flexibility @ found.force + free, rel=1e-9, abs=1e-18)

@@ -18,7 +18,7 @@ from sbfem_petsc.contact.friction_solve import solve_friction
 from sbfem_petsc.contact.held_rows import empty_sets, rubbing_of
 from sbfem_petsc.contact.law import FREE, RowLaws
 from sbfem_petsc.contact.marching import march
-from sbfem_petsc.contact.rubbing import rubbing_forces
+from sbfem_petsc.contact.rubbing import Problem, rubbing_forces
 from sbfem_petsc.contact.step_data import NEVER, StepHistory
 from sbfem_petsc.motion import reduced_history
 from sbfem_petsc.motion.integration import Steps
@@ -42,8 +42,8 @@ def test_sequences_of_random_problems(count):
         state, force, before = np.zeros(2 * rows, dtype=np.int8), np.zeros(2 * rows), np.zeros(2 * rows)
         for _ in range(3):
             free = 1e-6 * rng.normal(size=2 * rows)
-            held = (laws.table, rubbing, state)
-            if rubbing_forces(flexibility, (free, before), held, sets, force) < 0:
+            given = Problem(flexibility, free, before, laws.table, rubbing, state, sets, force)
+            if rubbing_forces(given) < 0:
                 assert most == 1.5
                 unsolved += 1
                 break

@@ -182,7 +182,7 @@ def test_contact_as_a_period_begins_ends_in_a_solution(monkeypatch):
             )
             gap = driven.free_gap[0] + period.left @ (period.right.T @ q)
             room = period.kept(driven.constants)[0]
-            settled = touch(driven.constants, gap, begin, (room.factor, room.sets))
+            settled = touch(driven.constants, gap, begin, room.sets)
         assert settled and solves == [True]
         gap = gap + flexibility @ begin.force
         pressure, friction = begin.force[:count], begin.force[count:]
@@ -220,7 +220,7 @@ def test_basins_where_kernels_find_no_solution(monkeypatch):
         state.rows[:] = AGAINST  # what has been tried in vain
         if failed[-1] != repeating.UNSOLVED:
             gap, beside = loads.free_gap[0] + (step.right @ state.q) @ step.left, room.steps
-            assert touch(step, gap, state, (beside.factor, beside.sets))
+            assert touch(step, gap, state, beside.sets)
         return failed[-1], found[1], 0
 
     frequency = 1.7 / (2.0 * np.pi)
