@@ -253,7 +253,7 @@ class _Located:
         """See `Contacts`."""
         segments = self._segments()
         times = np.array([item.time for item in segments])
-        k, rows = len(self.units), list[tuple[np.ndarray, ...]]()
+        rows = list[tuple[np.ndarray, ...]]()
         instants, counts, known = [], [], dict[tuple[bool, bytes], tuple[np.ndarray, ...]]()
         for n in range(self.steps + 1):
             first = max(int(np.searchsorted(times, n - 1, side="right")) - 1, 0)
@@ -271,11 +271,6 @@ class _Located:
                 instants.append(n)
                 counts.append(len(found[0]))
                 rows.append(found)
-        if not rows:
-            nothing, none = np.zeros((0, self.step.right.shape[1])), np.zeros((0, k))
-            return Contacts(
-                np.zeros(0, dtype=int), np.zeros(0, dtype=int), nothing, np.zeros((0, 0)), nothing, none, none
-            )
         factors, pushes, reads, writes = (np.concatenate(part) for part in zip(*rows))
         shifts = np.zeros((len(factors), 0))
         return Contacts(np.array(instants), np.array(counts), factors, shifts, pushes, reads, writes)
