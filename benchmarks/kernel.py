@@ -14,8 +14,8 @@ import time
 
 import numpy as np
 
+from meshing.gll import gll_nodes
 from sbfem_petsc.material import Material
-from sbfem_petsc.selement.basis import gll_nodes
 from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.solution import solve_selement
 

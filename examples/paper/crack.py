@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.collections import LineCollection
 
 import sbfem_petsc as sb
+from meshing.gll import shape_functions
 from sbfem_petsc.plot.drawing import (
     BLACK,
     BLUE,
@@ -19,7 +20,6 @@ from sbfem_petsc.plot.drawing import (
     save_picture,
     style,
 )
-from sbfem_petsc.selement.basis import shape_functions
 
 from .bench import CONVERGED, burst, push
 from .findings import Claim, Finding, Part, Table, percent, size

@@ -9,8 +9,8 @@ from matplotlib.ticker import MaxNLocator
 from scipy import linalg
 
 import sbfem_petsc as sb
+from meshing.gll import gll_nodes
 from sbfem_petsc.plot.drawing import CYCLE, MARKERS, figure, save_picture, style
-from sbfem_petsc.selement.basis import gll_nodes
 from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.solution import solve_selement
 

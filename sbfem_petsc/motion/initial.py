@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from meshing.gll import shape_functions
 from meshing.input_checks import values_at
 
 from ..errors import wrong_input
 from ..petsc import summed
 from ..ranks.parallel import collective
 from ..reduction.reduced_model import ReducedModel
-from ..selement.basis import shape_functions
 from ..selement.coefficients import edge_nodes
 from ..selement.interior_motion import interior_fields
 from ..system.elements.elements import Elements

@@ -12,9 +12,9 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import ScaledTranslation
 
 from meshing.boundary_mesh import BoundaryMesh
+from meshing.gll import shape_functions
 
 from ..record.units import place_unit
-from ..selement.basis import shape_functions
 from .drawing import BLACK, BLUE, GREEN, MATERIAL, PURPLE, VERMILION, WIDTH, Sheet, crack_title, dots, note
 from .picture import Comm, picture
 

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..selement.basis import shape_functions
+from meshing.gll import shape_functions
+
 from ..system.fields.sampling import as_field, outline_edges, point_grid_cells, sample
 from ..system.model import Model
 

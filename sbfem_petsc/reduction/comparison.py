@@ -74,8 +74,9 @@ def adopted(stored: ReducedModel, given: ReducedModel) -> ReducedModel:
     Modes whose sign another solve has turned round are turned back; where they cannot be (multiple
     frequencies) the result has no model, and so no fields.
     """
+    stored = replace(stored, loads=given.loads, wider=given.wider, lag=given.lag)
     if given.model is None or given.modal is None:
-        return replace(stored, loads=given.loads, wider=given.wider, lag=given.lag)
+        return stored
 
     def seen(r: ReducedModel) -> np.ndarray:
         """What of the modes does not depend on where they are computed."""
@@ -86,7 +87,7 @@ def adopted(stored: ReducedModel, given: ReducedModel) -> ReducedModel:
     mine, other = seen(stored), seen(given)
     signs = np.where((mine * other).sum(axis=0) < 0.0, -1.0, 1.0)
     if not close(signs * other, mine):
-        return replace(stored, loads=given.loads, wider=given.wider, lag=given.lag)
+        return stored
     of_vectors = None if given.vector_shapes is None else given.vector_shapes * signs[given.natural :]
     signs = signs[: given.natural]
     modal = replace(
@@ -95,15 +96,7 @@ def adopted(stored: ReducedModel, given: ReducedModel) -> ReducedModel:
         point_shapes={name: shape * signs[:, None] for name, shape in given.modal.point_shapes.items()},
         auxiliary_inertia=given.modal.auxiliary_inertia * signs[:, None],
     )
-    return replace(
-        stored,
-        loads=given.loads,
-        model=given.model,
-        modal=modal,
-        wider=given.wider,
-        lag=given.lag,
-        vector_shapes=of_vectors,
-    )
+    return replace(stored, model=given.model, modal=modal, vector_shapes=of_vectors)
 
 
 def close(one, other) -> bool:

@@ -169,8 +169,8 @@ def unit_accelerations(model: Model) -> np.ndarray:
 
     def made() -> np.ndarray:
         layout, elements = model.layout, model.statics.elements
-        fields = np.broadcast_to(np.eye(2)[:, None], (2, *layout.part.unknowns.shape))
-        return -np.stack([layout.summed(elements.inertia_forces(field)) for field in fields], axis=1)
+        fields = np.broadcast_to(np.eye(2), (len(layout.part.nodes), 2, 2))
+        return -layout.summed(elements.inertia_forces(fields))
 
     return model.keep("unit accelerations", made)
 

@@ -293,7 +293,7 @@ class ReducedModel(Record):
         SolveError
             If it has no model; on all ranks.
         """
-        model = self._model(kind)
+        model, _ = self._model(kind)
         # one from a file may have other signs of its modes
         modes = self.translation.tobytes(), self.load_modes.tobytes()
         return model.keep(
@@ -302,8 +302,7 @@ class ReducedModel(Record):
 
     def output_along(self, kind: str, places: Sequence[Point]) -> LinearOutput:
         """The components of several places one after the other, see `output_at`; not kept. Collective."""
-        model, found = self._model(kind), self.modal
-        assert found is not None
+        model, found = self._model(kind)
         form = getattr(model.places(places, inertia=True, moved=len(self.edges) > 0), kind)
         columns = model.load_columns(self.loads)
         # K is symmetric: the responses to the form's own forces give those of all loads and contact rows
@@ -319,13 +318,13 @@ class ReducedModel(Record):
             modes, self.load_modes / squares, self.gap.modes.T / squares
         )
 
-    def _model(self, what: str) -> Model:
+    def _model(self, what: str) -> tuple[Model, Modal]:
         if self.model is None or self.modal is None:
             raise failed_solve(
                 f"{what}: a reduced model of matrices, of a body (which has a field if it is reduced "
                 "with shapes=True) or read from a file knows its named points alone; reduce it again"
             )
-        return self.model
+        return self.model, self.modal
 
     def field(self, q: np.ndarray, amplitudes: np.ndarray, force: np.ndarray) -> Field:
         """Displacements of this rank's nodes at one instant, residual flexibility included, and the forces
@@ -344,8 +343,7 @@ class ReducedModel(Record):
         """
         if self.body is not None and self.whole is not None:
             return Field(self.body.nodal(self.whole(q[None], amplitudes[None], force[None])[0]))
-        model, found = self._model("field"), self.modal
-        assert found is not None
+        model, found = self._model("field")
         load = model.load_columns(self.loads).combined(amplitudes)
         pulled = load.forces[:, 0] + model.contact.rows.forces(force)
         static = (self.load_modes @ amplitudes + force @ self.gap.modes) / self.omega**2

@@ -214,9 +214,22 @@ class _Columns:
         self.solver = LinearSolver(self.ksp, self.matrix)
 
     def factorised(self, sure: bool) -> bool:
-        """Whether the matrix is positive definite, see `_factorised`. Collective."""
+        """Whether the matrix is positive definite, as far as the package counts signs of pivots; ValueError
+        where it is sure to be but for an indefinite stiffness. Collective.
+        """
+        pc = self.ksp.getPC()
+        counts = count_pivots if pc.getFactorSolverType() == "mumps" else None
         with collective(self.comm):
-            return _factorised(self.ksp, sure)
+            if counts is not None:
+                counts(pc)
+            with solving("modal"):
+                factorise(pc, self.ksp.setUp, counts)
+            negative, zero, _ = (0, 0, 0) if counts is None else pivot_signs(pc, "modal")
+            if negative and sure:
+                raise wrong_input(
+                    f"reduce_matrices: stiffness is indefinite ({negative} negative eigenvalues)"
+                )
+        return not negative and not zero
 
     def own(self, right: np.ndarray) -> np.ndarray:
         """Solve for (n, k) columns of this rank's. Collective."""
@@ -293,22 +306,6 @@ class _Pinned(_Columns):
     def own(self, right: np.ndarray) -> np.ndarray:
         """Solve for (n, k) columns of this rank's. Collective."""
         return super().own(np.asfortranarray(self.loose[:, None] * right))
-
-
-def _factorised(ksp: PETSc.KSP, sure: bool) -> bool:
-    """Whether a matrix is positive definite, as far as the package counts signs of pivots; ValueError where
-    it is sure to be but for an indefinite stiffness.
-    """
-    pc = ksp.getPC()
-    counts = count_pivots if pc.getFactorSolverType() == "mumps" else None
-    if counts is not None:
-        counts(pc)
-    with solving("modal"):
-        factorise(pc, ksp.setUp, counts)
-    negative, zero, _ = (0, 0, 0) if counts is None else pivot_signs(pc, "modal")
-    if negative and sure:
-        raise _indefinite(f"{negative} negative eigenvalues")
-    return not negative and not zero
 
 
 def _lowest(
@@ -422,10 +419,6 @@ def _of_nodes(matrix: sparse.csr_matrix, width: int) -> bool:
     return not any(
         (first.indptr != other.indptr).any() or (first.indices != other.indices).any() for other in others
     )
-
-
-def _indefinite(why: str) -> Exception:
-    return wrong_input(f"reduce_matrices: stiffness is indefinite ({why})")
 
 
 def _not_held(count: int) -> Exception:

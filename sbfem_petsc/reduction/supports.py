@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -84,60 +84,40 @@ class Supports(Record):
         """Of a model's modes and some unit loads, which do `columns` and under which the displacement
         unknowns are `solved` (owned, loads). Collective.
         """
-        shares, omega = StaticShares.of(model, units, columns, solved), 2.0 * np.pi * found.frequencies
-        names, moved = shares.names, shares.moved
-        loads, contact, mass = (
-            part.reshape(len(names), 2, part.shape[1]) for part in (shares.loads, shares.contact, shares.mass)
-        )
-        damping, none = model.rayleigh[1] * np.where(moved >= 0, loads, 0.0), np.zeros((len(names), 2, 0))
-        still = cls(names, none, loads, contact, damping, mass, moved)
+        omega = 2.0 * np.pi * found.frequencies
+        still, _ = at_rest(model, units, columns, solved)
         return still.with_modes(-model.support_forces.of_modes(found.shapes, omega) / omega**2)
 
 
-class StaticShares(NamedTuple):
-    """What supports bear where all follows them at rest.
+def at_rest(
+    model: Model, units: Sequence[Load], columns: LoadColumns, solved: np.ndarray
+) -> tuple[Supports, np.ndarray]:
+    """What supports bear where all follows them at rest, without modes; and displacements (m, 2, 2 names) of
+    this rank's nodes under unit displacements of the supports. Collective.
 
-    Attributes
+    Parameters
     ----------
-    names : tuple of str
-    following : (m, 2, 2 names) array
-        Displacements of this rank's nodes under unit displacements of the supports, 1.
-    moved : (loads,) array
-        See `Supports.moved`.
-    loads : (2 names, loads) array
-        Forces under unit loads.
-    contact : (2 names, c) array
-        Forces under unit contact forces.
-    mass : (2 names, loads) array
-        Of what follows the prescribed displacements among the loads, kg.
+    model, units, columns, solved
+        As of `Supports.of`.
     """
-
-    names: tuple[str, ...]
-    following: np.ndarray
-    moved: np.ndarray
-    loads: np.ndarray
-    contact: np.ndarray
-    mass: np.ndarray
-
-    @classmethod
-    def of(
-        cls, model: Model, units: Sequence[Load], columns: LoadColumns, solved: np.ndarray
-    ) -> StaticShares:
-        """See `Supports.of`. Collective."""
-        forces = model.support_forces
-        names, following = forces.names, forces.following()
-        held = model.layout.held
-        contact = model.contact.rows(model.layout.owned_values(following))
-        contact += rows_on(held, model.tips)(held.owned_values(following))
-        loads = summed(model.comm, np.einsum("nis,nil->sl", -following, columns.nodal))
-        mass = np.zeros_like(loads)
-        moved = np.array([_moved(names, unit) for unit in units], dtype=int)
-        for k in np.flatnonzero(moved >= 0):
-            assert columns.lift is not None  # it moves
-            field = model.nodal(solved[:, k]) + columns.lift.nodal[..., k]
-            loads[:, k] = np.ravel(list(forces(field, np.zeros_like(field)).values()))
-            mass[:, k] = np.einsum("nis,ni->s", following, model.cells.inertia_forces(field))
-        return cls(names, following, moved, loads, -contact.T, summed(model.comm, mass))
+    forces, held = model.support_forces, model.layout.held
+    names, following = forces.names, forces.following()
+    contact = model.contact.rows(model.layout.owned_values(following))
+    contact += rows_on(held, model.tips)(held.owned_values(following))
+    loads = summed(model.comm, np.einsum("nis,nil->sl", -following, columns.nodal))
+    mass = np.zeros_like(loads)
+    moved = np.array([_moved(names, unit) for unit in units], dtype=int)
+    for k in np.flatnonzero(moved >= 0):
+        assert columns.lift is not None  # it moves
+        field = model.nodal(solved[:, k]) + columns.lift.nodal[..., k]
+        loads[:, k] = np.ravel(list(forces(field, np.zeros_like(field)).values()))
+        mass[:, k] = np.einsum("nis,ni->s", following, model.cells.inertia_forces(field))
+    damping = model.rayleigh[1] * np.where(moved >= 0, loads, 0.0)
+    loads, pressed, damping, mass = (
+        part.reshape(len(names), 2, part.shape[1])
+        for part in (loads, -contact.T, damping, summed(model.comm, mass))
+    )
+    return Supports(names, np.zeros((len(names), 2, 0)), loads, pressed, damping, mass, moved), following
 
 
 def _moved(names: Sequence[str], unit: Load) -> int:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .basis import gll_nodes, tabulated
+from meshing.gll import gll_nodes, tabulated
 
 
 class SElementError(ValueError):

@@ -15,13 +15,18 @@ _BLOCK = 24
 ADVICE = "use a lower order, fewer terms or split the cell"
 
 
+def _require(info: int, what: str) -> None:
+    """`SElementError` where LAPACK has failed."""
+    if info != 0:
+        raise SElementError(f"{what}; {ADVICE}")
+
+
 def cholesky(matrix: np.ndarray, what: str) -> np.ndarray:
     """Lower Cholesky factor, or an `SElementError` that names what is not positive definite (round-off: a
     wrong model).
     """
     factor, info = lapack.dpotrf(matrix, lower=1, clean=1)
-    if info != 0:
-        raise SElementError(f"the {what} is not positive definite; {ADVICE}")
+    _require(info, f"the {what} is not positive definite")
     return factor
 
 
@@ -53,8 +58,7 @@ def upper_solve(triangle: np.ndarray, right: np.ndarray) -> np.ndarray:
 def solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     """matrix^-1 right."""
     _, _, solution, info = lapack.dgesv(matrix, right)
-    if info != 0:
-        raise SElementError(f"a linear system of the S-element is singular; {ADVICE}")
+    _require(info, "a linear system of the S-element is singular")
     return solution
 
 
@@ -68,24 +72,22 @@ class SchurForm(NamedTuple):
 def schur(matrix: np.ndarray) -> SchurForm:
     """Real Schur form of a matrix."""
     triangle, _, _, _, vectors, _, info = lapack.dgees(lambda re, im: False, matrix)
-    if info != 0:
-        raise SElementError(f"the Schur form of the S-element did not converge; {ADVICE}")
+    _require(info, "the Schur form of the S-element did not converge")
     return SchurForm(triangle, vectors)
 
 
 def reordered(form: SchurForm, chosen: np.ndarray) -> tuple[SchurForm, int]:
     """A real Schur form whose chosen eigenvalues (n,) bool stand first, and their number."""
     triangle, vectors, _, _, count, _, _, info = lapack.dtrsen(chosen, *form, job="N")
-    if info != 0:
-        raise SElementError(f"radial modes of the S-element are too close to be told apart; {ADVICE}")
+    _require(info, "radial modes of the S-element are too close to be told apart")
     return SchurForm(triangle, vectors), int(count)
 
 
 def growing_subspace(matrix: np.ndarray) -> tuple[np.ndarray, int]:
     """Schur vectors ordered with Re(eigenvalue) > 0 first, and the number of these eigenvalues."""
     _, count, _, _, vectors, _, info = lapack.dgees(lambda re, im: re > 0.0, matrix, sort_t=1)
-    if info not in (0, len(matrix) + 2):
-        raise SElementError(f"the ordered Schur form of the S-element failed (LAPACK info {info}); {ADVICE}")
+    if info != len(matrix) + 2:  # which tells of rounding alone
+        _require(info, f"the ordered Schur form of the S-element failed (LAPACK info {info})")
     return vectors, int(count)
 
 
@@ -123,24 +125,21 @@ def _solve_triangular(triangle: np.ndarray, right: np.ndarray) -> None:
 def _sylvester(first: np.ndarray, second: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Y with first Y + Y second^T = right, both quasi upper triangular."""
     solution, scale, info = lapack.dtrsyl(first, second, right, tranb="T")
-    if info != 0:
-        raise SElementError(f"a Lyapunov equation of the S-element is singular; {ADVICE}")
+    _require(info, "a Lyapunov equation of the S-element is singular")
     return solution / scale
 
 
 def separation(first: np.ndarray, second: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Y with first Y - Y second = right, both quasi upper triangular with eigenvalues of their own."""
     solution, scale, info = lapack.dtrsyl(first, second, right, isgn=-1)
-    if info != 0:
-        raise SElementError(f"the singular modes of the S-element do not separate from the others; {ADVICE}")
+    _require(info, "the singular modes of the S-element do not separate from the others")
     return solution / scale
 
 
 def symmetric_eigen(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Ascending eigenvalues and orthonormal eigenvectors of a symmetric matrix."""
     values, vectors, info = lapack.dsyevd(matrix)
-    if info != 0:
-        raise SElementError(f"an eigenvalue problem of the S-element did not converge; {ADVICE}")
+    _require(info, "an eigenvalue problem of the S-element did not converge")
     return values, vectors
 
 

@@ -192,15 +192,14 @@ def face_axis(shape: np.ndarray) -> np.ndarray:
     return axis / np.linalg.norm(axis)
 
 
-def opening_direction(shape: np.ndarray, axis: np.ndarray | None = None) -> np.ndarray:
-    """(2, 2): the direction of the faces' opening, normal to `axis` (default: `face_axis`).
+def opening_direction(shape: np.ndarray) -> np.ndarray:
+    """(2, 2): the direction of the faces' opening, normal to their axis.
 
     The chain of nodes is counter-clockwise, so the first face lies on the left of the axis. Forces are
     compressive contact forces where positive.
     """
-    axis = face_axis(shape) if axis is None else np.asarray(axis, dtype=float)
-    normal = np.array([-axis[1], axis[0]])
-    return np.array([normal, -normal])
+    x, y = face_axis(shape)
+    return np.array([[-y, x], [y, -x]])
 
 
 def single_face_directions(face: int) -> np.ndarray:

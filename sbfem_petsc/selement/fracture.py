@@ -28,11 +28,11 @@ class TStressRow:
     Attributes
     ----------
     row : (n,) array
-        For boundary displacements in units of the size; nan where the faces form a notch.
+        For boundary displacements in units of the size.
     """
 
     row: np.ndarray
-    _space: InvariantSpace | None
+    _space: InvariantSpace
     _stress_of: np.ndarray
 
     def placed(self, rotation: np.ndarray, size: float, modulus: float) -> np.ndarray:
@@ -49,8 +49,6 @@ class TStressRow:
         the part of T that has a limit is given, with the logarithm taken as zero on the element's boundary. A
         pressure with a logarithm leaves none: nan.
         """
-        if self._space is None:
-            return np.full(len(tractions.growth), np.nan)
         space = self._space
         inflow = space.amplitudes @ tractions.forcing
         rest_inflow = space.rest_amplitudes @ tractions.forcing
@@ -73,8 +71,8 @@ class TStressRow:
 
 def t_stress_row(
     radial: SchurForm, shape: np.ndarray, elasticity: np.ndarray, axis: np.ndarray
-) -> TStressRow:
-    """T-stress of a crack in one material from the radial modes with the exponent 1.
+) -> TStressRow | None:
+    """T-stress of a crack in one material from the radial modes with the exponent 1; None of a notch.
 
     Parameters
     ----------
@@ -98,7 +96,7 @@ def t_stress_row(
         )
     space = invariant_space(radial, 1.0 - _WINDOW, 1.0 + _WINDOW)
     if space is None or len(space.generator) != 2:
-        return TStressRow(np.full(shape.size, np.nan), None, np.zeros(shape.size))
+        return None
     compliance = np.linalg.inv(elasticity)
     along, normal = -axis, np.array([axis[1], -axis[0]])
     linear = [np.array([[0.0, -1.0], [1.0, 0.0]])]

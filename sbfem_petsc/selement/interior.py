@@ -11,16 +11,21 @@ points add what inertia does inside, see `interior_motion`.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
 
-from .basis import shape_functions
+from meshing.gll import shape_functions
+
 from .coefficients import edge_nodes, strain_operators
 from .face_tractions import FaceTractions
 from .rigid_motions import translations
 from .sectors import Sectors
+
+# Points whose fields are held at a time.
+_CHUNK = 64
 
 
 def radial_displacement(
@@ -51,9 +56,9 @@ def radial_displacement(
     -----
     Translations are kept apart exactly: on an orthonormal basis [T, P] of translations and the rest, A is
     [[0, a], [0, B]] with Re(eigenvalues of B) > 0. The rest d decays as xi^B d, and the translation becomes
-    c - a B^-1 (d - xi^B d). The levels are visited from 1 inwards, so every factor decays and no rounding
-    error grows. The powers of xi of the tractions are appended to d as states of their own, which holds
-    the logarithms of resonant powers too.
+    c - a B^-1 (d - xi^B d). The levels are visited from 1 inwards, so no rounding error grows. The powers of
+    xi of the tractions are appended to d as states of their own, which holds the logarithms of resonant
+    powers too.
     """
     levels = np.asarray(levels, dtype=float)
     if not ((levels >= 0.0) & (levels <= 1.0)).all():
@@ -76,6 +81,15 @@ def radial_displacement(
     transfer = linalg.solve(inner.T, outer.T).T  # a B^-1
     total = constant - transfer @ start  # translation of the scaling centre
     result = np.empty((len(levels), *boundary.shape))
+    for index, current in marched(inner, start, levels):
+        result[index] = moved @ (total + transfer @ current) + rest @ current[: n - 2]
+    return result
+
+
+def marched(inner: np.ndarray, start: np.ndarray, levels: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+    """Numbers of levels xi in [0, 1] and ``xi^inner start`` there, from 1 inwards: every factor decays; 0 at
+    0.
+    """
     factors: dict[float, np.ndarray] = {}
     current, reached = start, 1.0
     for index in np.argsort(-levels, kind="stable"):
@@ -88,8 +102,7 @@ def radial_displacement(
                 factors[ratio] = linalg.expm(inner * np.log(ratio))
             current = factors[ratio] @ current
         reached = level
-        result[index] = moved @ (total + transfer @ current) + rest @ current[: n - 2]
-    return result
+        yield index, current
 
 
 class Located(NamedTuple):
@@ -165,6 +178,16 @@ def fields_at(
     levels = np.where(fields.levels > 0.0, fields.levels, np.nan)[which, None, None]
     strain = (first @ slopes + second @ beside) / levels
     return displacement, np.broadcast_to(elasticity, (len(edges), 3, 3))[located.edge] @ strain
+
+
+def in_chunks(
+    located: Located, of_some: Callable[[Located], tuple[np.ndarray, np.ndarray]]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Displacement and stress at points, of so few at a time that their fields find room."""
+    parts = range(0, max(len(located.edge), 1), _CHUNK)
+    found = [of_some(Located(*(part[k : k + _CHUNK] for part in located))) for k in parts]
+    displacement, stress = (np.concatenate(part) for part in zip(*found))
+    return displacement, stress
 
 
 def in_own_frames(

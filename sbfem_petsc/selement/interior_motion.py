@@ -19,15 +19,13 @@ from scipy import linalg
 
 from .coefficients import coefficient_matrices
 from .dense import cholesky, cholesky_solve, lyapunov, schur, symmetric
-from .interior import Located, RadialFields, fields_at, radial_displacement
+from .interior import Located, RadialFields, fields_at, in_chunks, marched, radial_displacement
 from .points import PointOperators
 from .sectors import Sectors
 from .solution import SElement
 
 # Below this xi what inertia adds is taken as here: it varies like xi^2 and stands beside 1 / xi^2k.
 _INNERMOST = 1e-2
-# Points whose fields are held at a time.
-_CHUNK = 64
 # Fields w_k that results at points are made of: more differ by rounding alone.
 _KRYLOV = 3
 
@@ -52,10 +50,7 @@ def interior_fields(element: SElement, levels: np.ndarray, terms: int) -> tuple[
     """
     radial, n = element.radial, element.stiffness.shape[0]
     static = radial_displacement(radial, np.eye(n), levels)
-    count = len(element.inertia)
-    if not count:
-        return static, np.zeros((len(levels), n, 0))
-    return static, _auxiliary(element, _held_fields(element, radial, levels, terms)[0])
+    return static, _auxiliary(element, _held_fields(element, radial, levels, max(terms, 1))[0])
 
 
 def inertial_operators(element: SElement, terms: int, located: Located) -> PointOperators:
@@ -71,24 +66,19 @@ def inertial_operators(element: SElement, terms: int, located: Located) -> Point
     terms : int
     located : Located
     """
-    levels = np.maximum(located.level, _INNERMOST)
-    n, count, a = element.stiffness.shape[0], len(levels), len(element.inertia)
-    radial, translations = element.radial, np.tile(np.eye(2), (n // 2, 1))
+    radial, translations = element.radial, np.tile(np.eye(2), (len(element.coordinates), 1))
     sectors = Sectors(element.coordinates, element.order, element.elasticity)
-    displacement, stress = np.empty((count, 2, a + 2)), np.empty((count, 3, a + 2))
-    for start in range(0, count, _CHUNK):
-        chosen = slice(start, start + _CHUNK)
-        distinct, which = np.unique(levels[chosen], return_inverse=True)
+
+    def of_some(some: Located) -> tuple[np.ndarray, np.ndarray]:
+        distinct, which = np.unique(np.maximum(some.level, _INNERMOST), return_inverse=True)
         whole, steep = (
             np.concatenate([_auxiliary(element, parts), parts[0] @ translations], axis=2)
             for parts in _held_fields(element, radial, distinct, min(max(terms, 1), _KRYLOV))
         )
-        some = Located(*(part[chosen] for part in located))
-        found = fields_at(
-            sectors, element.closed, some, RadialFields(whole, whole, steep, distinct), which.ravel()
-        )
-        displacement[chosen], stress[chosen] = found
-    return PointOperators(displacement, stress, 0)
+        fields = RadialFields(whole, whole, steep, distinct)
+        return fields_at(sectors, element.closed, some, fields, which.ravel())
+
+    return PointOperators(*in_chunks(located, of_some), 0)
 
 
 def _auxiliary(element: SElement, fields: list[np.ndarray]) -> np.ndarray:
@@ -132,10 +122,7 @@ def _held_fields(
     start = np.zeros((size, n))
     start[terms * n :] = np.eye(n)
     result, slopes = np.empty((2, terms, len(levels), n, n))
-    current, reached = start, 1.0
-    for index in np.argsort(-levels, kind="stable"):
-        if levels[index] < reached:
-            current, reached = linalg.expm(inner * np.log(levels[index] / reached)) @ current, levels[index]
+    for index, current in marched(inner, start, levels):
         states, rates = (part.reshape(terms + 1, n, n) for part in (current, inner @ current))
         for k in range(terms):  # w_(T-k)
             power = levels[index] ** (2 * k)

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from .basis import shape_functions
+from meshing.gll import shape_functions
+
 from .coefficients import edge_nodes
 from .face_tractions import FaceTractions
-from .interior import Located, fields_at, static_fields
+from .interior import Located, fields_at, in_chunks, in_own_frames, static_fields
 from .sectors import Sectors
 
 # A point this far outside the outline, relative to the size, counts as on it.
 TOLERANCE = 1e-9
 # Where the stress at the scaling centre of a closed S-element is taken: what varies there falls off like xi.
 _CENTRE = 1e-4
-# Points whose powers xi^A are held at a time.
-_CHUNK = 64
 
 
 def locate(shape: np.ndarray, order: int, closed: bool, points: np.ndarray) -> Located:
@@ -105,13 +104,10 @@ class PointOperators:
             nodal = rows[..., :n].reshape(*rows.shape[:2], -1, 2) @ rotation
             return np.concatenate([nodal.reshape(*rows.shape[:2], n), rows[..., n:]], axis=2)
 
-        tensor = columns(self.stress)[:, [0, 2, 2, 1]].reshape(len(self.stress), 2, 2, -1)
-        tensor = np.einsum("ai,qabc,bj->qijc", rotation, tensor, rotation)
-        return replace(
-            self,
-            displacement=np.einsum("ai,qac->qic", rotation, columns(self.displacement)),
-            stress=tensor[:, [0, 1, 0], [0, 1, 1]],
-        )
+        alike = np.broadcast_to(rotation, (self.stress.shape[2], 2, 2))
+        found = in_own_frames(columns(self.displacement), columns(self.stress), alike)
+        displacement, stress = (np.moveaxis(part, 0, 2) for part in found)
+        return PointOperators(displacement, stress, n)
 
 
 def point_operators(
@@ -143,16 +139,14 @@ def point_operators(
     if (located.edge < 0).any():
         missing = int(np.argmin(located.edge))
         raise ValueError(f"point {missing} lies outside the S-element; take only points that `locate` finds")
-    n, count = len(radial), len(located.edge)
+    n = len(radial)
     m = 0 if tractions is None else len(tractions.growth)
     faces = None if tractions is None else (tractions, np.eye(m, n + m, k=n))
-    displacement, stress = np.empty((count, 2, n + m)), np.empty((count, 3, n + m))
-    for start in range(0, count, _CHUNK):
-        chosen = slice(start, start + _CHUNK)
-        some = Located(*(part[chosen] for part in located))
+
+    def of_some(some: Located) -> tuple[np.ndarray, np.ndarray]:
         # the stress of a closed S-element at its scaling centre is that next to it
         near = np.maximum(some.level, _CENTRE if closed else 0.0)
         fields = static_fields(radial, np.eye(n, n + m), some.level, near, faces)
-        found = fields_at(sectors, closed, some, fields, np.arange(len(near)))
-        displacement[chosen], stress[chosen] = found
-    return PointOperators(displacement, stress, n)
+        return fields_at(sectors, closed, some, fields, np.arange(len(near)))
+
+    return PointOperators(*in_chunks(located, of_some), n)

@@ -163,13 +163,9 @@ def solve_selement(
     SElementError
         If the boundary is not visible from the scaling centre or a check fails.
     """
-    coordinates, order, elasticity = sectors
-    elasticity = np.asarray(elasticity, dtype=float)
-    element = None
-    if method is None and closed and elasticity.ndim == 2 and density is None:
-        element = solve_stack(Sectors(coordinates[None], order, elasticity))[0]
-    if element is None:
-        element = _solved_alone(Sectors(coordinates, order, elasticity), closed, density, method)
+    shape, order, elasticity = sectors
+    stack = Sectors(shape[None], order, np.asarray(elasticity, dtype=float))
+    element = _solved(stack, closed, density, method)[0]
     return element if terms is None else element.with_inertia(terms)
 
 
@@ -186,16 +182,22 @@ def solve_selements(
     closed, terms, density
         As of `solve_selement`.
     """
-    shapes, order, elasticity = stack
-    if not closed or elasticity.ndim != 2 or density is not None:
-        return [solve_selement(Sectors(s, order, elasticity), closed, terms, density=density) for s in shapes]
-    found = [
-        element or _solved_alone(Sectors(shape, order, elasticity), closed, density, None)
-        for shape, element in zip(shapes, solve_stack(stack))
-    ]
+    found = _solved(stack, closed, density, None)
     return [
         element.with_inertia(terms) if dynamics is None else replace(element, dynamics=dynamics)
         for element, dynamics in zip(found, inertia_of_stack(found, terms))
+    ]
+
+
+def _solved(stack: Sectors, closed: bool, density: np.ndarray | None, method: str | None) -> list[SElement]:
+    """The stiffness of each, of those at once that can be."""
+    shapes, order, elasticity = stack
+    found: list[SElement | None] = [None] * len(shapes)
+    if method is None and closed and elasticity.ndim == 2 and density is None:
+        found = solve_stack(stack)
+    return [
+        element or _solved_alone(Sectors(shape, order, elasticity), closed, density, method)
+        for shape, element in zip(shapes, found)
     ]
 
 
@@ -247,8 +249,7 @@ def solve_stack(stack: Sectors) -> list[SElement | None]:
         radial = np.linalg.solve(c.e0, stiffness - turned(c.e1))
         riccati = largest_of_each((stiffness - c.e1) @ radial - c.e2)
         riccati /= np.maximum(largest_of_each(c.e2), largest_of_each(stiffness))
-        motions = np.stack([rigid_motions(shape) for shape in shapes[rows]])
-        rigid = largest_of_each(stiffness @ motions) / largest_of_each(stiffness)
+        rigid = largest_of_each(stiffness @ rigid_motions(shapes[rows])) / largest_of_each(stiffness)
         good &= (riccati <= ACCEPTED) & (asymmetry < TOLERANCE) & (rigid < TOLERANCE)
         return [
             SElement(shapes[row], order, True, elasticity, k, float(r), float(a), float(m))
@@ -262,11 +263,11 @@ def solve_stack(stack: Sectors) -> list[SElement | None]:
 
 def inertia_of_stack(elements: list[SElement], terms: int) -> list[Inertia | Moments | None]:
     """The mass of each, and the moments where the continued fraction has `terms` = 1, of S-elements that
-    agree in all but their outlines; of more terms than that none is solved.
+    agree in all but their outlines; of more terms, and of open ones or several materials, none is solved.
     """
-    if terms > 1:
-        return [None] * len(elements)
     first = elements[0]
+    if terms > 1 or not first.closed or first.elasticity.ndim != 2 or first.density is not None:
+        return [None] * len(elements)
     stack = Sectors(np.stack([element.coordinates for element in elements]), first.order, first.elasticity)
 
     def solve(rows: np.ndarray, c: Coefficients, known: PolynomialModes) -> list[Inertia | Moments | None]:

@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from meshing.gll import tabulated
+
 from ..loads import Load, as_loads
 from ..petsc import require_thread
 from ..ranks.parallel import collective
-from ..selement.basis import tabulated
 from .contact.rows import Contact, rows_on
 from .elements.elements import Elements
 from .fields.tips import Tips
@@ -140,13 +141,7 @@ class NodalForces:
     def inertia(self, acceleration: tuple[float, float]) -> None:
         """Add the force -density * acceleration (m/s^2) on the whole body. Collective."""
         self.acceleration += acceleration
-        for group in self._elements.moving:
-            # of unit accelerations in the reference frame
-            units = group.solution.mass @ np.tile(np.eye(2), (len(group.shape), 1))
-            steady = (
-                -self._elements.scales(group)[1][:, None, None] * (group.rotations @ acceleration)[:, :, None]
-            )
-            self._add(group.nodes, np.matmul(group.turned(units), steady))
+        self.nodal -= self._elements.inertia_forces(np.broadcast_to(acceleration, self.nodal.shape))
 
     def motion(self, where: str, displacement: tuple[float, float]) -> None:
         """Move what the supports of a place hold by a displacement (m). Collective."""
@@ -181,19 +176,17 @@ def load_columns(stiffness: Stiffness, contact: Contact, tips: Tips, loads: Sequ
     """What several constant, checked loads do. Collective."""
     require_thread()
     layout, elements = stiffness.layout, stiffness.elements
-    columns, collected, nodal, lifts = [], [], [], []
-    accelerations = np.zeros((2, len(loads)))
+    count, factors, shape = len(loads), tips.intensities, layout.part.coordinates.shape
+    nodal, lifts, accelerations = np.zeros((*shape, count)), np.zeros((*shape, count)), np.zeros((2, count))
+    collected = []
     for k, load in enumerate(loads):
         assembler = NodalForces(stiffness, tips)
         for item in as_loads(load).parts:
             item.assemble(assembler)
-        lifts.append(assembler.lift)
-        columns.append(layout.summed(assembler.nodal))
-        collected.append(assembler.tip_forces)
-        nodal.append(assembler.nodal)
+        nodal[..., k], lifts[..., k] = assembler.nodal, assembler.lift
         accelerations[:, k] = assembler.acceleration
+        collected.append(assembler.tip_forces)
     tip_forces: dict[int, np.ndarray] = {}
-    count, factors = len(columns), tips.intensities
     gaps, intensities = np.zeros((len(contact), count)), np.zeros((len(factors.rows), count))
     flexibility = np.zeros((count, count))
     for faces in tips.faces.values():
@@ -211,20 +204,18 @@ def load_columns(stiffness: Stiffness, contact: Contact, tips: Tips, loads: Sequ
     gaps, intensities, flexibility = (
         layout.comm.allreduce(part) for part in (gaps, intensities, flexibility)
     )
-    size = layout.owned.stop - layout.owned.start
-    forces = np.asfortranarray(np.stack(columns, axis=1)) if columns else np.zeros((size, 0), order="F")
-    on_nodes = np.stack(nodal, axis=2) if nodal else np.zeros((len(layout.part.nodes), 2, 0))
-    found = LoadColumns(forces, gaps, intensities, flexibility, on_nodes, tip_forces, accelerations)
-    if not layout.comm.allreduce(any(lift.any() for lift in lifts)):
+    forces = layout.summed(nodal)
+    found = LoadColumns(forces, gaps, intensities, flexibility, nodal, tip_forces, accelerations)
+    if not layout.comm.allreduce(bool(lifts.any())):
         return found
-    return _lifted(stiffness, tips, found, np.stack(lifts, axis=2))
+    return _lifted(stiffness, tips, found, lifts)
 
 
 def _lifted(stiffness: Stiffness, tips: Tips, columns: LoadColumns, nodal: np.ndarray) -> LoadColumns:
     """The loads with displacements (m, 2, k) of what supports hold, too. Collective."""
     layout, held = stiffness.layout, stiffness.layout.held
-    inner = np.stack([stiffness.inner_forces(field) for field in np.moveaxis(nodal, 2, 0)], axis=2)
-    forces = -np.stack([layout.summed(part) for part in np.moveaxis(inner, 2, 0)], axis=1)
+    inner = stiffness.inner_forces(nodal)
+    forces = -layout.summed(inner)
     own = held.owned_values(nodal)
     lift = Lift(
         nodal,

@@ -7,7 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..selement.basis import tabulated
+from meshing.gll import tabulated
+
+from ..selement.rigid_motions import rigid_motions
 from ..supports import Support
 from .layout.layout import Layout
 
@@ -92,8 +94,6 @@ def _holds(places: np.ndarray, acts: np.ndarray, least: float) -> bool:
     # about the supports' own middle and in units of their own extent: a short clamped edge holds a long body;
     # where all stand on one point the rotation is free, whatever the unit
     size = max(float(np.linalg.norm(np.ptp(places, axis=0))), least)
-    x, y = ((places - places.mean(axis=0)) / size).T
-    one, zero = np.ones(len(x)), np.zeros(len(x))
-    rows = np.stack([np.stack([one, zero, -y], axis=1), np.stack([zero, one, x], axis=1)], axis=1)[acts]
+    rows = rigid_motions((places - places.mean(axis=0)) / size).reshape(-1, 2, 3)[acts]
     gram = rows.T @ rows
     return bool(np.linalg.eigvalsh(gram)[0] > 1e-9 * max(np.trace(gram), 1.0))

@@ -201,7 +201,7 @@ def test_t_stress_of_uniform_stress():
     corners[[0, -1], 1] = [-0.3, 0.3]
     notch = polygon(corners, order, closed=False)
     element = solve_selement(Sectors(notch, order, ISOTROPIC.elasticity), False)
-    assert np.isnan(t_stress_row(element.radial_form, notch, ISOTROPIC.elasticity, AXIS).row).all()
+    assert t_stress_row(element.radial_form, notch, ISOTROPIC.elasticity, AXIS) is None
 
 
 def williams_exponent(gamma, sign):

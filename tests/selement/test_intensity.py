@@ -5,8 +5,8 @@ error.
 import numpy as np
 import pytest
 
+from meshing.gll import gll_nodes
 from sbfem_petsc.material import Material, OrthotropicMaterial
-from sbfem_petsc.selement.basis import gll_nodes
 from sbfem_petsc.selement.intensity import intensity_rows
 from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.solution import solve_selement

@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from meshing.gll import gll_nodes, shape_functions
 from sbfem_petsc.material import Material, OrthotropicMaterial
-from sbfem_petsc.selement.basis import gll_nodes, shape_functions
 from sbfem_petsc.selement.coefficients import edge_nodes
 from sbfem_petsc.selement.congruence import placements
 from sbfem_petsc.selement.interior import (

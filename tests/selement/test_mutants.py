@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from meshing.gll import gll_nodes
 from sbfem_petsc.material import Material, OrthotropicMaterial
 from sbfem_petsc.selement import coefficients
-from sbfem_petsc.selement.basis import gll_nodes
 from sbfem_petsc.selement.congruence import placements
 from sbfem_petsc.selement.face_tractions import face_axis, face_tractions
 from sbfem_petsc.selement.fracture import t_stress_row

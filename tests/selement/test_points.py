@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from meshing.gll import gll_nodes, shape_functions
 from sbfem_petsc.material import Material, OrthotropicMaterial
-from sbfem_petsc.selement.basis import gll_nodes, shape_functions
 from sbfem_petsc.selement.congruence import placements
 from sbfem_petsc.selement.face_tractions import face_tractions, single_face_directions
 from sbfem_petsc.selement.points import locate, point_operators

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import linalg
 
+from meshing.gll import gll_nodes
 from sbfem_petsc.material import Material, OrthotropicMaterial
-from sbfem_petsc.selement.basis import gll_nodes
 from sbfem_petsc.selement.coefficients import SElementError
 from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.solution import solve_selement

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import sparse
 
 from ...loads import EdgeMotion, Load, SupportMotion
-from ...reduction.supports import StaticShares
+from ...reduction.supports import at_rest
 from ...system.loads import LoadColumns
 from ...system.model import Model
 from ...system.solve.pencil import Pencil
@@ -54,11 +54,13 @@ class Ground:
         solved = np.zeros(columns.forces.shape)
         if edges:
             solved[:, edges] = model.solver.columns(columns.forces[:, edges], "transient")
-        shares = StaticShares.of(model, units, columns, solved)
+        shares, following = at_rest(model, units, columns, solved)
         self.names, self.edges = shares.names, np.array(edges, dtype=int)
-        self.loads, self.contact, self.mass = shares.loads, shares.contact, shares.mass
-        self.damping = model.rayleigh[1] * np.where(shares.moved >= 0, shares.loads, 0.0)
-        self.rows = sparse.csr_matrix(pencil.momenta(shares.following))
+        self.loads, self.contact, self.damping, self.mass = (
+            part.reshape(2 * len(self.names), part.shape[2])
+            for part in (shares.loads, shares.contact, shares.damping, shares.mass)
+        )
+        self.rows = sparse.csr_matrix(pencil.momenta(following))
         self.owned = solved[:, edges]
         self.gaps, self.tips = model.contact.rows(self.owned), model.tips.intensities.rows(self.owned)
         self.points = model.layout.point_rows(self.owned)
@@ -66,7 +68,7 @@ class Ground:
         if columns.lift is not None:
             self.points = self.points + columns.lift.points.reshape(len(self.points), -1)[:, edges]
             fields = columns.lift.nodal[..., edges]
-            fields = fields + np.stack([model.nodal(column) for column in self.owned.T], axis=2)
+            fields = fields + model.nodal(self.owned)
         self.inertia = pencil.momenta(fields)
         at = shares.moved[self.edges]
         # of prescribed displacements: energies of w and w', power that damping takes at w', work of contact

@@ -148,16 +148,11 @@ class _Factorised:
         joins = active[changed]
         own = operator.flexibility[changed][:, self._index].toarray()
         # the further border over the factor's answers, C^T M^-1 C, and over the first solution
-        border = np.empty((len(changed), len(changed)))
-        first = np.empty(len(changed))
         known = np.where(joins, scale * given[changed], 0.0)
-        for k, (row, joined) in enumerate(zip(changed, joins)):
-            if joined:
-                border[k] = -scale * answers[row] - scale**2 * (own[k] @ forces)
-                first[k] = -scale * self._first_gap[row] - scale**2 * (own[k] @ self._first_force)
-            else:
-                place = int(np.searchsorted(self._index, row))
-                border[k], first[k] = forces[place], self._first_force[place]
+        border = -scale * answers[changed] - scale**2 * (own @ forces)
+        first = -scale * self._first_gap[changed] - scale**2 * (own @ self._first_force)
+        places = np.searchsorted(self._index, changed[~joins])
+        border[~joins], first[~joins] = forces[places], self._first_force[places]
         both = np.outer(joins, joins)
         corner = np.where(both, -(scale**2) * operator.flexibility[changed][:, changed].toarray(), 0.0)
         further = corner - border
@@ -219,15 +214,13 @@ class _Factorised:
         """Answers of the factor to the further borders of some rows."""
         operator = self._contact
         columns = np.zeros((self._matrix.getLocalSize()[0], len(rows)), order="F")
-        own = operator.flexibility[rows][:, self._index].toarray()
-        for k, row in enumerate(rows):
-            if self._active[row]:
-                if self._comm.rank == self._last:
-                    columns[self._owned + int(np.searchsorted(self._index, row)), k] = 1.0
-            else:
-                columns[: self._owned, k] = -self._scale * operator.rows.matrix[row].toarray()[0]
-                if self._comm.rank == self._last:
-                    columns[self._owned :, k] = -(self._scale**2) * own[k]
+        joins = ~self._active[rows]
+        columns[: self._owned, joins] = -self._scale * operator.rows.columns(rows[joins])
+        if self._comm.rank == self._last:
+            own = operator.flexibility[rows[joins]][:, self._index].toarray()
+            columns[self._owned :, joins] = -(self._scale**2) * own.T
+            leaves = np.flatnonzero(~joins)
+            columns[self._owned + np.searchsorted(self._index, rows[leaves]), leaves] = 1.0
         for start in range(0, len(rows), _BLOCK):
             some = np.asfortranarray(columns[:, start : start + _BLOCK])
             gaps, forces = self._parts(block_solve(self._ksp, dense_columns(self._matrix, some)))

@@ -32,7 +32,7 @@ ROUND_OFF, REFUSED, _SOFTEST = 1e-5, 1e-2, 4.0
 _COLUMNS = 16
 
 
-# Forces that springs take up, (m, 2), of displacements (m, 2) of this rank's nodes.
+# Forces that springs take up, (m, 2, k), of displacements (m, 2, k) of this rank's nodes.
 Springs = Callable[[np.ndarray], np.ndarray]
 
 
@@ -80,9 +80,9 @@ class ElementStiffness:
 
     def _of_some(self, columns: np.ndarray) -> np.ndarray:
         """Forces (owned, c) of so few columns that the S-elements' displacements find room."""
-        fields = [self._layout.nodal(column) for column in columns.T]
-        moved, width = np.stack(fields, axis=-1)[self._nodes], len(fields)
-        pulled, first = np.empty_like(moved), 0
+        fields, width = self._layout.nodal(columns), columns.shape[1]
+        moved, first = fields[self._nodes], 0
+        pulled = np.empty_like(moved)
         for motions, blocks in self._parts:
             count, size, _ = motions.shape
             part = slice(first, first + count * size // 2)
@@ -91,10 +91,7 @@ class ElementStiffness:
             forces -= motions @ (motions.transpose(0, 2, 1) @ forces)
             pulled[part], first = forces.reshape(-1, 2, width), part.stop
         sums = (self._sums @ pulled.reshape(-1, 2 * width)).reshape(-1, 2, width)
-        return np.stack(
-            [self._layout.summed(sums[..., k] + self._springs(field)) for k, field in enumerate(fields)],
-            axis=1,
-        )
+        return self._layout.summed(sums + self._springs(fields))
 
 
 def without_motions(motions: np.ndarray, vectors: np.ndarray) -> np.ndarray:

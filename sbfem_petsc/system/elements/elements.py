@@ -56,7 +56,7 @@ class Elements:
         ]
 
     @functools.cached_property
-    def _members(self) -> np.ndarray:
+    def members(self) -> np.ndarray:
         """(e, 2): number of the group of each S-element of this rank, and its row there."""
         result = np.empty((len(self.layout.part.elements), 2), dtype=int)
         for number, group in enumerate(self.groups):
@@ -67,7 +67,7 @@ class Elements:
 
     def one_of(self, groups: list[Group], row: int) -> Group:
         """A group of one, the S-element of a row of this rank's part; of `groups` or `moving`."""
-        number, member = self._members[row]
+        number, member = self.members[row]
         return groups[number].select(slice(member, member + 1))
 
     @property
@@ -110,7 +110,9 @@ class Elements:
         return ElementBlocks(unknowns, unknowns, values)
 
     def inner_forces(self, field: np.ndarray) -> np.ndarray:
-        """(m, 2): this rank's part of the nodal forces that displacements (m, 2) of its nodes take, N."""
+        """(m, 2, ...): this rank's part of the nodal forces that displacements (m, 2, ...) of its nodes take,
+        N.
+        """
         forces = np.zeros_like(field)
         for group in self.groups:
             stiffness = self.scales(group)[0] * group.turned_both(group.solution.stiffness)
@@ -118,8 +120,8 @@ class Elements:
         return forces
 
     def inertia_forces(self, field: np.ndarray) -> np.ndarray:
-        """(m, 2): this rank's part of the nodal forces of inertia under accelerations (m, 2) of its nodes
-        that the insides of S-elements follow as they do at rest, N.
+        """(m, 2, ...): this rank's part of the nodal forces of inertia under accelerations (m, 2, ...) of its
+        nodes that the insides of S-elements follow as they do at rest, N.
         """
         forces = np.zeros_like(field)
         for group in self.moving:

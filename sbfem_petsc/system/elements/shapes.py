@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -95,11 +96,11 @@ def turned(rotations: np.ndarray, matrices: np.ndarray) -> np.ndarray:
 
 
 def add_forces(forces: np.ndarray, nodes: np.ndarray, stiffness: np.ndarray, field: np.ndarray) -> None:
-    """Add to nodal forces (m, 2) those of stiffnesses (k, 2 n, 2 n) between nodes (k, n) that have the
-    displacements of a field (m, 2).
+    """Add to nodal forces (m, 2, ...) those of stiffnesses (k, 2 n, 2 n) between nodes (k, n) that have the
+    displacements of a field (m, 2, ...).
     """
-    pulled = stiffness @ field[nodes].reshape(*stiffness.shape[:2], 1)
-    np.add.at(forces, nodes, pulled.reshape(*nodes.shape, 2))
+    pulled = stiffness @ field[nodes].reshape(*stiffness.shape[:2], math.prod(field.shape[2:]))
+    np.add.at(forces, nodes, pulled.reshape(*nodes.shape, *field.shape[1:]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -137,9 +137,7 @@ class SupportForces:
             whole = np.zeros(shape[:2])
             whole[:, axis] = 1.0
             forms[..., k] += self._springs(moved[..., k]).sum(axis=0) - self._springs(whole)[name]
-        pulled = -np.stack([layout.summed(form) for form in np.moveaxis(forms, 2, 0)], axis=1)
-        found = self._statics.solver.columns(np.asfortranarray(pulled), "reactions")
-        return moved + np.stack([layout.nodal(column) for column in found.T], axis=2)
+        return moved + layout.nodal(self._statics.solver.columns(-layout.summed(forms), "reactions"))
 
 
 def dynamic_forces(elements: Elements, part: Group, moved: np.ndarray, omega: np.ndarray) -> np.ndarray:

@@ -85,7 +85,7 @@ def frequency_errors(found: Modal, modes: Sequence[int], negligible: float = 0.0
     statics, elements = found.model.statics, found.model.cells
     modes = list(modes)
     omega = 2.0 * np.pi * found.frequencies[modes]
-    shapes = np.stack([found.nodal(mode) for mode in modes], axis=-1)
+    shapes = elements.layout.nodal(found.shapes[:, modes])
     lost, edges = np.zeros(len(modes)), _Edges(statics, len(modes))
     for groups, terms in _alike(elements, _looked_at(elements, float(omega.max()), negligible)):
         for group, rich in zip(groups, _richer(elements, groups, terms)):
@@ -103,16 +103,9 @@ def warn_of_modes(owner: str, found: Modal) -> None:
     count = len(found.frequencies)
     if not count or not needs_look(found.model.cells, float(found.frequencies[-1])):
         return
-    looked_at = range(max(0, count - LOOKED_AT), count)
-    errors = _kept_errors(found, looked_at)
-    worst = int(np.argmax(errors))
-    if errors[worst] > WARNED:
-        mode, frequency = looked_at[worst], float(found.frequencies[looked_at[worst]])
-        _warn(
-            f"{owner}: mode {mode + 1} at {frequency:.5g} Hz is too high by {_share(errors[worst])}",
-            found.model.statics,
-            frequency,
-        )
+    looked_at = np.arange(max(0, count - LOOKED_AT), count)
+    told = f"{owner}: mode {{}} at {{:.5g}} Hz is too high by {{}}"
+    _warn_of_worst(found, looked_at, _kept_errors(found, looked_at), WARNED, told)
 
 
 def warn_of_band(owner: str, found: Modal, ratios: np.ndarray, highest: float) -> None:
@@ -133,16 +126,13 @@ def warn_of_band(owner: str, found: Modal, ratios: np.ndarray, highest: float) -
     if not len(near) or not needs_look(statics.elements, 2.0 * float(found.frequencies[near[-1]])):
         return
     own, damping = found.frequencies[near], np.maximum(ratios[near], LEAST_DAMPING)
-    errors = 2.0 * _kept_errors(found, near.tolist()) * own**2
+    errors = 2.0 * _kept_errors(found, near) * own**2
     errors /= np.abs(own**2 - highest**2 + 2j * damping * own * highest)
-    worst = int(np.argmax(errors))
-    if errors[worst] > WARNED_AMPLITUDE:
-        _warn(
-            f"{owner}: the load has frequencies up to {highest:.4g} Hz, where the error of mode "
-            f"{near[worst] + 1} ({own[worst]:.5g} Hz) changes its amplitude by {_share(errors[worst])}",
-            statics,
-            highest,
-        )
+    told = (
+        f"{owner}: the load has frequencies up to {highest:.4g} Hz, where the error of mode {{}} "
+        "({:.5g} Hz) changes its amplitude by {}"
+    )
+    _warn_of_worst(found, near, errors, WARNED_AMPLITUDE, told, at=highest)
 
 
 def warn_of_jumps(
@@ -180,16 +170,12 @@ def warn_of_jumps(
         2.0 * np.pi * found.frequencies[moved] * duration, 1.0 / np.maximum(ratios[moved], LEAST_DAMPING)
     )
     # an error takes no more of an amplitude than all of it
-    errors = most[moved] * np.minimum(_kept_errors(found, moved.tolist()) * turns, 1.0)
-    worst = int(np.argmax(errors))
-    if errors[worst] > WARNED_AMPLITUDE:
-        frequency = float(found.frequencies[moved[worst]])
-        _warn(
-            f"{owner}: a load jumps, or has no known highest frequency, and the error of mode "
-            f"{moved[worst] + 1} ({frequency:.5g} Hz) changes what it moves by {_share(errors[worst])}",
-            statics,
-            frequency,
-        )
+    errors = most[moved] * np.minimum(_kept_errors(found, moved) * turns, 1.0)
+    told = (
+        f"{owner}: a load jumps, or has no known highest frequency, and the error of mode {{}} ({{:.5g}} Hz) "
+        "changes what it moves by {}"
+    )
+    _warn_of_worst(found, moved, errors, WARNED_AMPLITUDE, told)
 
 
 def warn_of_tips(owner: str, tips: Tips) -> None:
@@ -224,13 +210,20 @@ def cells_in_waves(elements: Elements, frequency: float) -> float:
     return 2.0 * np.pi * frequency * max(elements.layout.comm.allgather(max(sizes, default=0.0)))
 
 
-def _share(error: float) -> str:
-    return f"about {error:.1g} of itself" if error < 0.1 else "a tenth of itself or more"
-
-
-def _warn(what: str, statics: Stiffness, frequency: float) -> None:
+def _warn_of_worst(
+    found: Modal, modes: np.ndarray, errors: np.ndarray, most: float, told: str, *, at: float | None = None
+) -> None:
+    """Warn of the mode with the largest error, unless that is at most `most`, of which its number, frequency
+    and error are told, and of the cells at a frequency, Hz, by default its own.
+    """
+    worst = int(np.argmax(errors))
+    if not errors[worst] > most:
+        return
+    own = float(found.frequencies[modes[worst]])
+    share = f"about {errors[worst]:.1g} of itself" if errors[worst] < 0.1 else "a tenth of itself or more"
+    what, statics = told.format(modes[worst] + 1, own, share), found.model.statics
     elements, layout = statics.elements, statics.layout
-    terms, waves = elements.terms, cells_in_waves(elements, frequency) / (2.0 * np.pi)
+    terms, waves = elements.terms, cells_in_waves(elements, own if at is None else at) / (2.0 * np.pi)
     points = [support.where for support in statics.supports if support.where in layout.points]
     why = (
         f"the largest cell is {waves:.2g} wavelengths of shear long there, too long for order "
@@ -246,10 +239,10 @@ def _warn(what: str, statics: Stiffness, frequency: float) -> None:
     warn(f"{what}: {why}", MeshWarning)
 
 
-def _kept_errors(found: Modal, modes: Sequence[int]) -> np.ndarray:
+def _kept_errors(found: Modal, modes: np.ndarray) -> np.ndarray:
     """`frequency_errors`, once for the modes of a model."""
-    key = ("frequency_errors", len(found.frequencies), *(int(mode) for mode in modes))
-    return found.model.keep(key, lambda: frequency_errors(found, modes, NEGLIGIBLE))
+    key = ("frequency_errors", len(found.frequencies), *modes.tolist())
+    return found.model.keep(key, lambda: frequency_errors(found, modes.tolist(), NEGLIGIBLE))
 
 
 def _safe(elements: Elements) -> float:

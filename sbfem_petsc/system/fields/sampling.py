@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 
+from meshing.gll import shape_functions
+
 from ...checks import real_array
 from ...material import AnyMaterial, Material, SectorMaterials
-from ...selement.basis import shape_functions
 from ...selement.coefficients import edge_nodes
 from ...selement.face_tractions import FaceTractions
 from ...selement.interior import Located, fields_at, in_own_frames, static_fields

@@ -20,13 +20,13 @@ def t_stress_forms(
     places: list[TipElement], faces_of: Mapping[int, TipFaces], thickness: float
 ) -> dict[int, TStressForm]:
     """By the numbers of the tips that this rank holds; open notches and interfaces have no T."""
-    found, known = dict[int, TStressForm](), dict[tuple, TStressRow]()
+    found, known = dict[int, TStressForm](), dict[tuple, TStressRow | None]()
     for place in places:
         material, faces = place.material, faces_of.get(place.number)
         if isinstance(material, SectorMaterials):
             continue
         form = place.shared(known, partial(_form, place), *np.round(place.axis, 12))
-        if np.isnan(form.row).any():
+        if form is None:
             continue
         row, columns = form.placed(place.rotation, place.size, material.modulus), np.zeros(0)
         if faces is not None:
@@ -35,7 +35,7 @@ def t_stress_forms(
     return found
 
 
-def _form(place: TipElement) -> TStressRow:
+def _form(place: TipElement) -> TStressRow | None:
     """Of the reference shape."""
     group = place.group
     return t_stress_row(group.solution.radial_form, group.shape, place.material.elasticity, place.axis)

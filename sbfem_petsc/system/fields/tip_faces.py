@@ -86,17 +86,14 @@ class TipElement:
 
 def tip_elements(elements: Elements) -> list[TipElement]:
     """The tip elements that this rank holds."""
-    layout = elements.layout
-    row_of = {int(element): row for row, element in enumerate(layout.part.elements)}
-    open_ones = {
-        int(row): (elements.materials[group.material], group, member)
-        for group in elements.groups
-        if not group.closed
-        for member, row in enumerate(group.elements)
-    }
-    rows = [row_of.get(int(tip.element), -1) for tip in layout.tip_elements]
-    numbered = enumerate(zip(layout.tip_elements, rows))
-    return [TipElement(number, tip, *open_ones[row]) for number, (tip, row) in numbered if row >= 0]
+    row_of = {int(element): row for row, element in enumerate(elements.layout.part.elements)}
+    found = []
+    for number, tip in enumerate(elements.layout.tip_elements):
+        if (row := row_of.get(int(tip.element))) is not None:
+            of_group, member = elements.members[row].tolist()
+            group = elements.groups[of_group]
+            found.append(TipElement(number, tip, elements.materials[group.material], group, member))
+    return found
 
 
 @dataclass(frozen=True, eq=False)

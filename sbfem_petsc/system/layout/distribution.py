@@ -72,7 +72,9 @@ def _handed_out(comm: MPI.Comm, parts: partition.Parts | None) -> partition.Part
 
 
 def _facts(mesh: BoundaryMesh, numbering: partition.Numbering, bodies: np.ndarray) -> dict[str, Any]:
-    (area, perimeter), outline = _measures(mesh), mesh.outline_edges()
+    # the area is exact for the polynomial edges, which are polylines in the perimeter
+    outline, chain = mesh.outline_edges(), mesh.nodes[mesh.edges]
+    lengths = np.linalg.norm(np.diff(chain, axis=1), axis=2).sum(axis=1)
     return {
         "order": mesh.order,
         "elements": mesh.elements,
@@ -92,8 +94,8 @@ def _facts(mesh: BoundaryMesh, numbering: partition.Numbering, bodies: np.ndarra
         "pair_unknowns": numbering.unknowns[mesh.pairs.nodes].reshape(-1, 2, 2),
         "bodies": _body_middles(mesh, bodies),
         "extent": (mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)),
-        "area": area,
-        "perimeter": perimeter,
+        "area": mesh.area,
+        "perimeter": float(lengths[outline].sum()),
         "ranges": numbering.ranges,
     }
 
@@ -124,10 +126,3 @@ def _fixed(mesh: BoundaryMesh, supports: tuple[Support, ...]) -> np.ndarray:
             )
         fixed[nodes] |= np.array(support.fixed)
     return fixed
-
-
-def _measures(mesh: BoundaryMesh) -> tuple[float, float]:
-    """Area (m^2), exact for the polynomial edges, and length of the outline (m), edges as polylines."""
-    chain = mesh.nodes[mesh.edges]
-    lengths = np.linalg.norm(np.diff(chain, axis=1), axis=2).sum(axis=1)
-    return mesh.area, float(lengths[mesh.outline_edges()].sum())

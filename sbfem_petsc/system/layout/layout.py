@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -213,41 +214,45 @@ class Layout:
     @property
     def _ghosts(self) -> Ghosts:
         if self._scatter is None:
-            self._scatter = self._make_ghosts()
+            self.require_unfreed()
+            free = self.part.unknowns >= 0
+            needed = self.part.unknowns[free].astype(PETSc.IntType)
+            places = PETSc.IS().createGeneral(needed, comm=PETSc.COMM_SELF)
+            target = PETSc.Vec().createSeq(len(needed))
+            source = PETSc.Vec().createMPI((self.owned.stop - self.owned.start, self.count), comm=self.comm)
+            self._scatter = Ghosts(PETSc.Scatter().create(source, places, target, None), source, target, free)
+            places.destroy()
         return self._scatter
 
-    def _make_ghosts(self) -> Ghosts:
-        self.require_unfreed()
-        needed = self.part.unknowns[self.part.unknowns >= 0].astype(PETSc.IntType)
-        places = PETSc.IS().createGeneral(needed, comm=PETSc.COMM_SELF)
-        target = PETSc.Vec().createSeq(len(needed))
-        source = PETSc.Vec().createMPI((self.owned.stop - self.owned.start, self.count), comm=self.comm)
-        scatter = PETSc.Scatter().create(source, places, target, None)
-        places.destroy()
-        return Ghosts(scatter, source, target, self.part.unknowns >= 0)
-
     def nodal(self, owned: np.ndarray) -> np.ndarray:
-        """Displacements (m, 2) of this rank's nodes from its displacement unknowns; 0 where held fixed.
-        Collective.
+        """Displacements (m, 2, ...) of this rank's nodes from its displacement unknowns (owned, ...), of one
+        field or of several; 0 where held fixed. Collective.
         """
         require_thread()
         scatter, source, target, free = self._ghosts
-        source.array = owned
-        scatter.scatter(source, target)
-        result = np.zeros(self.part.unknowns.shape)
-        result[free] = target.array_r
-        return result
+        columns = owned.reshape(len(owned), math.prod(owned.shape[1:])).T
+        fields = np.zeros((len(columns), *free.shape))
+        for column, one in zip(columns, fields):
+            source.array = column
+            scatter.scatter(source, target)
+            one[free] = target.array_r
+        return np.moveaxis(fields, 0, 2).reshape(*free.shape, *owned.shape[1:])
 
     def summed(self, forces: np.ndarray) -> np.ndarray:
-        """(owned,): sums over the ranks of forces (m, 2) on this rank's nodes, on its displacement unknowns.
-        Collective.
+        """(owned, ...): sums over the ranks of forces (m, 2, ...) on this rank's nodes, on its displacement
+        unknowns. Collective.
         """
         require_thread()
         scatter, source, target, free = self._ghosts
-        target.array = forces[free]
-        source.set(0.0)
-        scatter.scatter(target, source, addv=True, mode=PETSc.ScatterMode.REVERSE)
-        return source.array_r.copy()
+        given = forces[free]
+        columns = given.reshape(len(given), math.prod(given.shape[1:]))
+        result = np.empty((source.getLocalSize(), columns.shape[1]), order="F")
+        for k, column in enumerate(columns.T):
+            target.array = column
+            source.set(0.0)
+            scatter.scatter(target, source, addv=True, mode=PETSc.ScatterMode.REVERSE)
+            result[:, k] = source.array_r
+        return result.reshape(len(result), *given.shape[1:])
 
     # ------------------------------------------------------------------ its end
     def require_unfreed(self) -> None:

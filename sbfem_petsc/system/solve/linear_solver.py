@@ -41,16 +41,10 @@ class LinearSolver:
     def solve(self, right: PETSc.Vec, solution: PETSc.Vec, what: str) -> None:
         """Solve for one vector; `what` names the solve in its error."""
         self._solve(right, solution, what)
-        if self.refinement is None or not self.refinement.needed(right.norm(), solution.norm()):
-            return
-        with freeing(self._comm, right.duplicate(), solution.duplicate()) as (change, spare):
-
-            def again(residual: np.ndarray) -> np.ndarray:
-                change.array = residual
-                self._solve(change, spare, what)
-                return spare.array_r.copy()
-
-            solution.array = self.refinement.refine(right.array_r.copy(), solution.array_r.copy(), again)
+        if self.refinement is not None and self.refinement.needed(right.norm(), solution.norm()):
+            given, found = right.array_r[:, None], solution.array_r[:, None]
+            again = self.refinement.refine(given, found, lambda left: self._columns(left, what))
+            solution.array = again[:, 0]
 
     def columns(self, right: np.ndarray, what: str) -> np.ndarray:
         """Solve for (owned, k) columns, (owned, k), or for one (owned,)."""

@@ -142,27 +142,16 @@ class Pencil:
         angular frequencies (n,), with their auxiliary unknowns, which follow by the lower half of (K -
         omega^2 M) phi = 0. Collective.
         """
-        fields = np.empty((*self.layout.part.coordinates.shape, len(omega)))
-        for k, shape in enumerate(shapes.T):
-            fields[..., k] = self.layout.nodal(shape)
         away = self._auxiliary_stiffness[:, None] - omega**2 * self.auxiliary_inertia()[:, None]
-        inside = omega**2 * self.auxiliary_momentum(fields) / away
+        inside = omega**2 * self.auxiliary_momentum(self.layout.nodal(shapes)) / away
         return np.asfortranarray(np.concatenate([shapes, inside]))
 
     def heavy_products(self, columns: np.ndarray) -> np.ndarray:
         """The mass times this rank's rows of columns, in Fortran's order. Collective.
 
-        One by one, by way of vectors that are freed: PETSc 3.18 crashes in products of matrices kept by
-        halves with blocks of columns.
+        One by one: PETSc 3.18 crashes in products of matrices kept by halves with blocks of columns.
         """
-        given, found = self.mass.createVecs()
-        result = np.empty_like(columns, order="F")
-        with freeing(self.layout.comm, given, found):
-            for k, column in enumerate(columns.T):
-                given.array = column
-                self.mass.mult(given, found)
-                result[:, k] = found.array_r
-        return result
+        return _products(self.mass, columns)
 
     def condensed(self, shift: float) -> PETSc.Mat:
         """K - shift M with the auxiliary unknowns eliminated, over the displacement unknowns alone."""
@@ -196,29 +185,25 @@ class Pencil:
         """(local auxiliary unknowns, 2): C' times a unit translation along x and y, what a rigid motion of
         the structure couples to.
         """
-        parts = [np.zeros((0, 2))]
-        for kind in self._kinds():
-            units = np.tile(np.eye(2), (len(kind.group.shape), 1))
-            parts.append((kind.scale * (kind.coupling.T @ units) @ kind.group.rotations).reshape(-1, 2))
-        return np.concatenate(parts)
+        return self.auxiliary_momentum(np.broadcast_to(np.eye(2), (len(self.layout.part.nodes), 2, 2)))
 
     def auxiliary_momentum(self, field: np.ndarray) -> np.ndarray:
         """(local auxiliary unknowns, ...): C' times displacements (m, 2, ...) of this rank's nodes."""
-        parts = [np.empty((0, *field.shape[2:]))]
+        width = math.prod(field.shape[2:])
+        parts = [np.empty((0, width))]
         for kind in self._kinds():
-            moved = field[kind.group.nodes].reshape(len(kind.group.sizes), 2 * len(kind.group.shape), -1)
-            parts.append((kind.turned_coupling() @ moved).reshape(-1, *field.shape[2:]))
-        return np.concatenate(parts)
+            coupling = kind.turned_coupling()
+            moved = field[kind.group.nodes].reshape(len(coupling), coupling.shape[2], width)
+            parts.append(np.concatenate(coupling @ moved))
+        found = np.concatenate(parts)
+        return found.reshape(len(found), *field.shape[2:])
 
     def momenta(self, fields: np.ndarray) -> np.ndarray:
         """(k, local unknowns): products of the mass with displacements (m, 2, k) of this rank's nodes, which
         the insides of S-elements follow at rest. Collective.
         """
-        rows = [
-            np.append(self.layout.summed(self.elements.inertia_forces(field)), self.auxiliary_momentum(field))
-            for field in np.moveaxis(fields, 2, 0)
-        ]
-        return np.array(rows).reshape(len(rows), self.owned + len(self._auxiliary_stiffness))
+        forces = self.layout.summed(self.elements.inertia_forces(fields))
+        return np.concatenate([forces, self.auxiliary_momentum(fields)]).T
 
     def placed(self) -> Iterator[tuple[Group, float, np.ndarray]]:
         """S-elements of one shape and size: their group, rho h^2 t (kg), and their auxiliary unknowns among
@@ -414,14 +399,10 @@ class CondensedSolve:
     def of_rows(self, rows: Rows, chosen: slice) -> np.ndarray:
         """(K - shift M)^-1 of the transposes of some rows, (local unknowns, k). Collective."""
         upper = self._solver.of_rows(rows, chosen, self.what)
-        found = np.zeros((len(upper) + len(self.diagonal), upper.shape[1]), order="F")
-        found[: len(upper)] = upper
-        if self.shift != 0.0:
-            for k in range(upper.shape[1]):
-                self.left.array = upper[:, k]
-                self.pencil.coupling.multTranspose(self.left, self.auxiliary)
-                found[len(upper) :, k] = self.shift * self.auxiliary.array_r / self.diagonal
-        return found
+        if self.shift == 0.0:
+            return np.pad(upper, ((0, len(self.diagonal)), (0, 0)))
+        follow = _products(self.pencil.coupling, upper, transposed=True)
+        return np.concatenate([upper, self.shift * follow / self.diagonal[:, None]])
 
     def release(self) -> None:
         """Free the PETSc objects and let go of the pencil: PETSc may keep this context longer than it is of
@@ -435,6 +416,21 @@ class CondensedSolve:
         free(comm, self.ksp, self.right, self.left, self.matrix)
         give_back(self.pencil.layout.count)
         self.__dict__.clear()
+
+
+def _products(matrix: PETSc.Mat, columns: np.ndarray, transposed: bool = False) -> np.ndarray:
+    """A matrix, or its transpose, times this rank's rows of columns, in Fortran's order. Collective."""
+    given, found = matrix.createVecs()
+    if transposed:
+        given, found = found, given
+    multiply = matrix.multTranspose if transposed else matrix.mult
+    with freeing(matrix.comm.tompi4py(), given, found):
+        result = np.empty((found.getLocalSize(), columns.shape[1]), order="F")
+        for k, column in enumerate(columns.T):
+            given.array = column
+            multiply(given, found)
+            result[:, k] = found.array_r
+    return result
 
 
 def top_of_band(elements: Elements, count: int) -> float:

@@ -53,18 +53,14 @@ class Stiffness:
         where every node has both unknowns or none. Collective.
         """
         if self._matrix is None:
-            self._matrix = self._assembled()
+            layout = self.layout
+            layout.require_unfreed()
+            free = layout.part.unknowns >= 0
+            blocks = all(layout.comm.allgather(bool((free[:, 0] == free[:, 1]).all())))
+            self._matrix = assemble(layout.comm, layout.ranges, self._blocks(), block_size=2 if blocks else 1)
+            if blocks:
+                self._attach_rigid_motions(self._matrix, free)
         return self._matrix
-
-    def _assembled(self) -> PETSc.Mat:
-        layout = self.layout
-        layout.require_unfreed()
-        free = layout.part.unknowns >= 0
-        blocks = all(layout.comm.allgather(bool((free[:, 0] == free[:, 1]).all())))
-        matrix = assemble(layout.comm, layout.ranges, self._blocks(), block_size=2 if blocks else 1)
-        if blocks:
-            self._attach_rigid_motions(matrix, free)
-        return matrix
 
     def by_ranks(self) -> PETSc.Mat:
         """K as a MATIS, each rank's S-elements apart; a new one, the caller's. Collective."""
@@ -114,8 +110,8 @@ class Stiffness:
         return self.kept_solver
 
     def inner_forces(self, field: np.ndarray) -> np.ndarray:
-        """(m, 2): this rank's part of the nodal forces that displacements (m, 2) of its nodes take, those of
-        elastic supports included, N.
+        """(m, 2, ...): this rank's part of the nodal forces that displacements (m, 2, ...) of its nodes take,
+        those of elastic supports included, N.
         """
         return self.elements.inner_forces(field) + self._spring_forces(field)
 
@@ -169,10 +165,8 @@ class Stiffness:
         motions[np.arange(len(places)), :, part.bodies] = rigid_motions(places).reshape(-1, 2, 3)
         motions = motions.reshape(len(places), 2, 3 * len(bodies))
         fixed, owned = motions[part.unknowns < 0], layout.owned_values(motions)
-        forces = np.stack([self._spring_forces(motion) for motion in np.moveaxis(motions, 2, 0)], axis=2)
-        still, alike, borne = layout.comm.allreduce(
-            np.array([fixed.T @ fixed, owned.T @ owned, np.einsum("nik,nil->kl", motions, forces)])
-        )
+        borne = np.einsum("nik,nil->kl", motions, self._spring_forces(motions))
+        still, alike, borne = layout.comm.allreduce(np.array([fixed.T @ fixed, owned.T @ owned, borne]))
         stiff = self.refinement.scale / np.finfo(float).eps
         return owned, still + alike, float(linalg.eigvalsh(borne + stiff * still, still + alike)[0])
 
