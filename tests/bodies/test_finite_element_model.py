@@ -262,11 +262,28 @@ def test_summary(parts, body):
         ({"nodes": {"1": (0.0, 0.0, 0.0)}}, r"labels of nodes = \['1'\] must be an array of real numbers"),
         ({"sets": {"A": [99999]}}, "set 'A' has node 99999"),
         ({"fixed": [(99999, 0)]}, "fixed has node 99999"),
+        ({"fixed": [(5, 6)]}, r"fixed has \[5\.0, 6\.0\], not a node's label and a direction, 0 to 5"),
+        ({"mass": scipy.sparse.csr_matrix((3, 4))}, r"mass of shape \(3, 4\) is not square, or is empty"),
     ],
 )
 def test_wrong_models(parts, change, sentence):
     with pytest.raises((ValueError, TypeError), match=sentence):
         sb.FiniteElementModel(**{**parts, **change})
+
+
+def test_matrices_and_unknowns_that_make_no_body(parts):
+    """One sentence for each, which names the matrix or the unknowns, and what is wrong with them."""
+    eye, unknowns = scipy.sparse.identity(len(parts["unknowns"]), format="csr"), parts["unknowns"]
+    twice, one = unknowns.copy(), scipy.sparse.csr_matrix(([1e3], ([0], [1])), eye.shape)
+    twice[1] = twice[0]
+    for change, sentence in (
+        ({"mass": -parts["mass"]}, r"mass is negative, -\S+ kg on its diagonal"),
+        ({"stiffness": parts["stiffness"] + 1e5 * one}, "stiffness is not symmetric, entries differ by up"),
+        ({"unknowns": twice}, "unknowns has a node and direction twice; each has one row"),
+        ({"fixed": unknowns.tolist()}, "fixed holds all unknowns; leave some free"),
+    ):
+        with pytest.raises(ValueError, match=sentence):
+            sb.FiniteElementModel(**{**parts, **change})
 
 
 def test_directions_that_count_from_1(parts):
@@ -283,6 +300,8 @@ def test_directions_that_count_from_1(parts):
     ("call", "sentence"),
     [
         (lambda b: b.at("TOP", "x"), "set 'TOP' does not exist"),
+        (lambda b: b.contact([], normal="x"), r"left = \[\] has no nodes"),
+        (lambda b: b.at("LEFT", "x") + 1.0, "row: 1.0 does not add to Row.*; give a row of the same body"),
         (lambda b: b.at((80, 10, 10), "z"), "coordinates are in m"),
         (lambda b: b.at(10**6, "z"), "place has node 1000000, which the body has not"),
         (lambda b: b.at(None, "z"), "place = None must be a label, a set or x, y, z in m"),

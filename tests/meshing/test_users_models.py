@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from meshing import GmshWarning, UnitWarning, read_gmsh
+from meshing.warnings import warn
 
 # Without a kernel for solids: points, lines, one surface. 100 x 50 mm in m.
 LINES = """
@@ -384,3 +385,12 @@ def test_crack_of_one_edge(tmp_path):
     with pytest.raises(ValueError, match=says):
         read_gmsh(path)
     assert len(read_gmsh(path, tip_element=False, order=2).cracks) == 1
+
+
+def test_a_warning_by_way_of_the_other_package_is_shown_at_the_users_line():
+    """As of a mesh that an estimate makes anew; it was shown inside the package."""
+    between: dict = {"__name__": "sbfem_petsc.between", "warn": warn}
+    exec("def made():\n    warn('plate.geo', 'a line')", between)
+    with pytest.warns(GmshWarning, match="plate.geo: a line") as told:
+        between["made"]()
+    assert told[0].filename == __file__
