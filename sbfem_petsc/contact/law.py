@@ -169,9 +169,13 @@ class Coulomb(Unilateral):
         m^3/N; the same along the faces: they slide by so much for each pascal before they slip.
     """
 
-    friction: float = 0.0
-    static_friction: float = 0.0
-    tangential_compliance: float = 0.0
+    friction: float = field(default=0.0, metadata=said("coefficient of faces that slip", ge=0))
+    static_friction: float = field(
+        default=0.0, metadata=said("coefficient up to which they stick; default: the same", ge=0)
+    )
+    tangential_compliance: float = field(
+        default=0.0, metadata=said("of an elastic layer on the faces, along them", "m^3/N", ge=0)
+    )
 
     def __init__(
         self,

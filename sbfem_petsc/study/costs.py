@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from .case.given import Given
+if TYPE_CHECKING:
+    from .case.case import Case
 
 # Modes of a reduction, steps of a period, and points of a curve, where a case does not say.
 FEWEST_MODES, STEPS, CURVE_POINTS = 80, 512, 60
@@ -20,7 +21,7 @@ class Size:
     the case for its loads; of a Model `expected`, see `motion.preparation`.
     """
 
-    case: Given
+    case: Case
     unknowns: int
     pairs: int
     points: int

@@ -196,7 +196,7 @@ class _Run(contextlib.ExitStack):
             with located(case, "analyses", name):
                 file = os.path.join(self.path, PARTS, f"{name}.{RESULT}.journal") if kind.running else None
                 result = self.structure.solve(case, name, file=file, progress=self.watch.fraction)
-                found = self.structure.found(case, name, result)
+                found = kind.found(result, self.structure.points(case))
         except (CaseError, SolveError) as error:
             if isinstance(error, OutOfMemory) and self.comm.size > 1:
                 raise  # other ranks, which may wait for this one, must end too

@@ -9,7 +9,6 @@ from typing import Any
 
 from ..errors import on_all_ranks
 from ..motion.preparation import expected
-from ..record.found import Found
 from .case import objects
 from .case.case import Case
 from .case.objects import located
@@ -108,10 +107,6 @@ class Structure:
         Collective.
         """
         return case.tables.analyses[name].solve(case, self.model, Run(**run))
-
-    def found(self, case: Case, name: str, result: Any) -> Found:
-        """Quantities of a result of `solve`. Collective."""
-        return case.tables.analyses[name].found(result, self.points(case))
 
     def release(self, result: Any) -> None:
         """Free the finer model that a result of an accuracy asked for was computed on."""

@@ -24,7 +24,7 @@ from .case.sweep import SweepTable, structural
 from .costs import Size
 from .estimates import ROW
 from .folder import held_folder
-from .kinds.kind import Wanted
+from .kinds.kind import Values, Wanted
 from .rows import Row
 from .shares import Shares
 from .structure import Structure
@@ -277,12 +277,8 @@ class _Sweeping:
                 stack.callback(structure.close)
             while (taken := shares.row(place)) is not None:
                 number = numbers[taken]
-                if structure is None:
-                    check = functools.partial(self.case.with_values, self.inputs[number])
-                    values, reason = None, self._tried(check)[1] or fault
-                else:
-                    work = functools.partial(self._row, number, structure, results)
-                    values, reason = self._tried(work)
+                work = functools.partial(self._row, number, structure or fault, results)
+                values, reason = self._tried(work)
                 found = values or {}
                 entries = {name: np.asarray(value) for name, (value, _) in found.items()}
                 units = {name: unit for name, (_, unit) in found.items()}
@@ -306,14 +302,18 @@ class _Sweeping:
         except Exception as error:
             if isinstance(error, (OutOfMemory, MemoryError)) and self.group.size > 1:
                 raise  # ranks may wait for this one
-            return None, _reason(error)
+            expected = isinstance(error, (ValueError, UnknownName, SolveError))
+            return None, str(error) if expected else f"{type(error).__name__}: {error}"
 
-    def _row(self, number: int, structure: Structure, alike: dict[str, Any]) -> dict[str, tuple[Any, str]]:
+    def _row(self, number: int, structure: Structure | str, alike: dict[str, Any]) -> Values:
+        """Values of a row on a structure, or of none for a reason."""
         case = self.case.with_values(self.inputs[number])
+        if isinstance(structure, str):
+            raise ValueError(structure)
         case.check_tones(self.names)
         structure.check(case, self.names)
         points = structure.points(case)
-        values: dict[str, tuple[Any, str]] = {}
+        values: Values = {}
         for name in self.names:
             kind = case.tables.analyses[name]
             key = kind.model_dump_json() if kind.alike else ""
@@ -350,8 +350,3 @@ class _Sweeping:
                 self.healthy[key] = structure.solve(reference, name)
                 structure.release(self.healthy[key])
         return self.healthy[key]
-
-
-def _reason(error: Exception) -> str:
-    expected = isinstance(error, (ValueError, UnknownName, SolveError))
-    return str(error) if expected else f"{type(error).__name__}: {error}"

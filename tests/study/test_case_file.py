@@ -262,6 +262,11 @@ def test_sweep_table():
     assert case_from_text(CASE + SWEEP).tables.sweep.parameters["loads.push.fy"].count == 3
 
 
+def test_values_are_an_array_or_a_table():
+    with pytest.raises(ValueError, match=r'"loads.push.fy" = 3.0 must be an array, \[...\] or a table\.$'):
+        case_from_text(CASE + '[sweep.parameters]\n"loads.push.fy" = 3.0\n')
+
+
 @pytest.mark.slow
 def test_the_unit_of_a_drawing(tmp_path):
     """A case file says as read_gmsh does that a large model is meant: 1.0 is not the same as none."""
@@ -362,6 +367,6 @@ def test_a_moved_edge():
     exact = sb.periodic(structure.model, sb.EdgeMotion("left", uy=1e-6), 400.0, modes=12, steps=256)
     assert np.abs(exact.reactions).max() > 0.1
     assert np.array_equal(found.reactions, exact.reactions)
-    kept = structure.found(case, "steady", found)
+    kept = case.tables.analyses["steady"].found(found, structure.points(case))
     assert np.array_equal(kept["reactions"]["left"].value, exact.reaction("left"))
     structure.close()

@@ -29,40 +29,19 @@ Isotropic = table_of(material.Material, "Isotropic", ("isotropic", "isotropic"),
 Orthotropic = table_of(material.OrthotropicMaterial, "Orthotropic", "orthotropic", "different along two axes")
 Support = table_of(supports.Support, "Support", types=_NAMES)
 
-_ACROSS, _ALONG = (f"of an elastic layer on the faces, {way} them" for way in ("across", "along"))
-
 
 class _Law(Table):
     @property
     def rubs(self) -> bool:
-        """Whether friction resists the faces' sliding."""
-        return False
-
-
-class CoulombLaw(_Law):
-    """Faces that rub where they press on each other."""
-
-    made: ClassVar = law.Coulomb
-
-    kind: Literal["coulomb"] = item(text="they rub")
-    friction: float = item(text="coefficient of faces that slip", ge=0)
-    static_friction: float | None = item(
-        None, text="coefficient up to which they stick; default: the same", ge=0
-    )
-    compliance: float = item(0.0, text=_ACROSS, unit="m^3/N", ge=0)
-    tangential_compliance: float = item(0.0, text=_ALONG, unit="m^3/N", ge=0)
-
-    @property
-    def rubs(self) -> bool:
-        """Unless both coefficients are zero."""
-        return self.friction > 0.0 or bool(self.static_friction)
+        """Whether friction resists the faces' sliding: a coefficient is not zero."""
+        return any(getattr(self, name, None) for name in ("friction", "static_friction"))
 
 
 LAWS = (
     table_of(law.Unilateral, "UnilateralLaw", "unilateral", "they press or come apart", base=_Law),
     table_of(law.Tied, "TiedLaw", "tied", "they stay together", base=_Law),
     table_of(law.Clearance, "ClearanceLaw", "clearance", "they have play between stops", base=_Law),
-    CoulombLaw,
+    table_of(law.Coulomb, "CoulombLaw", "coulomb", "they rub", base=_Law),
 )
 Law = by_kind(*LAWS)
 

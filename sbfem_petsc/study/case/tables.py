@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import re
 import typing
 from collections.abc import Iterable, Iterator, Mapping
@@ -107,7 +108,7 @@ AnyNames = Annotated[list[Name], _ONE_OR_MORE]
 
 
 def table_of(
-    made: type,
+    made: Any,
     name: str,
     kind: Any = None,
     text: str = "",
@@ -115,7 +116,8 @@ def table_of(
     base: type[Table] = Table,
     types: Mapping[Any, Any] = {},
 ) -> Any:
-    """Table of a class of the Python interface, whose fields say what they are (`said`).
+    """Table of a class of the Python interface, whose fields say what they are (`said`), and its arguments
+    their types and defaults.
 
     Parameters
     ----------
@@ -134,13 +136,13 @@ def table_of(
     if kind is not None:
         named, default = kind if isinstance(kind, tuple) else (kind, ...)
         found["kind"] = Literal[named], item(default, text=text)
-    hints = typing.get_type_hints(made)
-    for own in dataclasses.fields(made):
-        says, hint = own.metadata, hints[own.name]
+    hints, fields = typing.get_type_hints(made.__init__), {f.name: f for f in dataclasses.fields(made)}
+    for key, argument in inspect.signature(made).parameters.items():
+        says, hint = fields[key].metadata, hints[key]
         python = Literal[says["one_of"]] if says["one_of"] else types.get(hint, hint)
-        default = ... if own.default is dataclasses.MISSING else own.default
+        default = ... if argument.default is inspect.Parameter.empty else argument.default
         option = item(default, text=says["text"], unit=says["unit"], **says["bounds"])
-        found[own.name] = types.get(own.name, python), option
+        found[key] = types.get(key, python), option
     # words of the first paragraph
     words = (made.__doc__ or "").split("\n\n")[0]
     table: Any = create_model(name, __base__=base, __doc__=words, __module__=base.__module__, **found)

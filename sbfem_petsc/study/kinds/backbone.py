@@ -9,11 +9,10 @@ import sbfem_petsc as sb
 
 from ...analysis.options import BackboneOptions
 from ...options import item
-from ...record.about import Quantity
 from ...record.found import column, labelled
 from ..costs import Cost, Size
 from .frequency_response import curve_cost
-from .kind import Drawn, Kind, Run
+from .kind import Drawn, Kind, Quantities, Run
 
 
 class Backbone(BackboneOptions, Kind):
@@ -37,7 +36,7 @@ class Backbone(BackboneOptions, Kind):
 
         return self.modes or 3 * self.mode + MODES
 
-    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+    def more(self, result: Any, points: Sequence[str]) -> Quantities:
         first, last = map(float, result.frequency[[0, -1]])
         yield column(labelled("first_frequency", first, "Hz", "frequency of the first point"))
         yield column(labelled("last_frequency", last, "Hz", "frequency of the last point"))

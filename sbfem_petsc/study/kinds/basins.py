@@ -13,13 +13,12 @@ import sbfem_petsc as sb
 
 from ...analysis.options import BasinsOptions
 from ...options import item
-from ...record.about import Quantity
 from ...record.found import Found, column, labelled, of_points
 from ..case import objects
 from ..case.sweep import Times, grid
 from ..case.tables import Name, Path, Problem, Table
 from ..costs import FEWEST_MODES, Cost, Size
-from .kind import Drawn, Forced, Loaded, Run
+from .kind import Drawn, Forced, Loaded, Quantities, Run
 
 
 class StartAxis(Table):
@@ -133,7 +132,7 @@ class Basins(BasinsOptions, Forced, Loaded):
         )
         return found
 
-    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+    def more(self, result: Any, points: Sequence[str]) -> Quantities:
         share, lost = float(result.share.max(initial=0.0)), float(np.mean(result.reached < 0))
         yield column(labelled("orbit_count", len(result.orbits), text="number of steady states"))
         yield column(labelled("largest_share", share, text="largest share of the initial states"))

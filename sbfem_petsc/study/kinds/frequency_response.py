@@ -10,10 +10,9 @@ import sbfem_petsc as sb
 
 from ...analysis.options import FrequencyResponseOptions
 from ...options import item
-from ...record.about import Quantity
 from ...record.found import Found, column, labelled, of_points
 from ..costs import CURVE_POINTS, Cost, Size
-from .kind import Drawn, Loaded, Reducible, Run
+from .kind import Drawn, Loaded, Quantities, Reducible, Run
 
 # Of a resonance: where `Branch.peak` has it, unit, and what it is.
 _PEAK = {
@@ -39,7 +38,7 @@ class Curve(Reducible):
     def frictionless(self) -> str | None:
         return None if self.reduced else " of the unreduced model"
 
-    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+    def more(self, result: Any, points: Sequence[str]) -> Quantities:
         unstable = float(result.unstable.sum()) if result.stability_known else math.nan
         yield column(labelled("curve_points", len(result), text="points of the curve"))
         yield column(labelled("unstable_points", unstable, text="unstable ones, nan where that is unknown"))

@@ -10,11 +10,10 @@ import sbfem_petsc as sb
 
 from ...analysis.options import FrequencyRange, LineOptions
 from ...options import item
-from ...record.about import Quantity
 from ...record.found import Found, column, labelled
 from ..case.tables import Problem
 from ..costs import STEPS, Cost, Size
-from .kind import Drawn, Loaded, Run
+from .kind import Drawn, Loaded, Quantities, Run
 
 
 class Locus(LineOptions, FrequencyRange, Loaded):
@@ -66,7 +65,7 @@ class Locus(LineOptions, FrequencyRange, Loaded):
     def summary_line(self, result: Any) -> str:
         return repr(result) if result else self._none()
 
-    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+    def more(self, result: Any, points: Sequence[str]) -> Quantities:
         yield labelled("count", len(result), text="number of lines")
         if not result:
             yield labelled("reason", self._none(), text="why there is none")

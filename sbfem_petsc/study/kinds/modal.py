@@ -16,7 +16,7 @@ from ...options import item
 from ...record.about import Quantity
 from ...record.found import Found, column, labelled
 from ..costs import Cost, Size
-from .kind import Drawn, Kind, Run, Values, Wanted
+from .kind import Drawn, Kind, Quantities, Run, Values, Wanted
 
 # Rows of a report's table.
 _ROWS = 60
@@ -46,7 +46,7 @@ class Modal(ModalOptions, Kind):
             below = [count_below(model, end) or 0 if end else 0 for end in (low, high)]
             yield "band", below[1] - below[0]
 
-    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+    def more(self, result: Any, points: Sequence[str]) -> Quantities:
         yield estimated_error(self, result)
         if isinstance(result, sb.Modal):
             largest = float(result.residuals.max(initial=0.0))

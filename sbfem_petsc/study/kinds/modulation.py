@@ -14,12 +14,11 @@ import sbfem_petsc as sb
 
 from ...indicators.lines import Sidebands, sidebands
 from ...options import item
-from ...record.about import Quantity
 from ...record.found import Found, labelled
 from ..case.objects import located, signals_of
 from ..case.tables import Name, Path
 from ..costs import Cost, Size
-from .kind import Drawn, Run, TwoTones, Values, Wanted, along
+from .kind import Drawn, Quantities, Run, TwoTones, Values, Wanted, along
 from .periodic import Steady, steady_cost
 
 # Share of a period that counts as none when whole periods are counted.
@@ -108,7 +107,7 @@ class Modulation(Steady, TwoTones):
         with located(case, *path, "probe_frequency"):
             common_periods(found, self.pump_frequency, None, self.longest)
 
-    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+    def more(self, result: Any, points: Sequence[str]) -> Quantities:
         yield from super().more(result, points)
         yield labelled("common_period", self._period(), "s", "common period of both tones")
 

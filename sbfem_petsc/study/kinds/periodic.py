@@ -13,7 +13,6 @@ import sbfem_petsc as sb
 from ...analysis.options import PeriodicOptions
 from ...indicators.lines import harmonic_ratios
 from ...options import item
-from ...record.about import Quantity
 from ...record.found import Found, column, labelled, of_points
 from ..case.tables import Path
 from ..costs import Cost, Size
@@ -23,6 +22,7 @@ from .kind import (
     Forced,
     Kind,
     Loaded,
+    Quantities,
     Reducible,
     Run,
     Values,
@@ -48,7 +48,7 @@ class Steady(Kind):
         "multipliers": "Floquet multipliers",
     }
 
-    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+    def more(self, result: Any, points: Sequence[str]) -> Quantities:
         text = "stability, None if it was not asked for or is not known"
         yield labelled("stable", result.stable, text=text)
         yield column(labelled("iterations", int(result.iterations), text="Newton iterations"))

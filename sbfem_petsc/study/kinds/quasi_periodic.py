@@ -16,7 +16,7 @@ from ...record.found import Found, column, labelled, of_points
 from ..case.objects import located, signals_of
 from ..case.tables import Path
 from ..costs import STEPS, Cost, Size
-from .kind import PERIODIC, Drawn, Run, TwoTones
+from .kind import PERIODIC, Drawn, Quantities, Run, TwoTones
 from .periodic import symbol
 
 # Lines of a spectrum in a report.
@@ -67,7 +67,7 @@ class QuasiPeriodic(Lines, QuasiPeriodicOptions, TwoTones):
         with located(case, *path):
             drives(signals_of(self.acting(case)), (max(pair), min(pair)))
 
-    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+    def more(self, result: Any, points: Sequence[str]) -> Quantities:
         named = lines_of(result.frequencies, self.order)
         yield labelled("probe_frequency", float(result.frequencies[0]), "Hz", "first tone")
         yield labelled("pump_frequency", float(result.frequencies[1]), "Hz", "second tone")

@@ -12,10 +12,9 @@ import sbfem_petsc as sb
 from ...analysis.options import FrequencyRange, SwitchOptions, TorusCurveOptions
 from ...errors import SolveError
 from ...options import item
-from ...record.about import Quantity
 from ...record.found import column, labelled, of_points
 from ..costs import CURVE_POINTS, STEPS, Cost, Size
-from .kind import Drawn, Loaded, Run
+from .kind import Drawn, Loaded, Quantities, Run
 from .quasi_periodic import Lines, curve_memory, line_values, lines_of
 
 
@@ -49,7 +48,7 @@ class QuasiPeriodicResponse(Lines, TorusCurveOptions, SwitchOptions, FrequencyRa
             progress=run.progress,
         )
 
-    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+    def more(self, result: Any, points: Sequence[str]) -> Quantities:
         named = lines_of(result.frequencies[0], self.order)
 
         def lines(point: str) -> np.ndarray:

@@ -11,11 +11,10 @@ import sbfem_petsc as sb
 
 from ...analysis.options import StaticOptions
 from ...options import Pair, item
-from ...record.about import Quantity
 from ...record.found import column, labelled
 from ..case.tables import FileName, Name, Path, Problem
 from ..costs import Cost, Size
-from .kind import Drawn, Loaded, Run
+from .kind import Drawn, Loaded, Quantities, Run
 from .modal import estimated_error
 
 # Cracks of a model that are drawn.
@@ -59,7 +58,7 @@ class Static(StaticOptions, Loaded):
             for place, at in self.stress_at.items()
         }
 
-    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+    def more(self, result: Any, points: Sequence[str]) -> Quantities:
         found = self._stresses(result)
         if found:
             stresses = np.array([*found.values()])

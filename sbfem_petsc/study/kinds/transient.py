@@ -13,11 +13,22 @@ import sbfem_petsc as sb
 from ...analysis.options import TransientOptions
 from ...options import item
 from ...ranks.capacity import default_decimation
-from ...record.about import Quantity
 from ...record.found import labelled, of_points
 from ..case.tables import Problem
 from ..costs import Cost, Size
-from .kind import RUBBING, Drawn, Loaded, Reducible, Run, Values, Wanted, along, peak_contact, recorded
+from .kind import (
+    RUBBING,
+    Drawn,
+    Loaded,
+    Quantities,
+    Reducible,
+    Run,
+    Values,
+    Wanted,
+    along,
+    peak_contact,
+    recorded,
+)
 
 
 class Transient(Reducible, TransientOptions, Loaded):
@@ -62,7 +73,7 @@ class Transient(Reducible, TransientOptions, Loaded):
         if step is not None:
             plan_steps(self.duration, step, self.decimation, 1, None)
 
-    def more(self, result: Any, points: Sequence[str]) -> Iterator[Quantity | None]:
+    def more(self, result: Any, points: Sequence[str]) -> Quantities:
         dims = "time" if result.point_directions else "time xy"
         yield of_points("velocity", points, result.velocity, "m/s", "velocity", dims)
         yield of_points("acceleration", points, result.acceleration, "m/s^2", "acceleration", dims)
