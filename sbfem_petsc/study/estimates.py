@@ -42,23 +42,18 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
         facts: dict[str, Any] = {"title": case.tables.title, **structure.facts(), "analyses": {}}
         outer = facts.get("boundary_unknowns", facts["unknowns"])
         structure.check(case, case.unvaried)
-        size = structure.size(case)
-        costs = {name: kind.cost(size) for name, kind in case.tables.analyses.items()}
-    for name, kind in case.tables.analyses.items():
-        unreduced = facts["unknowns"] if not getattr(kind, "reduced", True) else 0
-        matrices = model_memory(kind.kind, outer, ranks=comm.size, unreduced=unreduced)
-        facts["analyses"][name] = {
-            "kind": kind.kind,
-            "memory": costs[name].memory + matrices,
-            "disk": costs[name].disk,
-            **({"modes": costs[name].modes, "steps": costs[name].steps} if costs[name].modes else {}),
-        }
-    entries = facts["analyses"].values()
-    facts["memory"] = max(entry["memory"] for entry in entries)
-    facts["disk"] = 2e5 + sum(entry["disk"] for entry in entries)
+        size, disk = structure.size(case), {}
+        for name, kind in case.tables.analyses.items():
+            cost, unreduced = kind.cost(size), 0 if getattr(kind, "reduced", True) else facts["unknowns"]
+            memory = cost.memory + model_memory(kind.kind, outer, ranks=comm.size, unreduced=unreduced)
+            told = {"modes": cost.modes, "steps": cost.steps} if cost.modes else {}
+            facts["analyses"][name] = {"kind": kind.kind, "memory": memory, "disk": cost.disk, **told}
+            disk[name] = cost.disk
+    facts["memory"] = max(entry["memory"] for entry in facts["analyses"].values())
+    facts["disk"] = 2e5 + sum(disk.values())
     if case.tables.sweep is not None:
         table, rows = case.tables.sweep, case.tables.sweep.rows()
-        kept = sum(costs[name].disk for name in table.analyses or costs) if table.histories else 0.0
+        kept = sum(disk[name] for name in table.analyses or disk) if table.histories else 0.0
         facts["sweep"] = {
             "rows": len(rows),
             "structures": len({structural(row) for row in rows}),
@@ -104,9 +99,8 @@ def _refused(case: Case, rows: list[dict[str, Any]]) -> list[str]:
 
 def as_text(case: Case, facts: dict[str, Any]) -> str:
     """Estimates as text."""
-    listed = [*lines_of(facts), ("points", ", ".join(facts["points"]) or "none")]
-    names = {"cracks": "cracks", "edge_sets": "edge sets", "regions": "regions"}
-    listed += [(what, ", ".join(facts[key]) or "none") for key, what in names.items() if key in facts]
+    names = [key for key in ("points", "cracks", "edge_sets", "regions") if key in facts]
+    listed = lines_of(facts) + [(key.replace("_", " "), ", ".join(facts[key]) or "none") for key in names]
     lines = [
         f"{case.file}: a valid case" + (f", {facts['title']!r}" if facts["title"] else ""),
         *(f"  {what:14s} {words}" for what, words in listed),
