@@ -186,8 +186,9 @@ def read_json(path: str) -> Any:
 
 
 @contextlib.contextmanager
-def new_results(path: str, holds: str) -> Iterator[h5py.File]:
-    """A new file of results, "run", "analysis" or "sweep", laid out as those of records are.
+def new_results(path: str, holds: str, case: Case | None = None) -> Iterator[h5py.File]:
+    """A new file of results, "run", "analysis" or "sweep", laid out as those of records are; with the case it
+    is of, if one is given.
 
     Raises
     ------
@@ -196,6 +197,8 @@ def new_results(path: str, holds: str) -> Iterator[h5py.File]:
     """
     with written(path, WHAT) as file:
         file.attrs["holds"] = text_of(holds)
+        if case is not None:
+            _write_case(file.create_group("case"), case)
         yield file
 
 
@@ -225,7 +228,7 @@ def holds(file: h5py.File) -> str:
     return text(file.attrs["holds"])
 
 
-def write_case(group: h5py.Group, case: Case) -> None:
+def _write_case(group: h5py.Group, case: Case) -> None:
     """The case's text and the files it names, from which it can be run again."""
     group.attrs["file"] = text_of(os.path.basename(case.file))
     _put_bytes(group, "text", case.text.encode(), "the case file, in UTF-8")

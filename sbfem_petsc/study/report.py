@@ -66,7 +66,7 @@ def write_report(path: str, output: str | None = None) -> str:
         If there are no results, or the file cannot be written: a former report stays as it was.
     """
     results = read_any(path)
-    home = path if os.path.isdir(path) else os.path.dirname(os.path.abspath(path))
+    home = os.path.dirname(results.path)
     file = output or os.path.join(home, "report.html")
     if output is None and home_of(file) is None and os.path.lexists(file):
         raise ValueError(

@@ -101,10 +101,10 @@ def _line(where: str, q: Quantity) -> str:
     )
 
 
-def case_of(results: RunResults | Sweep, path: str, folder: str) -> Case:
+def case_of(results: RunResults | Sweep, folder: str) -> Case:
     """The case that results were made from; the files it names are put into `folder`."""
     files: dict[str, str] = {}
-    with results_in(path, "run", "sweep") as file:
+    with results_in(results.path, "run", "sweep") as file:
         named = (entry for entry in file["case/files"].values() if not bare(entry))
         for number, entry in enumerate(named):
             # whatever the name is, nothing is written or read elsewhere; readers know formats by the ending
@@ -129,13 +129,13 @@ def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animat
     """
     from ..plot.maps import draw_sweep  # says what is missing before anything is computed
 
-    results, source, home = _found(path, comm)
+    results, home = _found(path, comm)
     folder = output or os.path.join(home, "pictures")
     if isinstance(results, Sweep):
         on_root(comm, lambda: make_output_folder(folder))
         on_root(comm, lambda: draw_sweep(results, folder))
         return folder
-    with _again(results, source, comm, animation=animation) as (case, structure):
+    with _again(results, comm, animation=animation) as (case, structure):
         for name in results.analyses:
             watch.stage(f"{name}: pictures")
             animated = case.tables.output.animation and kind_called(results.kinds[name]).moving
@@ -151,23 +151,21 @@ def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animat
     return folder
 
 
-def _found(path: str, comm: Any) -> tuple[RunResults | Sweep, str, str]:
-    """Results of a file or folder on all ranks, their file and folder. Collective."""
+def _found(path: str, comm: Any) -> tuple[RunResults | Sweep, str]:
+    """Results of a file or folder on all ranks, and their folder. Collective."""
     results = comm.bcast(on_root(comm, lambda: read_any(path)))
-    named = FILE if isinstance(results, Sweep) else RESULTS
-    source = os.path.join(path, named) if os.path.isdir(path) else path
-    return results, source, os.path.dirname(os.path.abspath(source))
+    return results, os.path.dirname(os.path.abspath(results.path))
 
 
 @contextlib.contextmanager
 def _again(
-    results: RunResults, source: str, comm: Any, *, animation: bool = False
+    results: RunResults, comm: Any, *, animation: bool = False
 ) -> Iterator[tuple[Case, Callable[[], Structure]]]:
     """The case of results, and the one structure on which its analyses are computed again, made when it is
     needed. Collective.
     """
     with spare_folder() as spare, contextlib.ExitStack() as stack:
-        case = case_of(results, source, spare)
+        case = case_of(results, spare)
         case = case.with_values({"output.animation": True}) if animation else case
 
         @functools.cache
@@ -194,7 +192,7 @@ def export_results(path: str, wanted: list[str], output: str | None, comm: Any, 
     list of str
         Files written.
     """
-    results, source, home = _found(path, comm)
+    results, home = _found(path, comm)
     folder = output or os.path.join(home, "export")
     written: list[str] = []
     on_root(comm, lambda: make_output_folder(folder))
@@ -203,15 +201,15 @@ def export_results(path: str, wanted: list[str], output: str | None, comm: Any, 
     if "vtu" in wanted:
         if isinstance(results, Sweep):
             raise ValueError("--vtu is for the results of a run; a sweep keeps no fields")
-        written += _vtu(results, source, folder, comm, watch)
+        written += _vtu(results, folder, comm, watch)
     return written
 
 
-def _vtu(results: RunResults, source: str, folder: str, comm: Any, watch: Watch) -> list[str]:
+def _vtu(results: RunResults, folder: str, comm: Any, watch: Watch) -> list[str]:
     names = [name for name, kind in results.kinds.items() if kind_called(kind).fields]
     if not names:
         raise ValueError("--vtu writes modes and static displacements, and these results hold neither")
-    with _again(results, source, comm) as (case, structure):
+    with _again(results, comm) as (case, structure):
         if case.tables.body is not None:
             raise ValueError("--vtu: results do not hold a body's matrices; say vtu = true in [output]")
         for name in names:

@@ -25,17 +25,7 @@ from . import pictures
 from .case.case import Case, read_case
 from .case.objects import located
 from .case.problems import CaseError
-from .folder import (
-    PARTS,
-    RESULT,
-    Folder,
-    case_in,
-    held_folder,
-    new_results,
-    results_in,
-    write_case,
-    write_json,
-)
+from .folder import PARTS, RESULT, Folder, case_in, held_folder, new_results, results_in, write_json
 from .kinds.kind import Kind
 from .structure import Structure
 
@@ -251,8 +241,7 @@ class _Run(contextlib.ExitStack):
                 "failed": self.failed,
             }
             summary = {"run": run}
-            with new_results(os.path.join(self.path, RESULTS), "run") as file:
-                write_case(file.create_group("case"), self.case)
+            with new_results(os.path.join(self.path, RESULTS), "run", self.case) as file:
                 file.attrs["run"] = text_of(json.dumps(run))
                 group = within(file, "analyses")
                 for name in finished:

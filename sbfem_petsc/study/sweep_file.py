@@ -18,7 +18,7 @@ from .case.case import Case
 from .case.given import CaseTables
 from .case.locations import parse
 from .case.sweep import unit_of, words_of
-from .folder import case_in, new_results, write_case
+from .folder import case_in, new_results
 from .rows import Row
 
 FILE, TABLE = "sweep.h5", "sweep.csv"
@@ -46,6 +46,8 @@ class Sweep:
     text : str
         The case.
     case_file : str
+    path : str
+        The file that it was read from.
     """
 
     inputs: dict[str, np.ndarray]
@@ -55,6 +57,7 @@ class Sweep:
     seconds: np.ndarray
     text: str
     case_file: str
+    path: str = ""
 
     @classmethod
     def of(cls, path: str, file: h5py.File) -> Sweep:
@@ -70,7 +73,7 @@ class Sweep:
             file["values"].visititems(visit)
         inputs = {text(entry.attrs["name"]): value_of(entry) for entry in file["inputs"].values()}
         reasons = value_of(file["reasons"]).tolist()
-        return cls(inputs, values, units, reasons, value_of(file["seconds"]), *case_in(file))
+        return cls(inputs, values, units, reasons, value_of(file["seconds"]), *case_in(file), path)
 
     def __len__(self) -> int:
         return len(self.reasons)
@@ -122,8 +125,7 @@ class Sweep:
 
     def write(self, case: Case, folder: str) -> None:
         """Write sweep.h5 and sweep.csv, each replaced as a whole."""
-        with new_results(os.path.join(folder, FILE), "sweep") as file:
-            write_case(file.create_group("case"), case)
+        with new_results(os.path.join(folder, FILE), "sweep", case) as file:
 
             def add(group: h5py.Group, name: str, array: Any, text: str, unit: str = "1") -> h5py.Dataset:
                 dims = ("row", *(f"{name}_{k}" for k in range(np.ndim(array) - 1)))

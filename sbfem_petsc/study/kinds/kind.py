@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 Values = dict[str, tuple[Any, str]]  # value and unit by name
 Quantities = Iterable[Quantity | None]  # None stands for nothing
-LOAD = "name of a load, or several that act together"
 PERIODIC: tuple[str, ...] = ("harmonic", "constant")
 
 
@@ -341,20 +340,47 @@ class Kind(Table):
         return iter(())
 
 
-class Loaded(Kind):
-    """A kind under loads that act together, with a factor on them."""
+class UnderLoad(Kind):
+    """A kind under loads that act together."""
 
     loads_in = ("load",)
-    load: Names = item(text=LOAD)
+    load: Names = item(text="name of a load, or several that act together")
+
+    def acting(self, case: Case, frequency: float | None = None) -> Any:
+        """The loads; numbers are amplitudes at a frequency, Hz, if one is given."""
+        return objects.load(case, self.load, vars(self).get("factor", 1.0), frequency)
+
+
+class Loaded(UnderLoad):
+    """A kind under loads with a factor on them."""
+
     factor: float = item(1.0, text="factor on the load")
 
-    def acting(self, case: Case) -> Any:
-        """The loads."""
-        return objects.load(case, self.load, self.factor)
+
+class Moved(Kind):
+    """A kind whose result has instants, and faces that may rub."""
+
+    captions = RUBBING
+
+    def row(self, result: Any, wanted: Wanted) -> Values:
+        """What contact and supports bear at most over time, too; of motions how long contact lasts; where
+        histories are kept, the points' displacements.
+        """
+        values = super().row(result, wanted)
+        values["peak_contact_resultant"] = (float(result.contact_resultant.max(initial=0.0)), "N")
+        if self.moving and result.contact_force.shape[1]:
+            values["contact_duty"] = (contact_duty(result.time, result.contact_force).any, "1")
+        if result.reactions is not None:  # those of unreduced models are
+            peaks = zip(result.supports, abs(result.reactions).max(0))
+            values |= {f"peak_reactions/{name}": (peak, "N") for name, peak in peaks}
+        if wanted.histories:
+            values |= {f"displacement/{point}": (result.displacement(point), "m") for point in wanted.points}
+            values["time"] = (result.time, "s")
+        return values
 
 
-class Forced(Kind):
-    """A kind under periodic loads, `load`, with a forcing frequency."""
+class Forced(UnderLoad):
+    """A kind under periodic loads with a forcing frequency."""
 
     signals = PERIODIC
 
@@ -373,7 +399,7 @@ class Forced(Kind):
         from ...motion.preparation import LONGEST
 
         keys = vars(self)
-        found = objects.load(case, keys["load"], keys.get("factor", 1.0), keys["frequency"])
+        found = self.acting(case, keys["frequency"])
         with objects.located(case, *path, "load"):
             signals = objects.signals_of(found)
             return common_periods(signals, keys["frequency"], keys.get("periods"), LONGEST)
@@ -436,31 +462,6 @@ class TwoTones(Kind):
             for name in self.loads_in
         )
         return first + second
-
-
-def recorded(values: Values, result: Any, points: Sequence[str]) -> Values:
-    """With the motion of points over time, for a row of a sweep that keeps histories."""
-    moved: Values = {f"displacement/{point}": (result.displacement(point), "m") for point in points}
-    return values | moved | {"time": (result.time, "s")}
-
-
-def peak_contact(result: Any) -> Values:
-    """What contact and supports bear at most over time, and how long contact lasts, for a row of a sweep."""
-    values: Values = {
-        "peak_contact_resultant": (float(result.contact_resultant.max(initial=0.0)), "N"),
-        **peak_reactions(result),
-    }
-    if result.contact_force.shape[1]:
-        values["contact_duty"] = (contact_duty(result.time, result.contact_force).any, "1")
-    return values
-
-
-def peak_reactions(result: Any) -> Values:
-    """What each support bears at most over time, for a row of a sweep; none of unreduced models."""
-    table = result.reactions
-    if table is None:
-        return {}
-    return {f"peak_reactions/{name}": (peak, "N") for name, peak in zip(result.supports, abs(table).max(0))}
 
 
 def along(u: np.ndarray, direction: str = "y") -> np.ndarray:

@@ -13,27 +13,23 @@ from ...analysis.options import LoadHistoryOptions
 from ...options import item
 from ..case.sweep import Times, grid
 from ..costs import Cost, Size
-from .kind import RUBBING, Drawn, Loaded, Run, Values, Wanted, along, peak_reactions, recorded
+from .kind import Drawn, Loaded, Moved, Run, Values, Wanted, along
 
 
-class LoadHistory(LoadHistoryOptions, Loaded):
+class LoadHistory(LoadHistoryOptions, Moved, Loaded):
     """Static states along loads that change slowly, signals taken at each time; numbers are constants."""
 
     kind: Literal["load_history"] = item(text="equilibria under slowly changing loads")
     times: Times = item(text="times of the states, an array or { start, stop, count }", unit="s")
     statics = rubs = True
     details = ("contact_force", "gap")
-    captions = RUBBING
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.LoadHistory:
         return sb.load_history(model, self.acting(case), grid(self.times), **self.of(LoadHistoryOptions))
 
     def row(self, result: Any, wanted: Wanted) -> Values:
-        values: Values = {
-            "peak_contact_resultant": (float(result.contact_resultant.max(initial=0.0)), "N"),
-            "closed_states": (float(np.sum(result.contact_resultant > 0.0)), "1"),
-            **peak_reactions(result),
-        }
+        values = super().row(result, wanted)
+        values["closed_states"] = (float(np.sum(result.contact_resultant > 0.0)), "1")
         for point in wanted.points:
             values[f"peak/{point}"] = (float(np.abs(along(result.displacement(point))).max()), "m")
         for q in result.quantities(lambda about: about.called == "stress_intensity"):
@@ -42,7 +38,7 @@ class LoadHistory(LoadHistoryOptions, Loaded):
                 values[f"peak_stress_intensity/{name}"] = (np.abs(factors).max(axis=0), unit)
                 if wanted.histories:
                     values[f"stress_intensity/{name}"] = (factors, unit)
-        return recorded(values, result, wanted.points) if wanted.histories else values
+        return values
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         point = drawn.point(result.points)

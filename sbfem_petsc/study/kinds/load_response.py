@@ -8,24 +8,20 @@ import sbfem_petsc as sb
 
 from ...analysis.options import LoadResponseOptions
 from ...options import item
-from ..case.objects import load
-from ..case.tables import Names
 from ..costs import Cost, Size
 from .frequency_response import Curve, curve_cost
-from .kind import LOAD, Forced, Run
+from .kind import Forced, Run
 
 
 class LoadResponse(Curve, LoadResponseOptions, Forced):
     """Steady states at a fixed frequency over a factor on the oscillating loads, the damping or the gaps."""
 
     kind: Literal["load_response"] = item(text="response curve over the load")
-    load: Names = item(text=LOAD)
-    loads_in = ("load",)
     of_reduced = Curve.of_reduced | {"parameter": ("load",)}
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Branch:
         options = self.of(LoadResponseOptions)
-        return sb.load_response(model, load(case, self.load), **options, reduction=self.reduction, **run.kept)
+        return sb.load_response(model, self.acting(case), **options, reduction=self.reduction, **run.kept)
 
     def cost(self, size: Size) -> Cost:
         taken = size.steady(self, self.frequency, size.highest(self), vectors=False)

@@ -16,21 +16,7 @@ from ...options import item
 from ...record.found import Found, column, labelled, of_points
 from ..case.tables import Path
 from ..costs import Cost, Size
-from .kind import (
-    RUBBING,
-    Drawn,
-    Forced,
-    Kind,
-    Loaded,
-    Quantities,
-    Reducible,
-    Run,
-    Values,
-    Wanted,
-    along,
-    peak_contact,
-    recorded,
-)
+from .kind import Drawn, Forced, Loaded, Moved, Quantities, Reducible, Run, Values, Wanted, along
 
 # Harmonics of each point in a row of a sweep, and in a report.
 ROW_HARMONICS, SHOWN = 21, 11
@@ -38,12 +24,12 @@ ROW_HARMONICS, SHOWN = 21, 11
 RATIOS = 6
 
 
-class Steady(Kind):
+class Steady(Moved):
     """A kind whose result is one periodic motion."""
 
     moving = saved = True
     details = ("contact_force", "slip", "friction_force", "displacement", "reactions")
-    captions = RUBBING | {
+    captions = Moved.captions | {
         "orbit": "phase plane; gaps and contact resultant over a period",
         "multipliers": "Floquet multipliers",
     }
@@ -69,8 +55,7 @@ class Steady(Kind):
                 motions["_noisy"] = wanted.noisy(along(u))
             for ending, motion in motions.items():
                 values |= _harmonics(ending, point, motion, result.periods)
-        values = recorded(values, result, wanted.points) if wanted.histories else values
-        return values | peak_contact(result)
+        return values
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         # one that is held has no harmonics

@@ -16,22 +16,10 @@ from ...ranks.capacity import default_decimation
 from ...record.found import labelled, of_points
 from ..case.tables import Problem
 from ..costs import Cost, Size
-from .kind import (
-    RUBBING,
-    Drawn,
-    Loaded,
-    Quantities,
-    Reducible,
-    Run,
-    Values,
-    Wanted,
-    along,
-    peak_contact,
-    recorded,
-)
+from .kind import Drawn, Loaded, Moved, Quantities, Reducible, Run, Values, Wanted, along
 
 
-class Transient(Reducible, TransientOptions, Loaded):
+class Transient(Reducible, TransientOptions, Moved, Loaded):
     """A time history with contact; numbers in the load are constants from t = 0."""
 
     kind: Literal["transient"] = item(text="time history")
@@ -41,7 +29,6 @@ class Transient(Reducible, TransientOptions, Loaded):
     moving = rubs = True
     details = ("contact_force", "slip", "friction_force", "velocity", "acceleration", "energy")
     running = True
-    captions = RUBBING
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.History:
         return sb.transient(
@@ -83,14 +70,14 @@ class Transient(Reducible, TransientOptions, Loaded):
         yield labelled("energy", table, "J", text, "time kind", {"kind": energies})
 
     def row(self, result: Any, wanted: Wanted) -> Values:
-        values = super().row(result, wanted) | peak_contact(result)
+        values = super().row(result, wanted)
         for point in wanted.points:
             u = result.displacement(point)
             values[f"peak/{point}"] = (float(np.abs(along(u)).max()), "m")
             if wanted.histories and wanted.noisy is not None:
                 noisy = np.stack([wanted.noisy(c) for c in np.atleast_2d(u.T)], axis=-1)
                 values[f"displacement_noisy/{point}"] = (noisy, "m")
-        return recorded(values, result, wanted.points) if wanted.histories else values
+        return values
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
         point = drawn.point(result.points)
