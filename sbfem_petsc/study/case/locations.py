@@ -77,7 +77,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
 
 
 def _refused(file: str, text: str, line: int | None = None) -> CaseError:
-    return CaseError(file, [Problem((), text, line)])
+    return CaseError(file, [Problem((), text)], {(): line} if line else None)
 
 
 class _Scanner:

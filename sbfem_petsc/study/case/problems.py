@@ -31,18 +31,12 @@ class CaseError(ValueError):
         return "\n".join(self._sentence(problem) for problem in self.problems)
 
     def _sentence(self, problem: Problem) -> str:
-        line = problem.line or nearest_line(self.lines, problem.path)
+        # that of the path, or of the innermost table around it that is in the file
+        around = (problem.path[:length] for length in range(len(problem.path), -1, -1))
+        line = next((self.lines[path] for path in around if path in self.lines), None)
         place = f"{self.file}, line {line}" if line else self.file
         item = f"{written(problem.path)} " if problem.path else ""
         return f"{place}: {item}{problem.text}{'' if problem.text.endswith('?') else '.'}"
-
-
-def nearest_line(lines: Mapping[Path, int], path: Path) -> int | None:
-    """Line of a path, or of the innermost table around it that is in the file."""
-    for length in range(len(path), 0, -1):
-        if path[:length] in lines:
-            return lines[path[:length]]
-    return None
 
 
 def written(path: Path) -> str:

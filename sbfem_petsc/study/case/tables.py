@@ -27,13 +27,10 @@ class Problem:
         Where in the case: keys and positions in arrays.
     text : str
         The sentence without its place.
-    line : int or None
-        Line of the file; None: that of the path.
     """
 
     path: Path
     text: str
-    line: int | None = None
 
 
 class Table(Options):
