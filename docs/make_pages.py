@@ -28,6 +28,7 @@ from sbfem_petsc.record.body import Body
 from sbfem_petsc.record.record import Record, entries, record_class
 from sbfem_petsc.study.case.analyses import KINDS
 from sbfem_petsc.study.case.body import BODIES, BodyContact, BodyPoint
+from sbfem_petsc.study.case.case import CaseTables
 from sbfem_petsc.study.case.geometry import (
     GEOMETRIES,
     BeamGeometry,
@@ -38,7 +39,7 @@ from sbfem_petsc.study.case.geometry import (
     PlateGeometry,
     RayleighBand,
 )
-from sbfem_petsc.study.case.given import CaseTables, Output
+from sbfem_petsc.study.case.given import Output
 from sbfem_petsc.study.case.parts import (
     LAWS,
     SIGNALS,

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from .case.case import Case
+from .case.given import Given
 
 # Modes of a reduction, steps of a period, and points of a curve, where a case does not say.
 FEWEST_MODES, STEPS, CURVE_POINTS = 80, 512, 60
@@ -21,7 +20,7 @@ class Size:
     the case for its loads; of a Model `expected`, see `motion.preparation`.
     """
 
-    case: Case
+    case: Given
     unknowns: int
     pairs: int
     points: int

@@ -7,60 +7,43 @@ import json
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from meshing.whole_file import require_regular
 
+from ...options import item
+from .analyses import Analysis
 from .contradictions import contradictions
-from .given import CaseTables
+from .given import Given, Tables
 from .locations import parse, read_text
 from .problems import CaseError, from_validation
 from .sweep import STRUCTURE, SweepTable, parameter_problems, replaced_in
-from .tables import Path, Problem
+from .tables import FileName, Path, Problem
+
+
+class CaseTables(Tables):
+    """The tables of a case file."""
+
+    analyses: Annotated[dict[FileName, Analysis], Field(min_length=1)] = item(
+        text="analyses by name, [analyses.NAME], run in this order"
+    )
+
 
 # Tables on which the results of an analysis depend.
 _DECISIVE = (*STRUCTURE, "loads", "analyses", "output")
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
-    """A checked case.
-
-    Attributes
-    ----------
-    tables : CaseTables
-    data : dict
-        The tables as the user wrote them.
-    text : str
-        The file's text.
-    file : str
-        Its path, for messages.
-    folder : str
-        Folder that the paths in the case are relative to.
-    lines : dict of tuple to int
-        Line of each path of the case.
-    """
+class Case(Given):
+    """A checked case."""
 
     tables: CaseTables
-    data: dict[str, Any]
-    text: str
-    file: str
-    folder: str
-    lines: Mapping[Path, int]
 
     def _fingerprint(self) -> object:
         """What tells it from others."""
         return self.data, self.named_files()
-
-    def problem(self, path: Path, text: str) -> CaseError:
-        """The error that something is wrong at a path of the case."""
-        return CaseError(self.file, [Problem(path, text)], self.lines)
-
-    def resolve(self, file: str) -> str:
-        """Path of a file that the case names."""
-        return os.path.join(self.folder, file)
 
     def check_tones(self, names: Iterable[str]) -> None:
         """Refuse analyses whose loads have no common period, or tones that belong to none of theirs.

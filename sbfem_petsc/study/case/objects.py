@@ -6,7 +6,7 @@ import contextlib
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import sbfem_petsc as sb
 from meshing.boundary_mesh import BoundaryMesh
@@ -16,15 +16,13 @@ from ...errors import on_all_ranks
 from ...loads import separate
 from ...options import one_of
 from ...signals.signal import as_signal
+from .given import Given
 from .problems import CaseError
 from .tables import Path, Table
 
-if TYPE_CHECKING:
-    from .case import Case
-
 
 @contextlib.contextmanager
-def located(case: Case, *path: str | int) -> Iterator[None]:
+def located(case: Given, *path: str | int) -> Iterator[None]:
     """Errors of user input within become a `CaseError` at a path of the case.
 
     The path is continued by a key, or by the number of a notch or hole, that the sentence begins with.
@@ -39,7 +37,7 @@ def located(case: Case, *path: str | int) -> Iterator[None]:
         raise on_all_ranks(found) if getattr(error, "on_all_ranks", False) else found from None
 
 
-def _continued(case: Case, path: Path, text: str) -> Path:
+def _continued(case: Given, path: Path, text: str) -> Path:
     part = re.match(r"(notch|hole|crack) (\d+)\b(?:: (\w+))?", text)
     if part is not None:
         tables = {"notch": "notches", "hole": "holes", "crack": "cracks"}
@@ -53,13 +51,13 @@ def _continued(case: Case, path: Path, text: str) -> Path:
     return path
 
 
-def made(case: Case, value: Any, *path: str | int, **given: Any) -> Any:
+def made(case: Given, value: Any, *path: str | int, **given: Any) -> Any:
     """What a table of a case stands for, made after that of the tables in it; those of a list or dict of
     tables; other values as they are.
 
     Parameters
     ----------
-    case : Case
+    case : Given
     value
         Of a key.
     *path : str or int
@@ -81,7 +79,7 @@ def made(case: Case, value: Any, *path: str | int, **given: Any) -> Any:
         return type(value).made(**given)
 
 
-def mesh(case: Case) -> BoundaryMesh:
+def mesh(case: Given) -> BoundaryMesh:
     """The boundary mesh of a case, with the names that the case uses checked against it. On one rank.
 
     Raises
@@ -107,7 +105,7 @@ def mesh(case: Case) -> BoundaryMesh:
     return found
 
 
-def _check_names(case: Case, found: BoundaryMesh) -> None:
+def _check_names(case: Given, found: BoundaryMesh) -> None:
     points, sets, regions = tuple(found.points), tuple(found.edge_sets), tuple(found.material_names)
     valid = {"neither an edge set nor a point": (*sets, *points), "no point": points, "no edge set": sets}
     for path, name, what in case.tables.named_places():
@@ -122,18 +120,18 @@ def _check_names(case: Case, found: BoundaryMesh) -> None:
         raise case.problem(("materials",), f"has no table for the region {missing[0]!r}; add it")
 
 
-def materials(case: Case) -> Any:
+def materials(case: Given) -> Any:
     """One material, or a dict of them by region."""
     tables = case.tables
     return made(case, tables.material, "material") or made(case, tables.materials, "materials")
 
 
-def model(case: Case, comm: Any, found: Any = None) -> sb.Model:
+def model(case: Given, comm: Any, found: Any = None) -> sb.Model:
     """The model of a case; the mesh is made on rank 0. Collective.
 
     Parameters
     ----------
-    case : Case
+    case : Given
     comm : mpi4py communicator
     found : BoundaryMesh, optional
         The mesh, on rank 0 at least. Default: made here.
@@ -144,7 +142,7 @@ def model(case: Case, comm: Any, found: Any = None) -> sb.Model:
         return sb.Model(body, materials(case), **given, comm=comm)
 
 
-def _said(case: Case, *keys: str) -> dict[str, Any]:
+def _said(case: Given, *keys: str) -> dict[str, Any]:
     """Arguments for what keys of [model] say."""
     values = {key: getattr(case.tables.model, key) for key in keys}
     return {key: made(case, value, "model", key) for key, value in values.items() if value is not None}
@@ -160,7 +158,7 @@ class BodyParts:
     points: dict[str, Any]
 
 
-def body(case: Case) -> BodyParts:
+def body(case: Given) -> BodyParts:
     """The body of a case, not reduced yet.
 
     Raises
@@ -196,7 +194,7 @@ def body(case: Case) -> BodyParts:
     return BodyParts(found, contact, loads or points, points)
 
 
-def reduced(case: Case, parts: BodyParts, comm: Any) -> sb.ReducedModel:
+def reduced(case: Given, parts: BodyParts, comm: Any) -> sb.ReducedModel:
     """The reduced model of a body. Collective."""
     output, table = case.tables.output, case.tables.body
     assert table is not None
@@ -213,7 +211,7 @@ def reduced(case: Case, parts: BodyParts, comm: Any) -> sb.ReducedModel:
         )
 
 
-def _unit_loads(case: Case) -> Iterator[tuple[str, str]]:
+def _unit_loads(case: Given) -> Iterator[tuple[str, str]]:
     """Load and component of each unit load of a body's model: those that the case gives."""
     for name, table in case.tables.loads.items():
         yield from ((name, key) for key in table.components if key in table.model_fields_set)
@@ -233,17 +231,17 @@ def signals_of(found: list[Any]) -> list[Any]:
     return separate(found)[1]
 
 
-def units(case: Case, found: list[Any]) -> list[Any]:
+def units(case: Given, found: list[Any]) -> list[Any]:
     """Unit loads, in their order, of loads as `load` gives them; of a body all that its model has."""
     return list(_unit_loads(case)) if isinstance(found, Amplitudes) else separate(found)[0]
 
 
-def load(case: Case, names: Sequence[str], factor: float = 1.0, frequency: float | None = None) -> list[Any]:
+def load(case: Given, names: Sequence[str], factor: float = 1.0, frequency: float | None = None) -> list[Any]:
     """Named loads, which act together; of a body the amplitudes of all its unit loads.
 
     Parameters
     ----------
-    case : Case
+    case : Given
     names : sequence of str
     factor : float
         On all components.
@@ -269,7 +267,7 @@ def load(case: Case, names: Sequence[str], factor: float = 1.0, frequency: float
     return parts
 
 
-def _amplitude(case: Case, path: Path, value: Any, factor: float, frequency: float | None) -> Any:
+def _amplitude(case: Given, path: Path, value: Any, factor: float, frequency: float | None) -> Any:
     """A component of a load: a number or a signal."""
     if not isinstance(value, Table):
         number = factor * value

@@ -20,12 +20,9 @@ from ...record.about import Quantity
 from ...record.found import Found
 from ...record.record import Record
 from ..case import objects
+from ..case.given import Given, Tables
 from ..case.tables import Names, Path, Problem, Table
 from ..costs import Cost, Size
-
-if TYPE_CHECKING:
-    from ..case.case import Case
-    from ..case.given import CaseTables
 
 Values = dict[str, tuple[Any, str]]  # value and unit by name
 Quantities = Iterable[Quantity | None]  # None stands for nothing
@@ -59,7 +56,7 @@ class Wanted:
 
     Attributes
     ----------
-    case : Case
+    case : Given
         That of the row.
     points : sequence of str
     noisy : callable or None
@@ -70,7 +67,7 @@ class Wanted:
         Gives the result of the structure without faults, or None where there is none. Collective.
     """
 
-    case: Case
+    case: Given
     points: Sequence[str]
     noisy: Callable[[np.ndarray], np.ndarray] | None
     histories: bool
@@ -167,7 +164,7 @@ class Kind(Table):
     details: ClassVar[tuple[str, ...]] = ()
     captions: ClassVar[dict[str, str]] = {}
 
-    def solve(self, case: Case, model: Any, run: Run) -> Any:
+    def solve(self, case: Given, model: Any, run: Run) -> Any:
         """The result, on the case's model. Collective."""
         raise NotImplementedError
 
@@ -180,7 +177,7 @@ class Kind(Table):
         """Which of it knows no friction, in words behind its name; None if it takes faces that rub."""
         return None if self.rubs else ""
 
-    def against(self, case: CaseTables) -> Iterator[Problem]:
+    def against(self, case: Tables) -> Iterator[Problem]:
         """What contradicts the rest of the case, at paths within the table."""
         if not self.free and case.model.clamped == [] and not case.model.supports:
             yield Problem(
@@ -247,18 +244,18 @@ class Kind(Table):
         """Points that must exist, by their paths within the table."""
         return iter(())
 
-    def asked(self, case: Case, model: Any) -> Iterator[tuple[str, int]]:
+    def asked(self, case: Given, model: Any) -> Iterator[tuple[str, int]]:
         """Keys that ask for modes of the structure, and for how many; those of a body, without a model, are
         kept already. Collective.
         """
         yield "modes", getattr(self, "modes", None) or 0
 
-    def lacking(self, case: Case, model: Any, most: int, words: str) -> Iterator[Problem]:
+    def lacking(self, case: Given, model: Any, most: int, words: str) -> Iterator[Problem]:
         """What a structure has not that is asked of it, before anything is solved. Collective.
 
         Parameters
         ----------
-        case : Case
+        case : Given
         model : Model or None
             None: a body, which is not reduced yet.
         most : int
@@ -278,13 +275,13 @@ class Kind(Table):
         if model is not None and self.loads_in:
             model.checked_loads(objects.load(case, self.loads()), constant=False)
 
-    def tones(self, case: Case, path: Path) -> None:
+    def tones(self, case: Given, path: Path) -> None:
         """Refuse loads without the common period or the tones that the analysis needs, which a run would come
         to refuse behind the analyses before it.
 
         Parameters
         ----------
-        case : Case
+        case : Given
         path : tuple
             Of the table.
 
@@ -346,7 +343,7 @@ class UnderLoad(Kind):
     loads_in = ("load",)
     load: Names = item(text="name of a load, or several that act together")
 
-    def acting(self, case: Case, frequency: float | None = None) -> Any:
+    def acting(self, case: Given, frequency: float | None = None) -> Any:
         """The loads; numbers are amplitudes at a frequency, Hz, if one is given."""
         return objects.load(case, self.load, vars(self).get("factor", 1.0), frequency)
 
@@ -384,10 +381,10 @@ class Forced(UnderLoad):
 
     signals = PERIODIC
 
-    def tones(self, case: Case, path: Path) -> None:
+    def tones(self, case: Given, path: Path) -> None:
         self.common_period(case, path)
 
-    def common_period(self, case: Case, path: Path) -> int:
+    def common_period(self, case: Given, path: Path) -> int:
         """Forcing periods in the common period of the load and the frequency.
 
         Raises
@@ -434,7 +431,7 @@ class Reducible(Kind):
                 words = f"= {json.dumps(value)} is for the reduced model; leave out reduced = false or {name}"
                 yield name, words
 
-    def against(self, case: CaseTables) -> Iterator[Problem]:
+    def against(self, case: Tables) -> Iterator[Problem]:
         """Motions of the unreduced model that never settle, too."""
         yield from super().against(case)
         given = case.model.rayleigh
@@ -455,7 +452,7 @@ class TwoTones(Kind):
     loads_in = ("probe", "pump")
     saved = rubs = True
 
-    def acting(self, case: Case) -> Any:
+    def acting(self, case: Given) -> Any:
         """The loads, in the order of `loads_in`; numbers are amplitudes of their tone."""
         first, second = (
             objects.load(case, getattr(self, name), frequency=getattr(self, f"{name}_frequency"))
