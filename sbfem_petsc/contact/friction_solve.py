@@ -124,8 +124,10 @@ def pivoted(
     state = np.zeros(len(free_gap), dtype=np.int8)
     state[pulled[basic[len(pressed) : first]]] = PULLED
     state[np.append(pressed[basic[: len(pressed)]], held)] = PRESSED
-    along, slips = basic[first : first + count], basic[size:]
-    sliding = np.where(slips, np.where(along, ALONG, AGAINST), STICKS)
+    along, against, slips = basic[first : first + count], basic[first + count : size], basic[size:]
+    # of friction of both senses, which takes up the whole bound, the difference holds a row that sticks
+    slides = slips & ~(along & against)
+    sliding = np.where(slides, np.where(along, ALONG, AGAINST), STICKS)
     state[c + rubs] = np.where(state[rubbing.rows[rubs]] == FREE, FREE, sliding)
     return state
 

@@ -182,6 +182,25 @@ def test_rows_of_other_laws_beside_those_that_rub(each, draws):
         check(flexibility[np.ix_(own, own)], acting, pair, apart, own_rows)
 
 
+@pytest.mark.parametrize("most", [0.5, 3.0])
+def test_states_of_lemkes_method(most):
+    """They are those of a solution, which one set shows, and one of those that trying all states finds: rows
+    that stick while both senses of friction are basic, too.
+    """
+    rng = np.random.default_rng(7)
+    for _ in range(400):
+        count = int(rng.integers(1, 4))
+        flexibility, friction = problem(rng, count, most)
+        laws, free = RowLaws.unilateral(count), 1e-6 * rng.normal(size=2 * count)
+        memory, rubbing = Memory.none(laws, friction), rubbing_of(friction, flexibility, count)
+        state = pivoted(flexibility, free, laws, rubbing, memory.slip, np.zeros(count, dtype=bool))
+        begun = memory._replace(normal=state[:count], tangential=state[count:])
+        found = solve_friction(flexibility, free, laws, friction, begun)
+        assert found.iterations == 1 and (found.state == state).all()
+        known = enumerated(flexibility, free, friction, memory)
+        assert min(np.abs(found.force - force).max() for force in known) <= 1e-8 * np.abs(found.force).max()
+
+
 def test_rows_that_are_held_twice():
     """Tied rows that are the same, beside rows that rub: what one of them alone does, which they share."""
     rng, each = np.random.default_rng(3), [*map(sb.Coulomb, (0.2, 0.5, 1.2)), *[sb.Tied()] * 3]
