@@ -148,12 +148,11 @@ def in_notebook() -> bool:
     return getattr(shell, "kernel", None) is not None
 
 
-def watch_for(comm: Any, quiet: bool = False, stream: TextIO | None = None) -> Watch:
+def watch_for(comm: Any, quiet: bool = False) -> Watch:
     """A bar on a terminal, lines elsewhere, nothing on other ranks than 0 and where quiet is asked for."""
-    stream = sys.stderr if stream is None else stream
     if quiet or comm.rank > 0:
         return Watch()
-    return Bar(stream) if stream.isatty() and comm.size == 1 else LogLines(stream)
+    return (Bar if sys.stderr.isatty() and comm.size == 1 else LogLines)(sys.stderr)
 
 
 def silent(done: float) -> None:

@@ -49,15 +49,13 @@ NOT_TOLD = np.full(LOWEST, np.nan)
 
 
 @dataclass(frozen=True)
-class BranchSettings:
+class BranchSettings(Settings):
     """How a branch of periodic motions is followed.
 
     Attributes
     ----------
-    points : int
-        Points at most.
-    largest_step : float
-        Largest change of the parameter from a point to the next one.
+    points, largest_step, first, largest, smallest, growth, turn
+        See `Settings`.
     stability : bool
         Whether Floquet multipliers and bifurcations are computed.
     leave : bool
@@ -68,8 +66,6 @@ class BranchSettings:
         How there could be more points, for the warning of a branch that ends after so many.
     """
 
-    points: int = 400
-    largest_step: float = math.inf
     stability: bool = True
     leave: bool = False
     most_steps: int = 0
@@ -210,7 +206,7 @@ def follow_response(
     run.follow(
         [line],
         within,
-        Settings(settings.points, settings.largest_step),
+        settings,
         lambda: _branch(line, problem),
         lambda value: abs(value - parameter.start) / within.extent,
         tell,

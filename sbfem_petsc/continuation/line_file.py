@@ -122,9 +122,12 @@ class LineFile(RunFile):
         if self.comm.rank == 0:
             self._head = {"kept": self.kept, **conditions, "begins": begin, "layouts": layouts}
             if known is not None:
-                self._head["model"] = image(known)
-                self._model = known
+                self._keep_model(known)
         return known, begin
+
+    def _keep_model(self, reduced: ReducedModel) -> None:
+        """Put the model into the head, to which results refer."""
+        self._model, self._head["model"] = reduced, image(reduced)
 
     def begin_period(
         self, period: Period, conditions: Mapping[str, Any], start: np.ndarray, any_steps: bool = False
@@ -159,7 +162,8 @@ class LineFile(RunFile):
             )
         period = Period(in_rows(period.reduced), period.excitation, period.steps, period.pairs > 0)
         if self.comm.rank == 0:
-            self._head |= {"steps": period.steps, "model": image(period.reduced)}
+            self._head["steps"] = period.steps
+            self._keep_model(period.reduced)
         self._begun, self._written = False, -np.inf
         self._lines, self._recorded, self._moved = [], [], {}
         if self._journal is not None:

@@ -237,7 +237,8 @@ def written(path: Any, what: str = WHAT) -> Iterator[h5py.File]:
 
 class _Target(io.FileIO):
     """A file for HDF5, which ends the process sooner or later where it could not write all that it has: it is
-    told of no failure, and handlers of signals, which Python runs within `write` too, wait.
+    told of no failure, and handlers of signals, which Python runs within `write` too, wait for `let_signals`
+    or `close`.
     """
 
     failure: OSError | None = None
@@ -246,10 +247,7 @@ class _Target(io.FileIO):
         super().__init__(path, "w+")
         self.waiting = list[tuple[int, FrameType | None]]()
         self.handlers = dict[int, Any]()
-
-    def hold_signals(self) -> None:
-        """Let handlers wait for `let_signals`, until `close`; threads but the main one run none."""
-        if threading.current_thread() is threading.main_thread():
+        if threading.current_thread() is threading.main_thread():  # others run none
             own = {number: signal.getsignal(number) for number in signal.valid_signals()}
             self.handlers = {number: handler for number, handler in own.items() if callable(handler)}
             for number in self.handlers:
@@ -308,7 +306,6 @@ def for_hdf5(path: str) -> Iterator[_Target]:
     """
     with _Target(path) as target:
         try:
-            target.hold_signals()
             yield target
         finally:
             if target.failure is not None:

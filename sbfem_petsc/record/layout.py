@@ -157,8 +157,6 @@ def _scale(group: h5py.Group, dim: str, length: int) -> h5py.Dataset:
         if dim in here:
             found = here[dim]
             if isinstance(found, h5py.Dataset) and found.shape == (length,):
-                if not found.is_scale:
-                    found.make_scale(dim)
                 return found
             break
         if "record" in here.attrs and dim not in _names(record_class(text(here.attrs["record"]))):

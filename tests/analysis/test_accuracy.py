@@ -1,8 +1,11 @@
 """An accuracy that is asked for: true errors beside many more modes and steps, what is said without it."""
 
 import importlib
+import io
 import warnings
+import zlib
 
+import h5py
 import numpy as np
 import pytest
 
@@ -16,6 +19,7 @@ from sbfem_petsc.continuation.harmonic_errors import FAINT
 from sbfem_petsc.errors import PetscFailure
 from sbfem_petsc.motion.period_map import FixedPoint
 from sbfem_petsc.motion.preparation import PeriodSettings
+from sbfem_petsc.record import journal
 from sbfem_petsc.reduction.build import modes_for
 from tests.analysis.test_mode_error import TURN, rod, true_error
 from tests.systems import coarse_beam, one_mass, two_masses
@@ -161,6 +165,9 @@ def test_curves_in_few_modes_by_default(tmp_path, monkeypatch):
     with pytest.warns(sb.BranchWarning, match="in 2. modes, are not accurate .* anew in 4. modes and 512"):
         again = sb.frequency_response(beam, PUSH, 431.0, 431.2, file=file, resume=True, stability=False)
     assert 40 < len(again.reduced.omega) == len(sb.read(file).reduced.omega) < 50
+    beside = zlib.decompress(journal.read(file).state["result"].tobytes())
+    with h5py.File(io.BytesIO(beside)) as kept:  # the new model stands in the head alone
+        assert kept["map"].attrs["reduced"] == b"/model"
 
     follow = response.follow_response
 

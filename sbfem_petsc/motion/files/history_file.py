@@ -200,30 +200,27 @@ def rows_of(kept: Kept, in_memory: bool) -> Rows:
             f"{WHAT} {kept.path!r} would take {in_bytes(size)} of memory, "
             f"{in_bytes(SHARE * available_memory())} are free; read it with in_memory = False"
         )
-    count, shapes = 0, dict[str, tuple[int, ...]]()
-    for frame in kept.frames(kept.vouched):
-        count += len(frame["time"])
-        shapes = {name: values.shape[1:] for name, values in frame.items()}
-    rows = {}
-    for name, shape in shapes.items():
-        whole = (count, *shape)
-        if in_memory or not count * int(np.prod(shape, dtype=int)):
-            rows[name] = np.empty(whole)
-        else:
-            with tempfile.TemporaryFile(dir=os.path.dirname(kept.path) or ".") as file:
-                rows[name] = np.memmap(file, float, "w+", shape=whole)
-    first = 0
+    rows: dict[str, np.ndarray] = {}
+    count, first = 1 + kept.state["done"] // kept.head["decimation"], 0
     for frame in kept.frames(kept.vouched):
         last = first + len(frame["time"])
         for name, values in frame.items():
-            if values.shape[1:] != shapes[name] or not np.isfinite(values).all():
+            whole = (count, *values.shape[1:])
+            if name not in rows and (in_memory or not values.size):
+                rows[name] = np.zeros(whole)
+            elif name not in rows:
+                with tempfile.TemporaryFile(dir=os.path.dirname(kept.path) or ".") as file:
+                    rows[name] = np.memmap(file, float, "w+", shape=whole)
+            if rows[name].shape != whole or not np.isfinite(values).all():
                 raise ValueError(f"its {name} of rows {first + 1} to {last} are not all finite numbers")
             rows[name][first:last] = values
         first = last
+    if first != count:
+        raise ValueError(f"it has {first} rows, not the {count} of so many steps")
     return rows
 
 
-def result_of(kept: Kept, beside: Mapping[str, Record], in_memory: bool = True) -> History:
+def result_of(kept: Kept, beside: Mapping[str, Record], in_memory: bool) -> History:
     """The history of a journal, as far as it has come, with what stands beside it (`from_image`).
 
     Raises
