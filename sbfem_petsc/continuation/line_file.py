@@ -195,7 +195,7 @@ class LineFile(RunFile):
         for line in self._lines:
             points = line["points"]
             for run in np.flatnonzero(others):
-                of_run = [k for k, point in enumerate(points) if point[3] == run]
+                of_run = [k for k, point in enumerate(points) if point[-1] == run]
                 if not of_run:
                     continue
                 u = np.array([points[k][0] for k in of_run])
