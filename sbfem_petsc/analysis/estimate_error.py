@@ -76,7 +76,7 @@ def estimate_error(
     with collective(model.comm):
         instance("estimate_error", "history", history, History, "a History")
         modes, every = _kept_of(model, history)
-        modal = kind_of(initial) == "modal"
+        modal = kind_of(initial) == "coordinates"
         if decimation is not None and every != decimation:
             raise ValueError(
                 f"estimate_error: decimation = {decimation!r} is not that of the history, which keeps every "

@@ -170,12 +170,12 @@ def transient(
                 "transient: in_memory = False needs a file to hold the history, file = 'history.journal'"
             )
         begun = kind_of(initial)
-        if begun == "modal" and unreduced:
+        if begun == "coordinates" and unreduced:
             raise ValueError(
                 "transient: initial in modal coordinates is for the reduced model; give functions of x and y"
             )
         loads = loading("transient", model, load).over("transient", duration, begun == "rest")
-        if accuracy is not None and (unreduced or begun == "modal"):
+        if accuracy is not None and (unreduced or begun == "coordinates"):
             raise ValueError(
                 f"transient: accuracy = {accuracy:g} is for the reduced model from a state that is not given "
                 "in modal coordinates: leave it out"
@@ -416,8 +416,8 @@ def _warn_if_long(step: float, highest: float, history: History) -> None:
 
 
 def kind_of(initial: Any) -> str:
-    """What an initial state is: "rest", "equilibrium", two "functions" of position, or two "modal" arrays;
-    ValueError or TypeError for anything else.
+    """What an initial state is: "rest", "equilibrium", two "functions" of position, or two arrays of modal
+    "coordinates"; ValueError or TypeError for anything else.
     """
     if not isinstance(initial, tuple):
         return str(choice("transient", "initial", initial, ("rest", "equilibrium")))
@@ -430,4 +430,4 @@ def kind_of(initial: Any) -> str:
         raise ValueError(
             f"transient: initial has {sizes[0]} modal coordinates and {sizes[1]} velocities; give as many"
         )
-    return "modal"
+    return "coordinates"

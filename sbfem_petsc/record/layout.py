@@ -121,7 +121,13 @@ def put(
     if array.nbytes <= COMPACT and not packed:
         layout = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
         layout.set_layout(h5py.h5d.COMPACT)
-        data = group.create_dataset(name, data=array, dcpl=layout)
+        layout.set_obj_track_times(False)
+        # `create_dataset` leaves scalars out of the header, where they would have no checksum
+        space = h5py.h5s.create_simple(array.shape) if array.ndim else h5py.h5s.create(h5py.h5s.SCALAR)
+        kind = h5py.h5t.py_create(array.dtype, logical=True)
+        data = h5py.Dataset(h5py.h5d.create(group.id, name.encode(), kind, space, layout))
+        if array.size:
+            data[...] = array
     else:
         # of equal chunks, for the last one is filled up
         pieces = -(-len(array) // max(1, CHUNK // max(1, array[0].nbytes)))
