@@ -126,6 +126,14 @@ def test_statics_compute_no_inertia(monkeypatch):
     assert len(calls) == model.shapes
 
 
+def test_weight_of_whole_numbers():
+    """Accelerations that are given as ints: the supports bear the mass, in kg, times them."""
+    model = sb.Model(Beam(0.1, 0.005).mesh(order=3), STEEL)
+    mass = STEEL.density * 0.1 * 0.005
+    borne = sb.static(model, sb.SupportMotion(ax=3, ay=-10)).reactions["left"]
+    np.testing.assert_allclose(borne, [3.0 * mass, -10.0 * mass], rtol=1e-8)
+
+
 @functools.cache
 def cracked():
     cracks = [CrackLine([(0.03, y), (0.07, y + 0.006)]) for y in (0.02, 0.05, 0.08)]

@@ -113,7 +113,7 @@ class Elements:
         """(m, 2, ...): this rank's part of the nodal forces that displacements (m, 2, ...) of its nodes take,
         N.
         """
-        forces = np.zeros_like(field)
+        forces = np.zeros(field.shape)
         for group in self.groups:
             stiffness = self.scales(group)[0] * group.turned_both(group.solution.stiffness)
             add_forces(forces, group.nodes, stiffness, field)
@@ -123,7 +123,7 @@ class Elements:
         """(m, 2, ...): this rank's part of the nodal forces of inertia under accelerations (m, 2, ...) of its
         nodes that the insides of S-elements follow as they do at rest, N.
         """
-        forces = np.zeros_like(field)
+        forces = np.zeros(field.shape)
         for group in self.moving:
             mass = self.scales(group)[1][:, None, None] * group.turned_both(group.solution.mass)
             add_forces(forces, group.nodes, mass, field)

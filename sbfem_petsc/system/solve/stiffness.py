@@ -116,7 +116,7 @@ class Stiffness:
         return self.elements.inner_forces(field) + self._spring_forces(field)
 
     def _spring_forces(self, field: np.ndarray) -> np.ndarray:
-        forces = np.zeros_like(field)
+        forces = np.zeros(field.shape)
         for spring in self.springs:
             add_forces(forces, spring.nodes, spring.stiffness, field)
         return forces
