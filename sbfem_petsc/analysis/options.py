@@ -21,7 +21,8 @@ FACTOR = "what a factor is on: the oscillating loads, all damping ratios or all 
 _CONTACT = "false: crack faces may overlap"
 
 
-def _frequency(text: str) -> Any:
+def driven_at(text: str) -> Any:
+    """Option of a frequency that a structure can be driven at."""
     return item(text=text, unit="Hz", ge=SLOWEST, le=FASTEST)
 
 
@@ -150,7 +151,7 @@ class Integration(Options):
 class PeriodicOptions(Integration):
     """Options of `periodic`."""
 
-    frequency: float = _frequency("forcing frequency")
+    frequency: float = driven_at("forcing frequency")
     periods: int | None = _counted("forcing periods in a period of the motion; default: the fewest that fit")
     contact: bool = item(True, text=_CONTACT)
     jacobian: Literal["auto", "dense", "matrix-free", "differences"] = item(
@@ -185,8 +186,8 @@ class PeriodicOptions(Integration):
 class FrequencyRange(Ranged, Integration):
     """The forcing frequencies of a curve."""
 
-    start: float = _frequency("first frequency")
-    stop: float = _frequency("last frequency")
+    start: float = driven_at("first frequency")
+    stop: float = driven_at("last frequency")
     largest_step: float | None = _largest_step("frequency", "Hz")
 
 
@@ -210,7 +211,7 @@ class FrequencyResponseOptions(CurveOptions, FrequencyRange):
 class LoadResponseOptions(Ranged, CurveOptions):
     """Options of `load_response`."""
 
-    frequency: float = _frequency("forcing frequency")
+    frequency: float = driven_at("forcing frequency")
     start: float = item(0.0, text="first factor", ge=0, le=1e15)
     stop: float = item(1.0, text="last factor", ge=0, le=1e15)
     parameter: Literal["load", "damping", "gap"] = item("load", text=FACTOR)
@@ -270,8 +271,8 @@ class GrazingOptions(Options):
 class SweptOptions(Ranged):
     """Options of `swept_response`."""
 
-    start: float = _frequency("first frequency")
-    stop: float = _frequency("last frequency")
+    start: float = driven_at("first frequency")
+    stop: float = driven_at("last frequency")
     duration: float = item(text="length of the sweep, one way", unit="s", gt=0)
     steps: int | None = _counted(
         "time steps a period of the higher frequency; default: 320 or more", least=48
@@ -291,7 +292,7 @@ class SweptOptions(Ranged):
 class BasinsOptions(Integration):
     """Options of `basins`."""
 
-    frequency: float = _frequency("forcing frequency")
+    frequency: float = driven_at("forcing frequency")
     longest: int = _counted(_LONGEST, 8, most=1000)
     tolerance: float = item(
         1e-7, text="relative change of the state below which it has settled", ge=1e-13, le=1e-2

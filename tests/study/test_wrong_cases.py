@@ -303,6 +303,16 @@ WRONG = [
         "analyses.push.steps = 186 tells lines below 930 Hz, and the highest sideband is at 930 Hz",
         "leave steps out",
     ),
+    *(
+        (
+            'kind = "static"\nload = "push"',
+            f'kind = "{kind}"\n{more}pump = "push"\nprobe = "push"\nprobe_frequency = 900.0\n'
+            f"pump_frequency = 1e-320{NEW}",
+            "analyses.push.pump_frequency = 1e-320",
+            "must be at least 1e-12, in Hz",
+        )
+        for kind, more in (("modulation", 'point = "A"\n'), ("quasi_periodic", ""))
+    ),
     (
         'kind = "static"\nload = "push"',
         'kind = "frequency_response"\nstart = 50.0\nstop = 60.0\nload = "hold"\n[loads.hold]\n'

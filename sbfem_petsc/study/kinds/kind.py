@@ -14,6 +14,7 @@ import numpy as np
 
 import sbfem_petsc as sb
 
+from ...analysis.options import driven_at
 from ...indicators.detection import contact_duty
 from ...options import item, one_of
 from ...record.about import Quantity
@@ -446,9 +447,9 @@ class TwoTones(Kind):
     """A kind under two loads, `loads_in`, each with a tone of its own, NAME_frequency."""
 
     probe: Names = item(text="load of the tone whose sidebands are wanted")
-    probe_frequency: float = item(text="tone whose sidebands are wanted", unit="Hz", gt=0)
+    probe_frequency: float = driven_at("tone whose sidebands are wanted")
     pump: Names = item(text="load of the tone that modulates it")
-    pump_frequency: float = item(text="tone that modulates it", unit="Hz", gt=0)
+    pump_frequency: float = driven_at("tone that modulates it")
     loads_in = ("probe", "pump")
     saved = rubs = True
 
