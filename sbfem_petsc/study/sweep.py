@@ -340,11 +340,15 @@ class _Sweeping:
         """Result of the healthy structure beside a row; None where there is none. Collective."""
         changes = self.table.healthy
         if changes is None:
-            changes = {f"geometry.{name}": [] for name in getattr(case.tables.geometry, "faults", ())}
+            changes = {f"geometry.{fault}": [] for fault in getattr(case.tables.geometry, "faults", ())}
             if not changes:
                 return None
-        reference = case.with_values(changes)
-        key = f"{reference.structure_key} {case.tables.analyses[name].model_dump_json()}"
+            changes["model.contact_laws"] = {}
+        # what else the case says may name points and edges of a crack
+        kind, loads = case.tables.analyses[name], case.data.get("loads", {})
+        alone = {"loads": {load: loads[load] for load in kind.loads()}, "output": {}}
+        reference = case.with_values({**changes, **alone, "analyses": {name: case.data["analyses"][name]}})
+        key = f"{reference.structure_key} {kind.model_dump_json()}"
         if key not in self.healthy:
             with contextlib.closing(Structure(reference, self.group)) as structure:
                 self.healthy[key] = structure.solve(reference, name)

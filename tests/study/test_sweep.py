@@ -364,6 +364,27 @@ def test_structures_are_shared(tmp_path, monkeypatch):
     assert solved.count("frequencies") == 3 and solved.count("steady") == 6
 
 
+@pytest.mark.parametrize(
+    ("what", "named"),
+    [
+        ('point = "A"\nfy = 200.0', 'point = "B"\nfy = 200.0'),
+        ("pictures = false", 'pictures = false\npoints = ["A", "B"]'),
+        (
+            "damping = 0.01",
+            'damping = 0.01\ncontact_laws.crack1 = { kind = "unilateral", compliance = 1e-12 }',
+        ),
+    ],
+)
+def test_a_healthy_structure_lacks_what_a_crack_has(what, named):
+    """Frequency shifts of a case whose loads, points or laws name a crack, which the healthy beam has not."""
+    case, rows = case_from_text(CASE.replace(what, named)), {"loads.push.fy": [1.0]}
+    found = sb.sweep(case, rows, analyses=["frequencies"], comm=MPI.COMM_SELF)
+    assert found.reasons == [""]
+    cracked, healthy = (sb.modal(model(depth), count=5).frequencies for depth in (0.004, 0.0))
+    expected = indicators.frequency_shift(cracked, healthy)
+    np.testing.assert_allclose(found.values["frequencies/frequency_shift"][0], expected, atol=3e-7)
+
+
 def test_from_python(tmp_path):
     """`sb.sweep` with parameters of its own, and its refusals."""
     case = case_from_text(CASE)
