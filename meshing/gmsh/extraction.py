@@ -189,23 +189,27 @@ def _area(gmsh, surface: int) -> float:
 
 def _refuse_crossing_outlines(gmsh, surfaces: list[int]) -> None:
     """Surfaces whose outline and embedded curves cross each other, on which gmsh may work for ever, or have
-    two edges between the same nodes, as a hole of two edges has; needs the mesh of the curves.
+    closed lines of one or two edges, holes that gmsh fills; needs the mesh of the curves.
     """
     where = describe.node_positions(gmsh)
     for surface in surfaces:
         curves = gmsh.model.getBoundary([(2, surface)], oriented=False)
         curves += gmsh.model.mesh.getEmbedded(2, surface)
-        tags = np.vstack([describe.line_ends(gmsh, tag) for dimension, tag in curves if dimension == 1])
+        own = {
+            tag for dimension, tag in curves if dimension == 1
+        }  # some are embedded twice, or in the outline
+        tags = np.vstack([describe.line_ends(gmsh, tag) for tag in sorted(own)])
         if not len(tags):
             continue
         segments = where[tags]
         if np.ptp(segments[..., 2]) > 1e-9 * np.ptp(segments.reshape(-1, 3), axis=0).max():
             continue  # not plane: refused with its cells
-        _, first, times = np.unique(np.sort(tags, axis=1), axis=0, return_index=True, return_counts=True)
-        for x, y, _ in segments[first[times > 1]].mean(axis=1):
+        pairs, first, times = np.unique(np.sort(tags, axis=1), axis=0, return_index=True, return_counts=True)
+        for x, y, _ in segments[first[(times > 1) | (pairs[:, 0] == pairs[:, 1])]].mean(axis=1):
             raise Refusal(
-                f"two edges on the curves of surface {surface} have the same ends, near ({x:.6g}, {y:.6g}) "
-                "(in the file's unit), and gmsh fills what is between them; give smaller sizes there."
+                f"on the curves of surface {surface} one or two edges make a closed line near ({x:.6g}, "
+                f"{y:.6g}) (in the file's unit), and gmsh fills what is inside; give smaller sizes there, or "
+                "more nodes where Transfinite Curve says how many."
             )
         crossing = find_crossing(segments[..., :2], tags)
         if crossing is not None:

@@ -194,18 +194,41 @@ def test_closed_circle_in_a_geo_file(tmp_path):
     check_mesh(mesh, np.pi * 0.02**2, 1e-9)
 
 
-def test_a_hole_of_two_edges(tmp_path):
-    """Which gmsh fills: the area had been that of the plate without a hole, without a word."""
+def test_a_hole_of_one_or_two_edges(tmp_path):
+    """Which gmsh fills: the area had been that of the plate without a hole, without a word. Sizes are of no
+    use where a script says how many nodes there are.
+    """
     path = tmp_path / "plate.geo"
-    path.write_text(
+    text = (
         'SetFactory("OpenCASCADE"); Rectangle(1) = {-1, -1, 0, 2, 2}; Disk(2) = {0, 0, 0, 0.4};\n'
         "BooleanDifference(3) = { Surface{1}; Delete; }{ Surface{2}; Delete; };\n"
-        'Physical Surface("steel") = {3}; Transfinite Curve {5} = 3;\n'
+        'Physical Surface("steel") = {3}; Transfinite Curve {5} = NODES;\n'
     )
-    with pytest.raises(ValueError, match=r"two edges on the curves of surface 3 have the same ends, near"):
-        read_gmsh(path, size=0.5)
-    path.write_text(path.read_text().replace("{5} = 3", "{5} = 25"))
+    says = (
+        r"surface 3 one or two edges make a closed line near .*, or more nodes where Transfinite Curve says"
+    )
+    for nodes in "23":
+        path.write_text(text.replace("NODES", nodes))
+        with pytest.raises(ValueError, match=says):
+            read_gmsh(path, size=0.5)
+    path.write_text(text.replace("NODES", "25"))
     assert read_gmsh(path, size=0.5).area == pytest.approx(4.0 - np.pi * 0.4**2, rel=1e-9)
+
+
+@pytest.mark.parametrize("curve", [1, 20])
+def test_a_curve_that_is_said_twice(tmp_path, curve):
+    """One that is embedded twice, or is in the outline as well, is one curve, no closed line of two edges."""
+    path = tmp_path / "plate.geo"
+    path.write_text(
+        "Point(1) = {0, 0, 0, 0.3}; Point(2) = {1, 0, 0, 0.3}; Point(3) = {1, 1, 0, 0.3};\n"
+        "Point(4) = {0, 1, 0, 0.3}; Point(5) = {0.3, 0.5, 0, 0.1}; Point(6) = {0.7, 0.5, 0, 0.1};\n"
+        "Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1}; Line(20) = {5, 6};\n"
+        "Curve Loop(1) = {1 : 4}; Plane Surface(1) = {1};\n"
+        f"Curve{{20}} In Surface{{1}}; Curve{{{curve}}} In Surface{{1}};\n"
+        'Physical Surface("steel") = {1}; Physical Curve("crack:c") = {20};\n'
+    )
+    mesh = read_gmsh(path)
+    assert mesh.area == pytest.approx(1.0, rel=1e-12) and len(mesh.cracks) == 1
 
 
 def test_a_session_of_the_user_keeps_its_unit(folder):
