@@ -15,7 +15,7 @@ from ..contact.law import ContactLaw, Unilateral, check_without_layer
 from ..errors import UnknownName, listed, warn
 from .cells import KINDS, checked_cells, corners, outer_faces, rows_of
 from .faces import APART, ROUNDING, between, given_gap, moved, moving_pairs, normal_of, partners
-from .plausibility import FEW, OWNER, SMALL, UNITS, warn_of_order, warn_of_rounding, warn_of_units
+from .plausibility import OWNER, UNITS, warn_of_order, warn_of_rounding, warn_of_units
 from .rows import AXES, HELD, NONE, Contact, Row, told
 
 # Relative asymmetry that rounding of written files explains.
@@ -107,8 +107,8 @@ class FiniteElementModel:
             raise ValueError(f"{OWNER}: mass is negative, {heavy.min():g} kg on its diagonal")
         moves = self.unknowns[:, 1] < 3
         warn_of_units(units, (own[moves], heavy[moves]), self.places, self._weight())
-        solid = any(len(KINDS[kind][1]) > 1 for kind in self.elements)
-        warn_of_order(self.stiffness, self.places, self.columns, SMALL if solid else FEW)
+        solid = [cells for kind, cells in self.elements.items() if len(KINDS[kind][1]) > 1]
+        warn_of_order(self.stiffness, self.places, self.columns, solid)
 
     def _pairs(self, name: str, given: Any, count: int) -> np.ndarray:
         """(count, 2): rows of nodes, by their labels, and directions."""

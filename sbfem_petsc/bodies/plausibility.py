@@ -4,6 +4,7 @@ stiffness where the body moves as a whole.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -59,7 +60,9 @@ def warn_of_units(
         )
 
 
-def warn_of_order(stiffness: sparse.csr_matrix, places: np.ndarray, columns: np.ndarray, few: int) -> None:
+def warn_of_order(
+    stiffness: sparse.csr_matrix, places: np.ndarray, columns: np.ndarray, cells: Sequence[np.ndarray]
+) -> None:
     """Warn where a body, turned as a whole, meets forces nearly everywhere but beside supports.
 
     Parameters
@@ -69,19 +72,22 @@ def warn_of_order(stiffness: sparse.csr_matrix, places: np.ndarray, columns: np.
         m, of the nodes.
     columns : (m, 6) array of int
         Unknowns of each node, as of `FiniteElementModel`.
-    few : int
-        Unknowns away from supports below which nothing is told.
+    cells : sequence of (e, k) arrays of int
+        Rows of nodes of solid elements.
     """
     moves, about = columns >= 0, np.array([1.0, -0.6, 0.8])
     turned = np.cross(about, places - places[moves.any(axis=1)].mean(axis=0))
     rigid, held = np.zeros(stiffness.shape[0]), (columns == HELD).any(axis=1) | ~moves.any(axis=1)
     rigid[columns[moves]] = np.hstack([turned, np.tile(about, (len(places), 1))])[moves]
-    # nor any of the nearest nodes, as many as one meets in its rows, is held
+    # nor any of the nearest nodes, as many as one meets in its rows, is held, nor of one's elements
     met = min(np.diff(stiffness.indptr).max() // 3 + 1, len(places)) if held.any() else 1
     near = tree_of(places).query(places, met)[1].reshape(len(places), -1)
-    far = moves & ~held[near].any(axis=1, keepdims=True)
+    beside = held[near].any(axis=1)
+    for own in cells:
+        beside[own[held[own].any(axis=1)]] = True
+    far = moves & ~beside[:, None]
     forced = np.abs(_forces(stiffness, rigid))[columns[far]] > FORCED
-    if len(forced) >= few and forced.mean() > NEARLY:
+    if len(forced) >= (SMALL if cells else FEW) and forced.mean() > NEARLY:
         warn(
             f"{OWNER}: turned as a whole, the body meets forces at {forced.sum()} of {len(forced)} "
             "unknowns away from supports; are unknowns and nodes those of the matrices' rows, in order?",

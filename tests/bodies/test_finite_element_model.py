@@ -415,6 +415,31 @@ def test_few_unknowns_in_another_order(parts):
         sb.FiniteElementModel(**{**turned, "elements": {}})
 
 
+def test_long_cells_that_are_held_at_an_end():
+    """Nodes of a cell that is longer than some cells are wide meet forces of its held end, though other nodes
+    are nearer to them than that.
+    """
+    skfem = pytest.importorskip("skfem")
+    from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+    width = np.linspace(0.0, 0.01, 6)
+    box = skfem.MeshHex.init_tensor(np.array([0.0, 0.1]), width, width)
+    moved = np.random.default_rng(0).uniform(-0.15, 0.15, box.p.shape) * [[0.1], [0.002], [0.002]]
+    mesh = skfem.MeshHex(box.p + moved, box.t)
+    basis = skfem.Basis(mesh, skfem.ElementVector(skfem.ElementHex1()))
+    stiffness = linear_elasticity(*lame_parameters(210e9, 0.3)).assemble(basis).tocsr()
+    mass = 0.0785 / mesh.nvertices * scipy.sparse.identity(basis.N, format="csr")
+    every = np.zeros((basis.N, 2), dtype=int)
+    for d, rows in enumerate(basis.nodal_dofs):
+        every[rows] = np.stack([np.arange(mesh.nvertices), np.full(mesh.nvertices, d)], axis=1)
+    held = every[box.p[0, every[:, 0]] < 1e-9].tolist()
+    cells = {"hexahedron": mesh.t[[0, 3, 6, 2, 1, 5, 7, 4]].T}  # skfem's order as VTK's
+    given = mass, stiffness, every, dict(enumerate(mesh.p.T))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sb.FiniteElementModel(*given, fixed=held, elements=cells)
+
+
 @pytest.mark.parametrize("thick", [2e-4, 1e-3, 4e-3])
 def test_plates_that_are_held_over_a_face(thick):
     """One element thick, cells of 1 mm: all free nodes are beside held ones, and nothing is told of their
