@@ -118,7 +118,7 @@ def _true_curves(
     ends_of, points_of = [np.zeros((0, 2), np.int64)], [np.zeros((0, order + 1, 2))]
     for curve in curves:
         straight = gmsh.model.getType(1, curve) in ("Line", "Discrete curve")
-        if straight or not len(used := line_ends(gmsh, curve)):
+        if straight or not (used := set(line_ends(gmsh, curve).ravel().tolist())):
             continue
         # Not combined: gmsh would leave out the point at which a closed curve starts and ends.
         (_, first), (_, last) = gmsh.model.getBoundary([(1, curve)], combined=False, oriented=False)
