@@ -334,7 +334,8 @@ def opened(path: Any, what: str = WHAT) -> Iterator[h5py.File]:
     """
     path = checked_path(what, "path", path)
     if not os.path.isfile(path):
-        raise ValueError(f"{what} {path!r} does not exist")
+        lacking = "is no regular file" if os.path.exists(path) else "does not exist"
+        raise ValueError(f"{what} {path!r} {lacking}")
     with _sentences(path, what), contextlib.ExitStack() as stack:
         try:
             file = stack.enter_context(h5py.File(path, "r"))

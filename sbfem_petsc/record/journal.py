@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from meshing.folder_index import open_regular
-from meshing.whole_file import destination, reason, replaced
+from meshing.whole_file import destination, reason, replaced, require_regular
 
 from ..errors import SolveError
 from ..output_folder import hold
@@ -49,6 +49,7 @@ def may_be_replaced(path: str) -> bool:
 
 def _begin(path: str) -> bytes:
     try:
+        require_regular(path)
         with open(path, "rb") as file:
             return file.read(8)
     except OSError:

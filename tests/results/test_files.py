@@ -217,6 +217,10 @@ def test_what_is_missing_truncated_foreign_or_of_another_version(saved, tmp_path
         data = file.read()
     with pytest.raises(ValueError, match="does not exist"):
         sb.read(tmp_path / "none.h5")
+    os.mkfifo(tmp_path / "pipe")
+    for waits in (tmp_path / "pipe", "/dev/zero"):  # for ever
+        with pytest.raises(ValueError, match="is no regular file"):
+            sb.read(waits)
     for length in (0, 100, len(data) // 2, len(data) - 1):
         (tmp_path / "cut.h5").write_bytes(data[:length])
         with pytest.raises(ValueError, match="truncated, damaged or no HDF5 file"):
