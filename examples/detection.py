@@ -46,10 +46,11 @@ def main():
     for value in depths:
         mean = [np.mean(chance[depth == value]) for chance in seen.values()]
         out.print(f"{1e3 * value:8.2f}  " + "  ".join(f"{m:{len(name)}.3f}" for name, m in zip(seen, mean)))
-    if not own.no_pictures and comm.rank == 0:
+    if not own.no_pictures:
         from sbfem_petsc.plot import plot_detection, save_picture
 
-        picture = save_picture(plot_detection(depth, place, seen), f"{folder}/detection.png")
+        axes = plot_detection(depth, place, seen, comm=comm)
+        picture = save_picture(axes, f"{folder}/detection.png")
         out.print(f"picture: {picture}")
 
 
