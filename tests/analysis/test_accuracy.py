@@ -415,7 +415,7 @@ def test_two_tones(monkeypatch):
     more = sb.quasi_periodic(beam, load, frequencies, guess=few, stability=False)
     assert 40 < len(more.reduced.omega) < 80
     np.testing.assert_allclose(more.line(1, 1, "A"), fine.line(1, 1, "A"), rtol=1e-4)
-    solve = quasi_periodic._solved
+    solve = quasi_periodic._TwoTones._solved
     nowhere = (
         r"no motion is found near it in 80 modes and .. vectors and \d+ steps a period of the faster tone"
     )
@@ -424,12 +424,12 @@ def test_two_tones(monkeypatch):
         (ValueError("it takes more memory than is free"), "it takes more memory than is free"),
     ):
 
-        def refused(torus, *given, lost=lost):
+        def refused(tones, torus, *given, lost=lost):
             if len(torus.reduced.omega) > 40:
                 raise lost
-            return solve(torus, *given)
+            return solve(tones, torus, *given)
 
-        monkeypatch.setattr(quasi_periodic, "_solved", refused)
+        monkeypatch.setattr(quasi_periodic._TwoTones, "_solved", refused)
         words = rf"lines m f1 \+ n f2 .* beyond .. modes and .+ vectors \({why}\); give a few more than modes"
         with pytest.warns(sb.AccuracyWarning, match=words):
             kept = sb.quasi_periodic(beam, load, frequencies, guess=few, stability=False)

@@ -402,7 +402,8 @@ class CondensedSolve:
         if self.shift == 0.0:
             return np.pad(upper, ((0, len(self.diagonal)), (0, 0)))
         follow = _products(self.pencil.coupling, upper, transposed=True)
-        return np.concatenate([upper, self.shift * follow / self.diagonal[:, None]])
+        follow *= self.shift / self.diagonal[:, None]
+        return np.concatenate([upper, follow])
 
     def release(self) -> None:
         """Free the PETSc objects and let go of the pencil: PETSc may keep this context longer than it is of
