@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
+import uuid
 from typing import Any
 
 if sys.version_info >= (3, 11):
@@ -18,12 +19,13 @@ from .problems import CaseError
 from .tables import Path, Problem
 
 _DIGITS = re.compile(r"[\d_]+")
-# Texts, up to two quotation marks before the closing three included; comments; signs; keys and values.
-_TOKEN = re.compile(
-    r""""{3}(?:\\.|[^\\])*?"{3,5}|'{3}.*?'{3,5}|"(?:\\.|[^"\\])*"|'[^']*'|#[^\n]*"""
-    r"""|[][{},=.]|[^][{},=.#"'\s]+""",
-    re.DOTALL,
-)
+_TEXT = r""""(?:\\.|[^"\\\n])*"|'[^'\n]*'"""
+_KEYS = rf"(?:[\w-]+|{_TEXT})(?:[ \t]*\.[ \t]*(?:[\w-]+|{_TEXT}))*[ \t]*"
+_HEADER = re.compile(rf"^[ \t]*\[\[?[ \t]*{_KEYS}\]\]?(?P<header>)", re.MULTILINE)
+# Texts on several lines have up to two quotation marks before the closing three.
+_VALUE = rf""""{{3}}(?:\\.|[^\\])*?"{{3,5}}|'{{3}}.*?'{{3,5}}|{_TEXT}|\{{\s*\}}|[^][{{}},#"'\n]+"""
+_LEFT = rf"{_KEYS}=|#[^\n]*|\s*\n|[ \t]+"
+_TOKEN = re.compile(rf"{_LEFT}|(?P<open>\[)|(?P<close>\])|(?P<value>{_VALUE})|[,{{}}]", re.DOTALL)
 
 
 def parse(text: str, file: str) -> tuple[dict[str, Any], dict[Path, int]]:
@@ -37,7 +39,7 @@ def parse(text: str, file: str) -> tuple[dict[str, Any], dict[Path, int]]:
         If the text is not TOML; the sentence names file and line.
     """
     try:
-        data = tomllib.loads(text)
+        return tomllib.loads(text), _lines(text)
     except RecursionError:
         raise _refused(file, "its arrays or tables are nested too deeply", 1) from None
     except tomllib.TOMLDecodeError as error:
@@ -53,7 +55,6 @@ def parse(text: str, file: str) -> tuple[dict[str, Any], dict[Path, int]]:
         line = text.count("\n", 0, longest.start()) + 1
         words = f"a number of {len(longest[0]):,d} digits is too long; write it as 1e9 is written"
         raise _refused(file, words, line) from None
-    return data, _Scanner(text).scan()
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
@@ -80,80 +81,30 @@ def _refused(file: str, text: str, line: int | None = None) -> CaseError:
     return CaseError(file, [Problem((), text)], {(): line} if line else None)
 
 
-class _Scanner:
-    """Finds the keys of a text that is known to be valid TOML."""
+def _lines(text: str) -> dict[Path, int]:
+    """Lines of the paths of a valid text: one with these in the place of its values, and in front of those of
+    each table and array, has them at the same paths.
+    """
+    own = uuid.uuid4().hex  # a key that it has not
+    written, line, at, depth = [], 1, 0, 0
+    while at < len(text):
+        token: Any = (_HEADER.match(text, at) if depth == 0 else None) or _TOKEN.match(text, at)
+        kind, words = token.lastgroup, token[0]
+        depth += {"open": 1, "close": -1}.get(kind, 0)
+        marked = {"header": f"{words}\n{own} = {line}", "open": f"[{line}, ", "value": f"{line}"}
+        written.append(marked.get(kind, words))
+        line, at = line + words.count("\n"), token.end()
+    found: dict[Path, int] = {}
 
-    def __init__(self, text: str):
-        self.tokens: list[tuple[str, int]] = []  # and the line of each
-        self.at, line, before = 0, 1, 0
-        for found in _TOKEN.finditer(text):
-            line, before = line + text.count("\n", before, found.start()), found.start()
-            if not found[0].startswith("#"):
-                self.tokens.append((found[0], line))
-        self.tokens.append(("", line))
-        self.lines: dict[Path, int] = {}
-        self.tables: dict[Path, int] = {}  # arrays of tables and their lengths
+    def visit(value: Any, path: Path) -> int:
+        if isinstance(value, int):
+            found[path] = value
+        else:  # a table that has no line of its own stands where the first of its keys does
+            first = -1 if isinstance(value, list) and isinstance(value[0], int) else 0
+            entries = value.items() if isinstance(value, dict) else enumerate(value, first)
+            found[path] = min(visit(entry, (*path, key)) for key, entry in entries)
+        return found[path]
 
-    def scan(self) -> dict[Path, int]:
-        here: Path = ()
-        while word := self._word():
-            if word == "[":
-                here = self._header()
-            else:
-                self._pair(here)
-        return self.lines
-
-    def _word(self) -> str:
-        return self.tokens[self.at][0]
-
-    def _header(self) -> Path:
-        line, array = self.tokens[self.at][1], self.tokens[self.at + 1][0] == "["
-        self.at += 1 + array
-        keys = self._keys()
-        self.at += 1 + array
-        path: Path = ()
-        for k, key in enumerate(keys):
-            path += (key,)
-            if array and k == len(keys) - 1:
-                self.tables[path] = self.tables.get(path, 0) + 1
-                self.lines.setdefault(path, line)
-            if path in self.tables:
-                path += (self.tables[path] - 1,)
-            self.lines.setdefault(path, line)
-        return path
-
-    def _keys(self) -> list[str]:
-        keys = []
-        while True:
-            word = self._word()
-            keys.append(next(iter(tomllib.loads(f"{word} = 0"))) if word[0] in "\"'" else word)
-            self.at += 1
-            if self._word() != ".":
-                return keys
-            self.at += 1
-
-    def _pair(self, here: Path) -> None:
-        line = self.tokens[self.at][1]
-        for key in self._keys():
-            here += (key,)
-            self.lines.setdefault(here, line)
-        self.at += 1  # the equals sign
-        self._value(here)
-
-    def _value(self, path: Path) -> None:
-        (first, line), position = self.tokens[self.at], 0
-        self.at += 1
-        if first in ("[", "{"):
-            while (word := self._word()) not in ("]", "}"):
-                if word == ",":
-                    self.at += 1
-                elif first == "{":
-                    self._pair(path)
-                else:
-                    self.lines[(*path, position)] = self.tokens[self.at][1]
-                    self._value((*path, position))
-                    position += 1
-            self.at += 1
-        elif first[0] not in "\"'":  # a number or date, of several tokens
-            while self._word() not in (",", "]", "}", "") and self.tokens[self.at][1] == line:
-                self.at += 1
+    for key, value in tomllib.loads("".join(written)).items():
+        visit(value, (key,))
+    return {path: line for path, line in found.items() if path[-1] not in (own, -1)}
