@@ -70,6 +70,18 @@ def even(samples: int) -> Iterator[tuple[str, str]]:
         yield "samples", f"= {samples} must be odd; give {samples + 1}"
 
 
+class OfEither(Options):
+    """Options of motions of reduced and of unreduced models.
+
+    Attributes
+    ----------
+    of_reduced : dict of str to tuple
+        Those that are for the reduced model, and the values that the unreduced one takes of them.
+    """
+
+    of_reduced: ClassVar[dict[str, tuple[Any, ...]]] = {"accuracy": (None,)}
+
+
 class ModalOptions(Options):
     """Options of `modal`."""
 
@@ -104,7 +116,7 @@ class LoadHistoryOptions(Options):
     contact: bool = item(True, text=_CONTACT)
 
 
-class TransientOptions(Options):
+class TransientOptions(OfEither):
     """Options of `transient`."""
 
     duration: float = item(text="length of the history", unit="s", gt=0)
@@ -148,8 +160,16 @@ class Integration(Options):
     modes: int | None = _counted(_MODES)
 
 
-class PeriodicOptions(Integration):
+class PeriodicOptions(OfEither, Integration):
     """Options of `periodic`."""
+
+    of_reduced = {
+        "segments": (1,),
+        "tolerance": (None,),
+        "accuracy": (None,),
+        "stability": (None, False),
+        "jacobian": ("auto", "matrix-free"),
+    }
 
     frequency: float = driven_at("forcing frequency")
     periods: int | None = _counted("forcing periods in a period of the motion; default: the fewest that fit")
@@ -191,8 +211,11 @@ class FrequencyRange(Ranged, Integration):
     largest_step: float | None = _largest_step("frequency", "Hz")
 
 
-class CurveOptions(Integration):
+class CurveOptions(OfEither, Integration):
     """What response curves over any parameter have in common."""
+
+    # damping and gaps are in the matrices of an unreduced model
+    of_reduced = {"parameter": ("frequency", "load"), "accuracy": (None,), "stability": (None, False)}
 
     periods: int | None = _counted("forcing periods in a period of the motion; default: 1, or those of guess")
     points: int = _counted("points at most", 400, least=2)
@@ -205,12 +228,14 @@ class CurveOptions(Integration):
 class FrequencyResponseOptions(CurveOptions, FrequencyRange):
     """Options of `frequency_response`."""
 
+    of_reduced = CurveOptions.of_reduced | {"contact": (True,)}
     contact: bool = item(True, text="false: the linear response")
 
 
 class LoadResponseOptions(Ranged, CurveOptions):
     """Options of `load_response`."""
 
+    of_reduced = CurveOptions.of_reduced | {"parameter": ("load",)}
     frequency: float = driven_at("forcing frequency")
     start: float = item(0.0, text="first factor", ge=0, le=1e15)
     stop: float = item(1.0, text="last factor", ge=0, le=1e15)

@@ -164,11 +164,10 @@ def periodic(
         if segments > 1:
             model.require_frictionless("periodic in segments")
         if reduction is None:
-            segmented = segments if segments > 1 else None
             asked: dict[str, Any] = {"guess": guess, "tolerance": tolerance, "search": search}
-            asked["segments"], asked["accuracy"] = segmented, accuracy
-            asked["jacobian"] = None if jacobian in ("auto", "matrix-free") else jacobian
-            require_unreduced("periodic", model, {**asked, "stability": stability or None})
+            asked |= {"segments": segments, "accuracy": accuracy, "jacobian": jacobian}
+            asked["stability"] = stability
+            require_unreduced("periodic", model, asked, PeriodicOptions.of_reduced)
     if reduction is None:
         assert isinstance(model, Model)
         return _unreduced(model, load, frequency, settings, progress)

@@ -47,7 +47,7 @@ from ..reduction.build import MOST_OF_MANY
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 from .analysis import analysis
-from .options import FrequencyResponseOptions, LoadResponseOptions
+from .options import CurveOptions, FrequencyResponseOptions, LoadResponseOptions
 
 # `Orbit.path` of a motion next to a period doubling.
 DOUBLED = "period doubling"
@@ -279,15 +279,10 @@ class _Run:
 
     def _unreduced(self) -> Branch:
         what, over = self.over.owner, self.over
-        given = {
-            # damping and gaps are in the model's matrices
-            "parameter": over.name if over.name in ("damping", "gap") else None,
-            "guess": self.guess,
-            "stability": self.stability or None,
-            "accuracy": self.settings.accuracy,
-        }
+        given: dict[str, Any] = {"parameter": over.name, "guess": self.guess, "stability": self.stability}
+        given["accuracy"] = self.settings.accuracy
         with collective(self.model.comm):
-            require_unreduced(what, self.model, given)
+            require_unreduced(what, self.model, given, CurveOptions.of_reduced)
         assert isinstance(self.model, Model)
         settings = replace(self.settings, periods=self.settings.periods or 1)
         with (

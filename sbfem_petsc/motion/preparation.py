@@ -304,13 +304,18 @@ def check_reduction(owner: str, reduction: object, model: object) -> None:
         raise ValueError(f"{owner}: reduction = None needs the model itself, not a reduced one")
 
 
-def require_unreduced(owner: str, model: Model | ReducedModel, given: Mapping[str, Any]) -> None:
+def require_unreduced(
+    owner: str,
+    model: Model | ReducedModel,
+    given: Mapping[str, Any],
+    taken: Mapping[str, tuple[Any, ...]],
+) -> None:
     """Raise ValueError where something is given that motions of an unreduced model do not have: arguments by
-    their names, None where they are left out.
+    their names, and the values that are taken of them, of others None.
     """
     model.require_frictionless(f"{owner} of the unreduced model")
     for name, value in given.items():
-        if value is not None:
+        if value not in taken.get(name, (None,)):
             raise ValueError(
                 f"{owner}: {name} = {shown(value)} is for the reduced model; the unreduced one, reduction = "
                 "None, is shot at from its linear response, without a matrix, in the steps given, with its "

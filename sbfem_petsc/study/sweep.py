@@ -316,7 +316,7 @@ class _Sweeping:
         values: Values = {}
         for name in self.names:
             kind = case.tables.analyses[name]
-            key = kind.model_dump_json() if kind.alike else ""
+            key = kind.model_dump_json() if not kind.loads_in else ""
             result = alike.get(key) or structure.solve(case, name)
             if key:
                 alike[key] = result

@@ -1,5 +1,6 @@
 """Runs into a folder: numbers of the Python interface, resuming, failures, exit codes, ranks."""
 
+import functools
 import inspect
 import json
 import os
@@ -566,7 +567,8 @@ def test_keys_of_a_backbone(monkeypatch):
     text = '[analyses.bone]\nkind = "backbone"\nmode = 1\nstart = 1e-6\nstop = 1e-3\ninteractions = true\n'
     case = case_from_text(CASE + text)
     options, given = inspect.signature(sb.backbone).parameters, {}
-    monkeypatch.setattr(sb, "backbone", lambda model, **options: given.update(options))
+    told = functools.wraps(sb.backbone)(lambda model, **options: given.update(options))
+    monkeypatch.setattr(sb, "backbone", told)
     case.tables.analyses["bone"].solve(case, None, Run(progress="auto"))
     assert set(given) == set(options) - {"model"}
     assert [given.pop(name) for name in ("mode", "start", "stop", "interactions")] == [1, 1e-6, 1e-3, True]

@@ -617,6 +617,16 @@ def test_tones_without_a_common_period(fault, tmp_path):
     assert not (tmp_path / "output").exists()
 
 
+@pytest.mark.parametrize("longest", [99, 100])
+def test_tones_with_a_long_common_period(longest):
+    """404 Hz and 400 Hz repeat after 100 periods of the latter; the table says how many are looked for."""
+    text = CASE.replace("fy = 200.0", TONE.replace("517.3", "404.0"), 1)
+    text = text.replace("modes = 12", f"longest = {longest}\nmodes = 12", 1)
+    case = case_from_text(text.replace('kind = "static"\nload = "push"', 'kind = "modal"\ncount = 1'))
+    with contextlib.nullcontext() if longest == 100 else pytest.raises(CaseError, match="load is refused"):
+        case.check_tones(["steady"])
+
+
 def test_tones_that_a_sweep_gives():
     """Of an analysis whose tones are varied the values in the case itself stand for nothing."""
     text = CASE.replace("fy = 200.0", TONE, 1).replace(

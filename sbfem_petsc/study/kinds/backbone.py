@@ -5,26 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
-import sbfem_petsc as sb
-
 from ...analysis.options import BackboneOptions
 from ...options import item
 from ...record.found import column, labelled
 from ..costs import Cost, Size
 from .frequency_response import curve_cost
-from .kind import Drawn, Kind, Quantities, Run
+from .kind import Drawn, Kind, Quantities
 
 
 class Backbone(BackboneOptions, Kind):
     """Free nonlinear vibration: frequency over energy of a nonlinear normal mode."""
 
     kind: Literal["backbone"] = item(text="frequency of free vibration over its energy")
-    alike = True
+    rubs = False
     running = True
     details = ("harmonics",)
-
-    def solve(self, case: Any, model: Any, run: Run) -> sb.Backbone:
-        return sb.backbone(model, **self.of(BackboneOptions), **run.kept)
 
     def asked(self, case: Any, model: Any) -> Iterator[tuple[str, int]]:
         yield from super().asked(case, model)

@@ -18,7 +18,7 @@ from ..case import objects
 from ..case.sweep import Times, grid
 from ..case.tables import Name, Path, Problem, Table
 from ..costs import FEWEST_MODES, Cost, Size
-from .kind import Drawn, Forced, Loaded, Quantities, Run
+from .kind import Drawn, Forced, Loaded, Quantities
 
 
 class StartAxis(Table):
@@ -49,8 +49,7 @@ class Basins(BasinsOptions, Forced, Loaded):
 
     kind: Literal["basins"] = item(text="basins of attraction")
     starts: list[StartAxis] = item(text="axes of the grid", min_length=1, max_length=3)
-    rubs = oscillates = True
-    saved = True
+    oscillates = saved = True
 
     def problems(self) -> Iterator[Problem]:
         """A mode that is not kept, too."""
@@ -60,19 +59,9 @@ class Basins(BasinsOptions, Forced, Loaded):
                 text = f"= {axis.mode} must be one of the modes = {self.modes}"
                 yield Problem(("starts", k, "mode"), text)
 
-    def solve(self, case: Any, model: Any, run: Run) -> sb.Basins:
-        starts = [
-            sb.StartAxis(
-                tuple(map(float, grid(axis.values))),
-                axis.kind,
-                axis.mode,
-                axis.point,
-                direction=axis.direction,
-            )
-            for axis in self.starts
-        ]
-        options = self.of(BasinsOptions)
-        return sb.basins(model, self.acting(case), starts=starts, **options, progress=run.progress)
+    def given(self, case: Any) -> dict[str, Any]:
+        starts = [sb.StartAxis(**{**dict(axis), "values": grid(axis.values)}) for axis in self.starts]
+        return super().given(case) | {"starts": starts}
 
     def lacking(self, case: Any, model: Any, most: int, words: str) -> Iterator[Problem]:
         """Modes and unit loads that there are not, too."""
@@ -113,23 +102,7 @@ class Basins(BasinsOptions, Forced, Loaded):
 
     def found(self, result: Any, points: Sequence[str]) -> Found:
         found = super().found(result, points)
-        found.inner["orbits"] = tuple(
-            Found(
-                [
-                    labelled("periods", int(orbit.periods), text="forcing periods in its period"),
-                    labelled("largest_multiplier", complex(orbit.multipliers[0]), text="of largest modulus"),
-                    labelled(
-                        "contact_peak",
-                        float(orbit.contact_resultant.max(initial=0.0)),
-                        "N",
-                        "largest resultant",
-                    ),
-                    labelled("integrity", result.integrity(k), "J", "least energy that leads away"),
-                    of_points("amplitude", points, orbit.amplitude, "m", "half the peak-to-peak of u_y"),
-                ]
-            )
-            for k, orbit in enumerate(result.orbits)
-        )
+        found.inner["orbits"] = tuple(_orbit(result, k, points) for k in range(len(result.orbits)))
         return found
 
     def more(self, result: Any, points: Sequence[str]) -> Quantities:
@@ -145,3 +118,18 @@ class Basins(BasinsOptions, Forced, Loaded):
     def cost(self, size: Size) -> Cost:
         starts = math.prod(len(grid(axis.values)) for axis in self.starts)
         return Cost(64.0 * starts * size.modes(self.modes), 32.0 * starts)
+
+
+def _orbit(result: Any, k: int, points: Sequence[str]) -> Found:
+    """What is told of a steady state."""
+    orbit = result.orbits[k]
+    largest, peak = complex(orbit.multipliers[0]), float(orbit.contact_resultant.max(initial=0.0))
+    return Found(
+        [
+            labelled("periods", int(orbit.periods), text="forcing periods in its period"),
+            labelled("largest_multiplier", largest, text="of largest modulus"),
+            labelled("contact_peak", peak, "N", "largest resultant"),
+            labelled("integrity", result.integrity(k), "J", "least energy that leads away"),
+            of_points("amplitude", points, orbit.amplitude, "m", "half the peak-to-peak of u_y"),
+        ]
+    )

@@ -6,13 +6,11 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
-import sbfem_petsc as sb
-
 from ...analysis.options import FrequencyResponseOptions
 from ...options import item
 from ...record.found import Found, column, labelled, of_points
 from ..costs import CURVE_POINTS, Cost, Size
-from .kind import Drawn, Loaded, Quantities, Reducible, Run
+from .kind import Loaded, Quantities, Reducible
 
 # Of a resonance: where `Branch.peak` has it, unit, and what it is.
 _PEAK = {
@@ -28,15 +26,10 @@ _PEAK = {
 class Curve(Reducible):
     """A kind whose result is a response curve."""
 
-    of_reduced = {"accuracy": (None,), "stability": (None, False)}
-    rubs = settles = oscillates = True
+    settles = oscillates = True
     running = saved = True
     details = ("harmonics",)
-    captions = {"curve": "response curve"}
-
-    @property
-    def frictionless(self) -> str | None:
-        return None if self.reduced else " of the unreduced model"
+    pictured, captions = {"curve": "plot_branches"}, {"curve": "response curve"}
 
     def more(self, result: Any, points: Sequence[str]) -> Quantities:
         unstable = float(result.unstable.sum()) if result.stability_known else math.nan
@@ -52,11 +45,6 @@ class Curve(Reducible):
             value = lambda point, field=field: getattr(peaks[point], field)
             yield column(of_points(name, points, value, unit, text))
 
-    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
-        point = drawn.point(result.points)
-        if point is not None:
-            yield "curve", drawn.plot.plot_branches({drawn.title: result}, point, comm=drawn.comm)
-
     @classmethod
     def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
         if found["bifurcations"]:
@@ -71,12 +59,9 @@ class FrequencyResponse(Curve, FrequencyResponseOptions, Loaded):
 
     kind: Literal["frequency_response"] = item(text="response curve over the frequency")
     signals = ("constant",)
-    of_reduced = Curve.of_reduced | {"contact": (True,)}
 
-    def solve(self, case: Any, model: Any, run: Run) -> sb.Branch:
-        kept = run.kept if self.contact else {"progress": run.progress}
-        options = self.of(FrequencyResponseOptions)
-        return sb.frequency_response(model, self.acting(case), **options, reduction=self.reduction, **kept)
+    def given(self, case: Any) -> dict[str, Any]:
+        return super().given(case) | ({} if self.contact else {"file": None, "resume": False})
 
     def cost(self, size: Size) -> Cost:
         if not self.contact:

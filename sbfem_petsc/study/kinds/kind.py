@@ -4,7 +4,10 @@ estimates do with it.
 
 from __future__ import annotations
 
+import functools
+import inspect
 import json
+import operator
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -14,7 +17,7 @@ import numpy as np
 
 import sbfem_petsc as sb
 
-from ...analysis.options import driven_at
+from ...analysis.options import OfEither, driven_at
 from ...indicators.detection import contact_duty
 from ...options import item, one_of
 from ...record.about import Quantity
@@ -117,6 +120,10 @@ class Kind(Table):
 
     Attributes
     ----------
+    function : str
+        Public function that it is solved by, if that has another name than the kind.
+    pictured : dict of str to str
+        Its pictures of a point, and the functions of `sbfem_petsc.plot` that draw them.
     loads_in : tuple of str
         Keys that name loads.
     signals : tuple of str or None
@@ -127,8 +134,6 @@ class Kind(Table):
         Whether it takes memory as statics do, and not as modes.
     rubs : bool
         Whether it takes faces that rub.
-    alike : bool
-        Whether loads have no part in it: one result serves all rows of a structure.
     moving : bool
         Whether its result is a motion, which can be animated.
     fields : bool
@@ -150,12 +155,13 @@ class Kind(Table):
     if TYPE_CHECKING:
         kind: Any  # the name in a case file, of each kind its own
 
+    function: ClassVar[str] = ""
+    pictured: ClassVar[dict[str, str]] = {}
     loads_in: ClassVar[tuple[str, ...]] = ()
     signals: ClassVar[tuple[str, ...] | None] = None
     free: ClassVar[bool] = False
     statics: ClassVar[bool] = False
-    rubs: ClassVar[bool] = False
-    alike: ClassVar[bool] = False
+    rubs: ClassVar[bool] = True
     moving: ClassVar[bool] = False
     fields: ClassVar[bool] = False
     running: ClassVar[bool] = False
@@ -166,8 +172,26 @@ class Kind(Table):
     captions: ClassVar[dict[str, str]] = {}
 
     def solve(self, case: Given, model: Any, run: Run) -> Any:
-        """The result, on the case's model. Collective."""
-        raise NotImplementedError
+        """The result, on the case's model: of a public function, whose arguments are what is given and keys
+        of the table. Collective.
+        """
+        function = getattr(sb, self.function or self.kind)
+        arguments = {**dict(self), **run.kept, **self.given(case)}
+        known = inspect.signature(function).parameters
+        return function(model, **{name: value for name, value in arguments.items() if name in known})
+
+    def given(self, case: Given) -> dict[str, Any]:
+        """Arguments of the function that the table's keys do not give as they are."""
+        return {"load": self.acting(case)} if self.loads_in else {}
+
+    def acting(self, case: Given, frequency: float | None = None) -> Any:
+        """Its loads; numbers are amplitudes at the frequency of their key, KEY_frequency, or at one that is
+        given, Hz, if there is any.
+        """
+        own = vars(self)
+        at = {key: own.get(f"{key}_frequency", frequency) for key in self.loads_in}
+        parts = [objects.load(case, own[key], own.get("factor", 1.0), tone) for key, tone in at.items()]
+        return functools.reduce(operator.add, parts)
 
     def loads(self) -> list[str]:
         """Names of its loads."""
@@ -199,47 +223,34 @@ class Kind(Table):
                 if name not in case.loads
             )
             loads = {name: case.loads[name] for name in names if name in case.loads}
-            yield from self._signals(key, loads)
-            yield from self._still(key, loads) if self.oscillates else ()
-
-    def _still(self, key: str, loads: dict[str, Any]) -> Iterator[Problem]:
-        """Loads that do not oscillate."""
-        given = [value for load in loads.values() for value in load.components.values()]
-        if given and all(value == 0.0 or getattr(value, "kind", "") == "constant" for value in given):
-            text = f"= {list(loads)} does not oscillate; give a number, the amplitude of sin(2 pi f t)"
-            yield Problem((key,), text)
-        if getattr(self, "factor", 1.0) == 0.0:
+            yield from (Problem((key,), text) for text in self._unfit(loads))
+        if self.oscillates and vars(self).get("factor") == 0.0:
             yield Problem(("factor",), "= 0 leaves no load; give another factor")
 
-    def _signals(self, key: str, loads: dict[str, Any]) -> Iterator[Problem]:
-        """Signals that an analysis does not understand; and a number beside signals that vary, where numbers
-        are amplitudes: it may be meant as a constant.
+    def _unfit(self, loads: dict[str, Any]) -> Iterator[str]:
+        """Signals that an analysis does not understand; a number beside signals that vary, where numbers are
+        amplitudes: it may be meant as a constant; and loads that do not oscillate.
         """
-        allowed = self.signals
-        if allowed is None:
-            return
         given = [
-            (name, part, value) for name, load in loads.items() for part, value in load.components.items()
+            (f"= {name!r} has {part}", value, getattr(value, "kind", ""))
+            for name, load in loads.items()
+            for part, value in load.components.items()
         ]
-        kinds = [getattr(value, "kind", None) for _, _, value in given]
-        for (name, part, _), kind in zip(given, kinds):
-            if kind is not None and kind not in allowed:
-                what = f"numbers and {' or '.join(allowed)}" if allowed else "numbers"
-                yield Problem(
-                    (key,),
-                    f"= {name!r} has {part} of kind {kind!r}, but {self.kind} takes {what}; use "
-                    "transient, or another load",
+        allowed = self.signals
+        for words, _, kind in given:
+            if kind and allowed is not None and kind not in allowed:
+                takes = f"takes numbers{' and ' * bool(allowed)}{' or '.join(allowed)}"
+                yield f"{words} of kind {kind!r}, but {self.kind} {takes}; use transient, or another load"
+        varies = any(kind not in ("", "constant") for *_, kind in given)
+        for words, value, kind in given if varies and "harmonic" in (allowed or ()) else ():
+            if not kind and value != 0.0:
+                yield (
+                    f"{words} = {value:g}, a number beside signals, which may be meant as a constant or as "
+                    f'an amplitude; give {{ kind = "constant", value = {value:g} }} or {{ kind = "harmonic", '
+                    f"amplitude = {value:g}, frequency = ... }}"
                 )
-        if "harmonic" not in allowed or all(kind in (None, "constant") for kind in kinds):
-            return
-        for name, part, value in given:
-            if isinstance(value, float) and value != 0.0:
-                yield Problem(
-                    (key,),
-                    f"= {name!r} has {part} = {value:g}, a number beside signals, which may be meant as a "
-                    f'constant or as an amplitude; give {{ kind = "constant", value = {value:g} }} or '
-                    f'{{ kind = "harmonic", amplitude = {value:g}, frequency = ... }}',
-                )
+        if self.oscillates and given and all(value == 0.0 or kind == "constant" for _, value, kind in given):
+            yield f"= {list(loads)} does not oscillate; give a number, the amplitude of sin(2 pi f t)"
 
     def places(self) -> Iterator[tuple[Path, str]]:
         """Points that must exist, by their paths within the table."""
@@ -274,7 +285,7 @@ class Kind(Table):
                 text = f"= {getattr(self, key)} asks for {count:,d} modes, and there are {most:,d}, {words}"
                 yield Problem((key,), text)
         if model is not None and self.loads_in:
-            model.checked_loads(objects.load(case, self.loads()), constant=False)
+            model.checked_loads(self.acting(case), constant=False)
 
     def tones(self, case: Given, path: Path) -> None:
         """Refuse loads without the common period or the tones that the analysis needs, which a run would come
@@ -305,8 +316,11 @@ class Kind(Table):
         return own | Found(self.more(result, wanted.points)).sweep_row()
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
-        """Name and axes of each picture. Collective."""
-        return iter(())
+        """Name and axes of each picture: those that are `pictured`. Collective."""
+        point = drawn.point(result.points) if self.pictured else None
+        if point is not None:
+            for name, draw in self.pictured.items():
+                yield name, getattr(drawn.plot, draw)(result, point, title=drawn.title, comm=drawn.comm)
 
     def write_fields(self, result: Any, path: str, model: Any) -> None:
         """Write fields for ParaView, of kinds with `fields`; `model` may be reduced, a body's. Collective."""
@@ -344,10 +358,6 @@ class UnderLoad(Kind):
     loads_in = ("load",)
     load: Names = item(text="name of a load, or several that act together")
 
-    def acting(self, case: Given, frequency: float | None = None) -> Any:
-        """The loads; numbers are amplitudes at a frequency, Hz, if one is given."""
-        return objects.load(case, self.load, vars(self).get("factor", 1.0), frequency)
-
 
 class Loaded(UnderLoad):
     """A kind under loads with a factor on them."""
@@ -376,6 +386,10 @@ class Moved(Kind):
             values["time"] = (result.time, "s")
         return values
 
+    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
+        yield from super().pictures(result, drawn)
+        yield from drawn.rubbing(result)
+
 
 class Forced(UnderLoad):
     """A kind under periodic loads with a forcing frequency."""
@@ -383,51 +397,36 @@ class Forced(UnderLoad):
     signals = PERIODIC
 
     def tones(self, case: Given, path: Path) -> None:
-        self.common_period(case, path)
-
-    def common_period(self, case: Given, path: Path) -> int:
-        """Forcing periods in the common period of the load and the frequency.
-
-        Raises
-        ------
-        CaseError
-            If there is none.
-        """
-        from ...motion.excitation import common_periods
-        from ...motion.preparation import LONGEST
-
         keys = vars(self)
         found = self.acting(case, keys["frequency"])
-        with objects.located(case, *path, "load"):
-            signals = objects.signals_of(found)
-            return common_periods(signals, keys["frequency"], keys.get("periods"), LONGEST)
+        common_period(case, (*path, "load"), found, keys["frequency"], keys.get("periods"))
 
 
-class Reducible(Kind):
+class Reducible(OfEither, Kind):
     """A kind whose model may be unreduced.
 
     Attributes
     ----------
-    of_reduced : dict of str to tuple
-        Options that are for the reduced model, and the values that the unreduced one takes of them.
     settles : bool
         Whether its motions are steady states, for which all modes of the unreduced model must be damped.
     """
 
     reduced: bool = item(True, text="false: the unreduced model")
-    of_reduced: ClassVar[dict[str, tuple[Any, ...]]] = {"accuracy": (None,)}
     settles: ClassVar[bool] = False
 
+    def given(self, case: Given) -> dict[str, Any]:
+        return super().given(case) | {"reduction": "modes" if self.reduced else None}
+
     @property
-    def reduction(self) -> str | None:
-        """Argument of the function."""
-        return "modes" if self.reduced else None
+    def frictionless(self) -> str | None:
+        """The unreduced model in steady states."""
+        return " of the unreduced model" if self.settles and not self.reduced else super().frictionless
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """What the unreduced model has not, too."""
         yield from super().contradictions()
         for name, taken in () if self.reduced else self.of_reduced.items():
-            value = getattr(self, name)
+            value = vars(self).get(name, taken[0])
             if value not in taken:
                 words = f"= {json.dumps(value)} is for the reduced model; leave out reduced = false or {name}"
                 yield name, words
@@ -451,15 +450,25 @@ class TwoTones(Kind):
     pump: Names = item(text="load of the tone that modulates it")
     pump_frequency: float = driven_at("tone that modulates it")
     loads_in = ("probe", "pump")
-    saved = rubs = True
+    saved = True
 
-    def acting(self, case: Given) -> Any:
-        """The loads, in the order of `loads_in`; numbers are amplitudes of their tone."""
-        first, second = (
-            objects.load(case, getattr(self, name), frequency=getattr(self, f"{name}_frequency"))
-            for name in self.loads_in
-        )
-        return first + second
+
+def common_period(
+    case: Given, path: Path, loads: Any, frequency: float, periods: int | None, longest: int | None = None
+) -> int:
+    """Forcing periods, at most `longest` where that is told, in the common period of loads and a
+    frequency, Hz.
+
+    Raises
+    ------
+    CaseError
+        At a path, if there is none.
+    """
+    from ...motion.excitation import common_periods
+    from ...motion.preparation import LONGEST
+
+    with objects.located(case, *path):
+        return common_periods(objects.signals_of(loads), frequency, periods, longest or LONGEST)
 
 
 def along(u: np.ndarray, direction: str = "y") -> np.ndarray:

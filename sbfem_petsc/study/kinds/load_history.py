@@ -13,7 +13,7 @@ from ...analysis.options import LoadHistoryOptions
 from ...options import item
 from ..case.sweep import Times, grid
 from ..costs import Cost, Size
-from .kind import Drawn, Loaded, Moved, Run, Values, Wanted, along
+from .kind import Drawn, Loaded, Moved, Values, Wanted, along
 
 
 class LoadHistory(LoadHistoryOptions, Moved, Loaded):
@@ -21,11 +21,12 @@ class LoadHistory(LoadHistoryOptions, Moved, Loaded):
 
     kind: Literal["load_history"] = item(text="equilibria under slowly changing loads")
     times: Times = item(text="times of the states, an array or { start, stop, count }", unit="s")
-    statics = rubs = True
+    statics = True
     details = ("contact_force", "gap")
+    pictured = {"history": "plot_load_history"}
 
-    def solve(self, case: Any, model: Any, run: Run) -> sb.LoadHistory:
-        return sb.load_history(model, self.acting(case), grid(self.times), **self.of(LoadHistoryOptions))
+    def given(self, case: Any) -> dict[str, Any]:
+        return super().given(case) | {"time": grid(self.times)}
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values = super().row(result, wanted)
@@ -41,10 +42,10 @@ class LoadHistory(LoadHistoryOptions, Moved, Loaded):
         return values
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
-        point = drawn.point(result.points)
-        if point is not None and isinstance(result, sb.LoadHistory):
-            yield "history", drawn.plot.plot_load_history(result, point, title=drawn.title, comm=drawn.comm)
-        yield from drawn.rubbing(result)
+        if isinstance(result, sb.LoadHistory):
+            yield from super().pictures(result, drawn)
+        else:
+            yield from drawn.rubbing(result)
 
     def cost(self, size: Size) -> Cost:
         count = len(grid(self.times))

@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
-
-import sbfem_petsc as sb
+from typing import Literal
 
 from ...analysis.options import LoadResponseOptions
 from ...options import item
 from ..costs import Cost, Size
 from .frequency_response import Curve, curve_cost
-from .kind import Forced, Run
+from .kind import Forced
 
 
 class LoadResponse(Curve, LoadResponseOptions, Forced):
     """Steady states at a fixed frequency over a factor on the oscillating loads, the damping or the gaps."""
 
     kind: Literal["load_response"] = item(text="response curve over the load")
-    of_reduced = Curve.of_reduced | {"parameter": ("load",)}
-
-    def solve(self, case: Any, model: Any, run: Run) -> sb.Branch:
-        options = self.of(LoadResponseOptions)
-        return sb.load_response(model, self.acting(case), **options, reduction=self.reduction, **run.kept)
 
     def cost(self, size: Size) -> Cost:
         taken = size.steady(self, self.frequency, size.highest(self), vectors=False)

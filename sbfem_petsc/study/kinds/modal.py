@@ -16,7 +16,7 @@ from ...options import item
 from ...record.about import Quantity
 from ...record.found import Found, column, labelled
 from ..costs import Cost, Size
-from .kind import Drawn, Kind, Quantities, Run, Values, Wanted
+from .kind import Drawn, Kind, Quantities, Values, Wanted
 
 # Rows of a report's table.
 _ROWS = 60
@@ -26,12 +26,9 @@ class Modal(ModalOptions, Kind):
     """Natural frequencies and modes of the undamped structure with open cracks: `count` or `band`."""
 
     kind: Literal["modal"] = item(text="natural frequencies and modes")
-    free = alike = fields = rubs = True
+    free = fields = True
     plane = ("accuracy",)
     captions = {"modes": "mode shapes"}
-
-    def solve(self, case: Any, model: Any, run: Run) -> sb.Modal:
-        return sb.modal(model, **self.of(ModalOptions))
 
     def asked(self, case: Any, model: Any) -> Iterator[tuple[str, int]]:
         yield "count", self.count or 0

@@ -10,15 +10,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-import sbfem_petsc as sb
-
 from ...indicators.lines import Sidebands, sidebands
 from ...options import item
 from ...record.found import Found, labelled
-from ..case.objects import located, signals_of
 from ..case.tables import Name, Path
 from ..costs import Cost, Size
-from .kind import Drawn, Quantities, Run, TwoTones, Values, Wanted, along
+from .kind import Drawn, Quantities, TwoTones, Values, Wanted, along, common_period
 from .periodic import Steady, steady_cost
 
 # Share of a period that counts as none when whole periods are counted.
@@ -40,6 +37,7 @@ class Modulation(Steady, TwoTones):
     modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
     contact: bool = item(True, text="false: crack faces may overlap")
     stability: bool = item(True, text="compute the Floquet multipliers")
+    function = "periodic"
     loads_in = ("pump", "probe")
     signals = ("constant",)
 
@@ -65,18 +63,8 @@ class Modulation(Steady, TwoTones):
                 f"{self.probe_frequency + furthest:g} Hz; give more, or leave steps out",
             )
 
-    def solve(self, case: Any, model: Any, run: Run) -> sb.Orbit:
-        return sb.periodic(
-            model,
-            self.acting(case),
-            self.pump_frequency,
-            steps=self._steps(),
-            modes=self.modes,
-            contact=self.contact,
-            stability=self.stability,
-            longest=self.longest,
-            progress=run.progress,
-        )
+    def given(self, case: Any) -> dict[str, Any]:
+        return super().given(case) | {"frequency": self.pump_frequency, "steps": self._steps()}
 
     def _steps(self) -> int:
         """Time steps a period of the low tone; by default 64 or more of the high one."""
@@ -101,11 +89,8 @@ class Modulation(Steady, TwoTones):
         yield ("point",), self.point
 
     def tones(self, case: Any, path: Path) -> None:
-        from ...motion.excitation import common_periods
-
-        found = signals_of(self.acting(case))
-        with located(case, *path, "probe_frequency"):
-            common_periods(found, self.pump_frequency, None, self.longest)
+        at = (*path, "probe_frequency")
+        common_period(case, at, self.acting(case), self.pump_frequency, None, self.longest)
 
     def more(self, result: Any, points: Sequence[str]) -> Quantities:
         yield from super().more(result, points)

@@ -8,15 +8,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-import sbfem_petsc as sb
-
 from ...analysis.options import PeriodicOptions
 from ...indicators.lines import harmonic_ratios
 from ...options import item
 from ...record.found import Found, column, labelled, of_points
 from ..case.tables import Path
 from ..costs import Cost, Size
-from .kind import Drawn, Forced, Loaded, Moved, Quantities, Reducible, Run, Values, Wanted, along
+from .kind import Drawn, Forced, Loaded, Moved, Quantities, Reducible, Values, Wanted, along, common_period
 
 # Harmonics of each point in a row of a sweep, and in a report.
 ROW_HARMONICS, SHOWN = 21, 11
@@ -88,26 +86,15 @@ class Periodic(Reducible, PeriodicOptions, Steady, Forced, Loaded):
     sin(2 pi frequency t)."""
 
     kind: Literal["periodic"] = item(text="steady state")
-    rubs = settles = True
-    of_reduced = {
-        "segments": (1,),
-        "tolerance": (None,),
-        "accuracy": (None,),
-        "stability": (None, False),
-        "jacobian": ("auto", "matrix-free"),
-    }
+    settles = True
 
     @property
     def frictionless(self) -> str | None:
-        parts = {" of the unreduced model": not self.reduced, " in segments": self.segments > 1}
-        return next((part for part, asked in parts.items() if asked), None)
-
-    def solve(self, case: Any, model: Any, run: Run) -> sb.Orbit:
-        options = {**self.of(PeriodicOptions), "reduction": self.reduction}
-        return sb.periodic(model, self.acting(case), **options, progress=run.progress)
+        return super().frictionless or (" in segments" if self.segments > 1 else None)
 
     def tones(self, case: Any, path: Path) -> None:
-        periods = self.common_period(case, path)
+        found = self.acting(case, self.frequency)
+        periods = common_period(case, (*path, "load"), found, self.frequency, self.periods, self.longest)
         if self.steps is not None and self.steps * periods % self.segments:
             raise case.problem(
                 (*path, "segments"),

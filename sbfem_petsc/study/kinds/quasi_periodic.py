@@ -7,8 +7,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-import sbfem_petsc as sb
-
 from ...analysis.options import QuasiPeriodicOptions
 from ...options import Options, item
 from ...record.about import Quantity
@@ -16,7 +14,7 @@ from ...record.found import Found, column, labelled, of_points
 from ..case.objects import located, signals_of
 from ..case.tables import Path
 from ..costs import STEPS, Cost, Size
-from .kind import PERIODIC, Drawn, Quantities, Run, TwoTones
+from .kind import PERIODIC, Drawn, Quantities, TwoTones
 from .periodic import symbol
 
 # Lines of a spectrum in a report.
@@ -52,13 +50,8 @@ class QuasiPeriodic(Lines, QuasiPeriodicOptions, TwoTones):
             yield "pump_frequency", text
         yield from super().contradictions()
 
-    def solve(self, case: Any, model: Any, run: Run) -> sb.QuasiPeriodic:
-        return sb.quasi_periodic(
-            model,
-            self.acting(case),
-            (self.probe_frequency, self.pump_frequency),
-            **self.of(QuasiPeriodicOptions),
-        )
+    def given(self, case: Any) -> dict[str, Any]:
+        return super().given(case) | {"frequencies": (self.probe_frequency, self.pump_frequency)}
 
     def tones(self, case: Any, path: Path) -> None:
         from ...motion.two_tones import drives

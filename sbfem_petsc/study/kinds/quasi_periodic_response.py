@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -14,7 +14,7 @@ from ...errors import SolveError
 from ...options import item
 from ...record.found import column, labelled, of_points
 from ..costs import CURVE_POINTS, STEPS, Cost, Size
-from .kind import Drawn, Loaded, Quantities, Run
+from .kind import Loaded, Quantities, Run
 from .quasi_periodic import Lines, curve_memory, line_values, lines_of
 
 
@@ -27,7 +27,7 @@ class QuasiPeriodicResponse(Lines, TorusCurveOptions, SwitchOptions, FrequencyRa
     end: float = item(text="frequency up to which the quasi-periodic motions are followed", unit="Hz", gt=0)
     signals = ("constant",)
     saved = oscillates = True
-    rubs = True
+    pictured = {"own_tones": "plot_quasi_periodic"}
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.QuasiPeriodicBranch:
         load = self.acting(case)
@@ -73,12 +73,6 @@ class QuasiPeriodicResponse(Lines, TorusCurveOptions, SwitchOptions, FrequencyRa
             yield column(labelled(f"{which}_own_frequency", tone, "Hz", f"{which} own tone"))
         yield column(labelled("curve_points", len(result), text="points of the curve"))
         yield column(labelled("unstable_points", int(np.sum(result.unstable)), text="unstable ones"))
-
-    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
-        point = drawn.point(result.motions[0].points)
-        if point is not None:
-            axes = drawn.plot.plot_quasi_periodic(result, point, title=drawn.title, comm=drawn.comm)
-            yield "own_tones", axes
 
     def cost(self, size: Size) -> Cost:
         modes, steps, count = size.modes(self.modes), self.steps or STEPS, min(self.points, CURVE_POINTS)

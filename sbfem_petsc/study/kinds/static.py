@@ -14,7 +14,7 @@ from ...options import Pair, item
 from ...record.found import column, labelled
 from ..case.tables import FileName, Name, Path, Problem
 from ..costs import Cost, Size
-from .kind import Drawn, Loaded, Quantities, Run
+from .kind import Drawn, Loaded, Quantities
 from .modal import estimated_error
 
 # Cracks of a model that are drawn.
@@ -31,12 +31,9 @@ class Static(StaticOptions, Loaded):
         unit="m",
     )
     signals = ()
-    statics = fields = rubs = True
+    statics = fields = True
     plane = ("accuracy", "stress_at")
     captions = {"crack": "deformed region of crack", "contact": "contact pressure and gap along crack"}
-
-    def solve(self, case: Any, model: Any, run: Run) -> sb.Static:
-        return sb.static(model, self.acting(case), **self.of(StaticOptions))
 
     def places(self) -> Iterator[tuple[Path, str]]:
         return ((("stress_at", name), at) for name, at in self.stress_at.items() if isinstance(at, str))

@@ -27,7 +27,6 @@ class SweptResponse(SweptOptions, Loaded):
     )
     signals = ("constant",)
     saved = oscillates = True
-    rubs = True
 
     def solve(self, case: Any, model: Any, run: Run) -> tuple[sb.SweptResponse, ...]:
         load, there = self.acting(case), self.of(SweptOptions)

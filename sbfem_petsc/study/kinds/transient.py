@@ -8,15 +8,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-import sbfem_petsc as sb
-
 from ...analysis.options import TransientOptions
 from ...options import item
 from ...ranks.capacity import default_decimation
 from ...record.found import labelled, of_points
 from ..case.tables import Problem
 from ..costs import Cost, Size
-from .kind import Drawn, Loaded, Moved, Quantities, Reducible, Run, Values, Wanted, along
+from .kind import Loaded, Moved, Quantities, Reducible, Values, Wanted, along
 
 
 class Transient(Reducible, TransientOptions, Moved, Loaded):
@@ -26,19 +24,10 @@ class Transient(Reducible, TransientOptions, Moved, Loaded):
     initial: Literal["rest", "equilibrium"] = item(
         "rest", text="at rest, or in static equilibrium with the loads at t = 0"
     )
-    moving = rubs = True
+    moving = True
     details = ("contact_force", "slip", "friction_force", "velocity", "acceleration", "energy")
     running = True
-
-    def solve(self, case: Any, model: Any, run: Run) -> sb.History:
-        return sb.transient(
-            model,
-            self.acting(case),
-            **self.of(TransientOptions),
-            initial=self.initial,
-            reduction=self.reduction,
-            **run.kept,
-        )
+    pictured = {"history": "plot_history"}
 
     def lacking(self, case: Any, model: Any, most: int, words: str) -> Iterator[Problem]:
         """Loads that a structure at rest does not take, and more steps than there are or may be, too."""
@@ -78,12 +67,6 @@ class Transient(Reducible, TransientOptions, Moved, Loaded):
                 noisy = np.stack([wanted.noisy(c) for c in np.atleast_2d(u.T)], axis=-1)
                 values[f"displacement_noisy/{point}"] = (noisy, "m")
         return values
-
-    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
-        point = drawn.point(result.points)
-        if point is not None:
-            yield "history", drawn.plot.plot_history(result, point, title=drawn.title, comm=drawn.comm)
-        yield from drawn.rubbing(result)
 
     def cost(self, size: Size) -> Cost:
         count = max(1, math.ceil(self.duration / (self.step or self._step(size))))
