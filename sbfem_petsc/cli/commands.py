@@ -87,12 +87,13 @@ def run(options: Options, comm: Any) -> int:
     case = _case(options, comm)
     output = options.output or os.path.join("output", Path(options.case).stem)
     with watch_for(comm, options.quiet) as watch:
-        outcome = run_case(case, output, comm=comm, replace=options.replace, watch=watch)
-    _answer(options, comm, outcome.summary, f"results are in {outcome.folder}")
-    for name, reason in outcome.failed.items():
+        summary = run_case(case, output, comm=comm, replace=options.replace, watch=watch)
+    _answer(options, comm, summary, f"results are in {os.path.abspath(output)}")
+    failed = summary["run"]["failed"]
+    for name, reason in failed.items():
         if comm.rank == 0:
             tell(f"error: {name}: {reason}", sys.stderr)
-    return 0 if not outcome.failed else 2 if outcome.wrong_input else 1
+    return 0 if not failed else 2 if summary["run"]["wrong_input"] else 1
 
 
 def sweep(options: Options, comm: Any) -> int:

@@ -9,19 +9,20 @@ import json
 import os
 import zlib
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
 import sbfem_petsc as sb
-from meshing.whole_file import replaced
+from meshing.whole_file import read_whole, replaced
 
 from ..output_folder import HeldFolder, make_folder, one_at_a_time
-from ..ranks.parallel import alone, collective
+from ..ranks.parallel import alone, on_root
 from ..record.about import About
-from ..record.files import SCHEMA, opened, written
-from ..record.layout import put, text, text_of
+from ..record.files import SCHEMA, written
+from ..record.layout import bare, put, text, text_of
 from ..writing import as_json
 from .case.case import Case
 
@@ -30,7 +31,7 @@ PARTS, RESULT = "analyses", "result"
 WHAT = "results file"
 
 
-class Folder:
+class Folder(HeldFolder):
     """State of a run, kept in a file so that an interrupted run goes on. On rank 0 alone.
 
     Parameters
@@ -53,15 +54,14 @@ class Folder:
     """
 
     def __init__(self, path: str, case: Case, what: str, replace: bool = False, *, shared: bool = False):
-        self.path = path
         self.state_file = os.path.join(path, f"{what}.json")
         self.parts = os.path.join(path, PARTS if what == "run" else "rows")
         with one_at_a_time(path):
-            self.held = HeldFolder(path, shared)
+            super().__init__(path, shared)
             try:
                 self.state = self._begin(case, what, replace, shared)
                 if shared:
-                    self.held.share()
+                    self.share()
             except BaseException:
                 self.close()
                 raise
@@ -79,7 +79,7 @@ class Folder:
         if os.path.lexists(os.path.join(self.path, f"{other}.json")) and not replace:
             raise ValueError(f"{self.path!r} holds the results of a {other}; {way} overwrite it")
         there = os.path.lexists(self.state_file) and not replace
-        begun = self.held.others or self.held.keeps_beside(self.state_file)
+        begun = self.others or self.keeps_beside(self.state_file)
         if there and (begun or shared):
             try:
                 former = self._former(mine, way)
@@ -89,7 +89,7 @@ class Folder:
                 if begun:  # else nothing is lost
                     raise
         if there or not shared:
-            self.held.clear()
+            self.clear()
         make_folder(self.parts)
         mine["done"] = {}
         self._keep(mine)
@@ -100,8 +100,11 @@ class Folder:
 
     def _former(self, mine: dict[str, Any], way: str) -> dict[str, Any]:
         """The state that a former process has left; ValueError unless it was of the same case."""
-        former = read_json(self.state_file)
         damaged = ValueError(f"{self.state_file!r} is not what a run has written; {way} overwrite it")
+        try:
+            former = json.loads(read_whole(Path(self.state_file)))
+        except (ValueError, RecursionError):
+            raise damaged from None
         if not isinstance(former, dict):
             raise damaged
         if any(former.get(key) != mine[key] for key in ("version", "schema")):
@@ -123,20 +126,17 @@ class Folder:
 
     def finished(self, name: str) -> bool:
         """Whether an analysis is done and its file still there."""
-        return name in self.state["done"] and os.path.isfile(self.part(name))
-
-    def part(self, name: str, kind: str = "h5") -> str:
-        """File of an analysis."""
-        return os.path.join(self.parts, f"{name}.{kind}")
+        return name in self.state["done"] and os.path.isfile(part_of(self.path, name))
 
     def finish(self, name: str, seconds: float) -> None:
         """Note, on the disk, that an analysis is done, and how long it took."""
         self.state["done"][name] = seconds
         self._keep(self.state)
 
-    def close(self) -> None:
-        """Leave the folder to others."""
-        self.held.close()
+
+def part_of(path: str, name: str, ending: str = "h5") -> str:
+    """File of an analysis in the folder of a run."""
+    return os.path.join(path, PARTS, f"{name}.{ending}")
 
 
 def checksum(state: dict[str, Any]) -> int:
@@ -149,10 +149,7 @@ def held_folder(
     path: str, case: Case, what: str, replace: bool, comm: Any, *, shared: bool = False
 ) -> Iterator[Folder | None]:
     """The folder of a run or a sweep while it is under way, on rank 0. Collective."""
-    folder: Folder | None = None
-    with collective(comm):
-        if comm.rank == 0:
-            folder = Folder(path, case, what, replace, shared=shared)
+    folder = on_root(comm, lambda: Folder(path, case, what, replace, shared=shared))
     try:
         yield folder
     finally:
@@ -166,23 +163,6 @@ def write_json(path: str, value: Any) -> None:
     """Write JSON, whole or not at all."""
     with replaced(path, "file") as temporary, open(temporary, "w", encoding="utf-8") as file:
         file.write(f"{as_json(value)}\n")
-
-
-def read_json(path: str) -> Any:
-    """Contents of a JSON file.
-
-    Raises
-    ------
-    ValueError
-        If it is missing or broken.
-    """
-    try:
-        with open(path, encoding="utf-8") as file:
-            return json.load(file)
-    except OSError as error:
-        raise ValueError(f"{path!r} cannot be read ({error.strerror or error})") from None
-    except (ValueError, RecursionError):
-        raise ValueError(f"{path!r} is no JSON file") from None
 
 
 @contextlib.contextmanager
@@ -202,32 +182,6 @@ def new_results(path: str, holds: str, case: Case | None = None) -> Iterator[h5p
         yield file
 
 
-@contextlib.contextmanager
-def results_in(path: str, *wanted: str) -> Iterator[h5py.File]:
-    """A file of results to read.
-
-    Raises
-    ------
-    ValueError
-        See `record.files.opened`; if it is of another kind.
-    """
-    with opened(path, WHAT) as file:
-        if "holds" in file.attrs and holds(file) == "analysis" and "analysis" not in wanted:
-            run = os.path.dirname(os.path.dirname(os.path.abspath(path)))
-            raise ValueError(
-                f"{path!r} is one analysis of a run, which is read as a whole, by sb.read({run!r}) or "
-                "the name of that folder"
-            )
-        if "holds" not in file.attrs or holds(file) not in wanted:
-            raise ValueError(f"{path!r} is an HDF5 file of another kind, not of a {' or '.join(wanted)}")
-        yield file
-
-
-def holds(file: h5py.File) -> str:
-    """What a file of results is of."""
-    return text(file.attrs["holds"])
-
-
 def _write_case(group: h5py.Group, case: Case) -> None:
     """The case's text and the files it names, from which it can be run again."""
     group.attrs["file"] = text_of(os.path.basename(case.file))
@@ -241,6 +195,9 @@ def _put_bytes(group: h5py.Group, name: str, contents: bytes, words: str) -> h5p
     return put(group, name, np.frombuffer(contents, np.uint8), About(text=words), "1", (f"{name}_byte",))
 
 
-def case_in(file: h5py.File) -> tuple[str, str]:
-    """Text of the case that results are of, and name of its file."""
-    return file["case/text"][()].tobytes().decode(), text(file["case"].attrs["file"])
+def case_in(file: h5py.File) -> tuple[str, str, dict[str, bytes]]:
+    """Text of the case that results are of, name of its file, and contents of those that it names."""
+    case = file["case"]
+    named = (entry for entry in case["files"].values() if not bare(entry))
+    files = {text(entry.attrs["name"]): entry[()].tobytes() for entry in named}
+    return case["text"][()].tobytes().decode(), text(case.attrs["file"]), files

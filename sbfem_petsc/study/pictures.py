@@ -20,7 +20,7 @@ def lacking() -> str | None:
     return None
 
 
-def draw(case: Case, name: str, result: Any, model: Any, folder: str, *, pictures: bool = True) -> None:
+def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
     """Draw what the case's [output] asks for an analysis. Collective.
 
     Parameters
@@ -34,8 +34,6 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str, *, picture
         None where only a recorded result is at hand.
     folder : str
         Made if it is missing.
-    pictures : bool
-        False: files for ParaView alone.
     """
     from mpi4py import MPI
 
@@ -43,10 +41,10 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str, *, picture
     comm = MPI.COMM_WORLD if model is None else model.comm
     on_root(comm, lambda: make_output_folder(folder))
     stem = os.path.join(folder, name)
-    if output.pictures and pictures:
+    if output.pictures:
         for label, axes in kind.pictures(result, Drawn(name, output.points or (), comm)):
             _save(axes, f"{stem}_{label}.png", comm)
-    if output.animation and pictures and kind.moving and model is not None:
+    if output.animation and kind.moving and model is not None:
         animate(result, stem)
     if output.vtu and kind.fields and model is not None:
         kind.write_fields(result, f"{stem}.vtu", model)

@@ -73,21 +73,21 @@ def write_report(path: str, output: str | None = None) -> str:
             f"{file!r} exists, and nothing tells that this program has made it; move it away, or name "
             "another file with --output"
         )
-    page = _drawn(results) if isinstance(results, Sweep) else _run(results, home)
+    page = _page(results, home)
     with replaced(file, "report") as temporary, open(temporary, "w", encoding="utf-8") as target:
         target.write("<!DOCTYPE html>" + xml.tostring(page, encoding="unicode", method="html") + "\n")
     return file
 
 
-def _drawn(results: Sweep) -> xml.Element:
-    """A sweep's page; its pictures are drawn for it."""
-    with spare_folder() as folder:
-        lack = lacking()
-        if lack is None:
-            from ..plot.maps import draw_sweep
-
-            draw_sweep(results, os.path.join(folder, PICTURES))
-        return _sweep(results, folder, lack)
+def _page(results: RunResults | Sweep, home: str) -> xml.Element:
+    """report.html, filled."""
+    page = xml.fromstring((resources.files(__package__) / "report.html").read_text())
+    body = next(page.iter("main"))
+    title, facts = _sweep(body, results) if isinstance(results, Sweep) else _run(body, results, home)
+    for item in page.iter():
+        if "id" in item.attrib:
+            item.text = _clean({"title": title, "facts": facts, "case": results.text}[item.attrib.pop("id")])
+    return page
 
 
 def _add(parent: xml.Element, tag: str, text: str = "", **attributes: str) -> xml.Element:
@@ -103,24 +103,10 @@ def _clean(text: Any) -> str:
     return _CONTROL.sub("\N{REPLACEMENT CHARACTER}", str(text))
 
 
-def _page(title: str, facts: str) -> tuple[xml.Element, xml.Element]:
-    """A page and its body."""
-    page = xml.Element("html", lang="en")
-    head, body = _add(page, "head"), _add(page, "body")
-    _add(head, "meta", charset="utf-8")
-    _add(head, "meta", name="viewport", content="width=device-width, initial-scale=1")
-    _add(head, "title", title)
-    _add(head, "style", (resources.files(__package__) / "report.css").read_text())
-    _add(body, "h1", title)
-    _add(body, "p", facts, class_="facts")
-    return page, body
-
-
-def _run(results: RunResults, home: str) -> xml.Element:
+def _run(body: xml.Element, results: RunResults, home: str) -> tuple[str, str]:
+    """What a run has found; its title, and facts about it."""
     run = results.run
     model = run["model"]
-    facts = f"sbfem-petsc {run['version']}, computed {run['ended'][:10]}, written {time.strftime('%Y-%m-%d')}"
-    page, body = _page(run["title"] or results.case_file, facts)
     if model:
         _table(body, lines_of(model))
     for name, reason in run["failed"].items():
@@ -135,8 +121,12 @@ def _run(results: RunResults, home: str) -> xml.Element:
         # "push_2" has pictures of its own, which are not those of "push"
         longer = tuple(f"{other}_" for other in results.analyses if other.startswith(f"{name}_"))
         _pictures(body, home, kind.captions, f"{name}_", longer)
-    _case(body, results.text)
-    return page
+    facts = f"sbfem-petsc {run['version']}, computed {run['ended'][:10]}, {_written()}"
+    return run["title"] or results.case_file, facts
+
+
+def _written() -> str:
+    return f"written {time.strftime('%Y-%m-%d')}"
 
 
 def _analysis(body: xml.Element, kind: type[Kind], found: Found) -> None:
@@ -177,21 +167,17 @@ def number(value: float, digits: int = 6) -> str:
     """A number to some digits, powers of ten as a person writes them."""
     if not math.isfinite(value):
         return "-"
-    text = f"{value:.{digits}g}"
-    if "e" not in text:
-        return text.replace("-", "−")
-    mantissa, power = text.split("e")
+    mantissa, _, power = f"{value:.{digits}g}".partition("e")
     mantissa = mantissa.replace("-", "−")
-    raised = str(int(power)).translate(_RAISED)
-    return f"{mantissa} × 10{raised}" if mantissa != "1" else f"10{raised}"
+    if not power:
+        return mantissa
+    raised = f"10{str(int(power)).translate(_RAISED)}"
+    return raised if mantissa == "1" else f"{mantissa} × {raised}"
 
 
-def _sweep(results: Sweep, folder: str, lack: str | None) -> xml.Element:
-    facts = (
-        f"{len(results)} rows, {results.failed} failed; sbfem-petsc {sb.__version__}, written "
-        f"{time.strftime('%Y-%m-%d')}"
-    )
-    page, body = _page(f"Sweep of {os.path.basename(results.case_file)}", facts)
+def _sweep(body: xml.Element, results: Sweep) -> tuple[str, str]:
+    """What a sweep has found, with pictures that are drawn for it; its title, and facts about it."""
+    lack = lacking()
     if lack is not None:
         _add(body, "p", lack, class_="failed")
     _table(body, list(_parameters(results)), ("parameter", "values", "range"))
@@ -207,9 +193,14 @@ def _sweep(results: Sweep, folder: str, lack: str | None) -> xml.Element:
         for name, words in results.value_words.items()
         if "with noise" not in words
     }
-    _pictures(_add(body, "div", class_="beside"), folder, captions)
-    _case(body, results.text)
-    return page
+    if lack is None:
+        from ..plot.maps import draw_sweep
+
+        with spare_folder() as folder:
+            draw_sweep(results, os.path.join(folder, PICTURES))
+            _pictures(_add(body, "div", class_="beside"), folder, captions)
+    facts = f"{len(results)} rows, {results.failed} failed; sbfem-petsc {sb.__version__}, {_written()}"
+    return f"Sweep of {os.path.basename(results.case_file)}", facts
 
 
 def _parameters(results: Sweep) -> Iterator[tuple[str, str, str]]:
@@ -282,8 +273,3 @@ def _caption(captions: Mapping[str, str], stem: str) -> str:
     """What a picture shows: "contact1" is that of the first crack."""
     kind = stem.rstrip("0123456789") if stem not in captions else stem
     return f"{captions.get(kind, kind.replace('_', ' '))} {stem[len(kind) :]}".rstrip()
-
-
-def _case(body: xml.Element, text: str) -> None:
-    _add(body, "h2", "The case")
-    _add(body, "pre", text)

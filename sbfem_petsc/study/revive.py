@@ -6,7 +6,6 @@ import contextlib
 import functools
 import os
 import re
-from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -17,15 +16,19 @@ from ..output_folder import make_output_folder, regular_file
 from ..progress import Watch
 from ..ranks.parallel import on_root
 from ..record.about import Quantity
-from ..record.layout import bare, text
+from ..record.files import opened
+from ..record.layout import text
 from ..writing import spare_folder
 from . import pictures
 from .case.analyses import kind_called
 from .case.case import Case, case_from_text
-from .folder import PARTS, RESULT, holds, results_in
+from .folder import PARTS, RESULT, WHAT
 from .run import RESULTS, RunResults, duration
 from .structure import Structure, lines_of
 from .sweep_file import FILE, Sweep
+
+# What a file may hold.
+_KINDS: dict[str, type[RunResults] | type[Sweep]] = {"run": RunResults, "sweep": Sweep}
 
 
 def read_any(path: str | os.PathLike[str]) -> RunResults | Sweep:
@@ -38,32 +41,43 @@ def read_any(path: str | os.PathLike[str]) -> RunResults | Sweep:
     """
     name = os.fspath(path)
     if os.path.isdir(name):
-        for candidate in (RESULTS, FILE):
-            found = regular_file(name, candidate)
-            if found is not None:
-                return read_any(found)
-        if os.path.isdir(os.path.join(name, "rows")):
-            raise ValueError(
-                f"{name!r} holds rows of a sweep, but no table of all yet; call  sbfem sweep CASE --output "
-                f"{name}  without --rows, which computes what is missing and writes it"
-            )
-        if os.path.isdir(os.path.join(name, PARTS)):
-            raise ValueError(
-                f"{name!r} holds analyses of a run that has not come to its end; call  sbfem run CASE "
-                f"--output {name}  again, which goes on where it was and writes {RESULTS}"
-            )
-        raise ValueError(
-            f"{name!r} holds neither {RESULTS} nor {FILE}; name the folder that  sbfem run  or  "
-            "sbfem sweep  wrote"
-        )
+        there = filter(None, (regular_file(name, file) for file in (RESULTS, FILE)))
+        found = next(there, None)
+        if found is None:
+            raise ValueError(f"{name!r} holds {_instead(name)}")
+        name = found
     if not os.path.isfile(name):
         raise ValueError(f"results {name!r} do not exist; name results.h5, sweep.h5 or the folder of a run")
     if name.endswith(".toml"):
         raise ValueError(
             f"{name!r} is a case file; name the results that  sbfem run  or  sbfem sweep  made of it"
         )
-    with results_in(name, "run", "sweep") as file:
-        return (Sweep if holds(file) == "sweep" else RunResults).of(name, file)
+    with opened(name, WHAT) as file:
+        holds = text(file.attrs.get("holds", ""))
+        if holds == "analysis":
+            run = os.path.dirname(os.path.dirname(os.path.abspath(name)))
+            raise ValueError(
+                f"{name!r} is one analysis of a run, which is read as a whole, by sb.read({run!r}) or "
+                "the name of that folder"
+            )
+        if holds not in _KINDS:
+            raise ValueError(f"{name!r} is an HDF5 file of another kind, not of a run or a sweep")
+        return _KINDS[holds].of(name, file)
+
+
+def _instead(folder: str) -> str:
+    """What a folder holds without a file of results, and what to do."""
+    if os.path.isdir(os.path.join(folder, "rows")):
+        return (
+            f"rows of a sweep, but no table of all yet; call  sbfem sweep CASE --output {folder}  without "
+            "--rows, which computes what is missing and writes it"
+        )
+    if os.path.isdir(os.path.join(folder, PARTS)):
+        return (
+            f"analyses of a run that has not come to its end; call  sbfem run CASE --output {folder}  "
+            f"again, which goes on where it was and writes {RESULTS}"
+        )
+    return f"neither {RESULTS} nor {FILE}; name the folder that  sbfem run  or  sbfem sweep  wrote"
 
 
 def described(results: RunResults | Sweep) -> str:
@@ -103,17 +117,14 @@ def _line(where: str, q: Quantity) -> str:
 
 def case_of(results: RunResults | Sweep, folder: str) -> Case:
     """The case that results were made from; the files it names are put into `folder`."""
-    files: dict[str, str] = {}
-    with results_in(results.path, "run", "sweep") as file:
-        named = (entry for entry in file["case/files"].values() if not bare(entry))
-        for number, entry in enumerate(named):
-            # whatever the name is, nothing is written or read elsewhere; readers know formats by the ending
-            name = text(entry.attrs["name"])
-            ending = re.search(r"\.\w{1,8}$", name)
-            files[name] = f"{number:03d}{ending[0] if ending else ''}"
-            with open(os.path.join(folder, files[name]), "wb") as written:
-                written.write(entry[()].tobytes())
-    return case_from_text(results.text, results.case_file, folder, files)
+    names: dict[str, str] = {}
+    for number, (name, contents) in enumerate(results.files.items()):
+        # whatever the name is, nothing is written or read elsewhere; readers know formats by the ending
+        ending = re.search(r"\.\w{1,8}$", name)
+        names[name] = f"{number:03d}{ending[0] if ending else ''}"
+        with open(os.path.join(folder, names[name]), "wb") as written:
+            written.write(contents)
+    return case_from_text(results.text, results.case_file, folder, names)
 
 
 def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animation: bool = False) -> str:
@@ -129,59 +140,13 @@ def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animat
     """
     from ..plot.maps import draw_sweep  # says what is missing before anything is computed
 
-    results, home = _found(path, comm)
-    folder = output or os.path.join(home, "pictures")
+    results, folder = _found(path, output, "pictures", comm)
     if isinstance(results, Sweep):
-        on_root(comm, lambda: make_output_folder(folder))
         on_root(comm, lambda: draw_sweep(results, folder))
-        return folder
-    with _again(results, comm, animation=animation) as (case, structure):
-        for name in results.analyses:
-            watch.stage(f"{name}: pictures")
-            animated = case.tables.output.animation and kind_called(results.kinds[name]).moving
-            recorded = None if animated else _recorded(home, name)
-            if recorded is not None:
-                pictures.draw(case, name, recorded, None, folder)
-            elif case.tables.body is None:
-                result = structure().solve(case, name)
-                pictures.draw(case, name, result, structure().model, folder)
-                structure().release(result)
-            else:
-                watch.say(f"{name}: not drawn, for results do not hold a body's matrices; run it again")
+    else:
+        changes = {"output.animation": True} if animation else {}
+        _draw(results, list(results.analyses), changes, folder, comm, watch)
     return folder
-
-
-def _found(path: str, comm: Any) -> tuple[RunResults | Sweep, str]:
-    """Results of a file or folder on all ranks, and their folder. Collective."""
-    results = comm.bcast(on_root(comm, lambda: read_any(path)))
-    return results, os.path.dirname(os.path.abspath(results.path))
-
-
-@contextlib.contextmanager
-def _again(
-    results: RunResults, comm: Any, *, animation: bool = False
-) -> Iterator[tuple[Case, Callable[[], Structure]]]:
-    """The case of results, and the one structure on which its analyses are computed again, made when it is
-    needed. Collective.
-    """
-    with spare_folder() as spare, contextlib.ExitStack() as stack:
-        case = case_of(results, spare)
-        case = case.with_values({"output.animation": True}) if animation else case
-
-        @functools.cache
-        def structure() -> Structure:
-            made = Structure(case, comm)
-            stack.callback(made.close)
-            return made
-
-        yield case, structure
-
-
-def _recorded(home: str, name: str) -> Any:
-    """A result that an analysis left in a file of its own; None if there is none."""
-    files = (regular_file(home, PARTS, f"{name}.{RESULT}.{ending}") for ending in ("journal", "h5"))
-    file = next(filter(None, files), None)
-    return None if file is None else sb.read(file)
 
 
 def export_results(path: str, wanted: list[str], output: str | None, comm: Any, watch: Watch) -> list[str]:
@@ -192,31 +157,71 @@ def export_results(path: str, wanted: list[str], output: str | None, comm: Any, 
     list of str
         Files written.
     """
-    results, home = _found(path, comm)
-    folder = output or os.path.join(home, "export")
+    results, folder = _found(path, output, "export", comm)
     written: list[str] = []
-    on_root(comm, lambda: make_output_folder(folder))
     if "csv" in wanted:
         written += comm.bcast(on_root(comm, lambda: results.to_csv(folder)))
     if "vtu" in wanted:
         if isinstance(results, Sweep):
             raise ValueError("--vtu is for the results of a run; a sweep keeps no fields")
-        written += _vtu(results, folder, comm, watch)
+        names = [name for name, kind in results.kinds.items() if kind_called(kind).fields]
+        if not names:
+            raise ValueError("--vtu writes modes and static displacements, and these results hold neither")
+        if "body" in results.run["model"]:
+            raise ValueError("--vtu: results do not hold a body's matrices; say vtu = true in [output]")
+        changes = {"output.vtu": True, "output.pictures": False, "output.animation": False}
+        _draw(results, names, changes, folder, comm, watch)
+        ending = "vtu" if comm.size == 1 else "pvtu"
+        made = (os.path.join(folder, f"{name}.{ending}") for name in names)
+        written += filter(os.path.isfile, made)  # of a band without modes there is none
     return written
 
 
-def _vtu(results: RunResults, folder: str, comm: Any, watch: Watch) -> list[str]:
-    names = [name for name, kind in results.kinds.items() if kind_called(kind).fields]
-    if not names:
-        raise ValueError("--vtu writes modes and static displacements, and these results hold neither")
-    with _again(results, comm) as (case, structure):
-        if case.tables.body is not None:
-            raise ValueError("--vtu: results do not hold a body's matrices; say vtu = true in [output]")
+def _found(path: str, output: str | None, name: str, comm: Any) -> tuple[RunResults | Sweep, str]:
+    """Results of a file or folder on all ranks; and a folder for what is made of them, one of some name
+    beside them unless there is to be another. Collective.
+    """
+    results = comm.bcast(on_root(comm, lambda: read_any(path)))
+    folder = output or os.path.join(_home(results), name)
+    on_root(comm, lambda: make_output_folder(folder))
+    return results, folder
+
+
+def _home(results: RunResults | Sweep) -> str:
+    return os.path.dirname(os.path.abspath(results.path))
+
+
+def _draw(
+    results: RunResults, names: list[str], changes: dict[str, Any], folder: str, comm: Any, watch: Watch
+) -> None:
+    """What the case, with some changes, asks for of analyses: of their results where these were recorded and
+    are enough, else of those that are computed again. Collective.
+    """
+    with spare_folder() as spare, contextlib.ExitStack() as stack:
+        case = case_of(results, spare).with_values(changes)
+
+        @functools.cache
+        def structure() -> Structure:
+            return stack.enter_context(contextlib.closing(Structure(case, comm)))
+
+        output = case.tables.output
         for name in names:
-            watch.stage(f"{name}: fields")
-            result, path = structure().solve(case, name), os.path.join(folder, f"{name}.vtu")
-            case.tables.analyses[name].write_fields(result, path, structure().model)
-            structure().release(result)
-    ending = "vtu" if comm.size == 1 else "pvtu"
-    written = (os.path.join(folder, f"{name}.{ending}") for name in names)
-    return [path for path in written if os.path.isfile(path)]  # of a band without modes there is none
+            watch.stage(f"{name}: {'pictures' if output.pictures else 'fields'}")
+            animated = output.animation and kind_called(results.kinds[name]).moving
+            recorded = None if animated else _recorded(results, name)
+            if recorded is not None:
+                pictures.draw(case, name, recorded, None, folder)
+            elif case.tables.body is None:
+                result = structure().solve(case, name)
+                pictures.draw(case, name, result, structure().model, folder)
+                structure().release(result)
+            else:
+                watch.say(f"{name}: not drawn, for results do not hold a body's matrices; run it again")
+
+
+def _recorded(results: RunResults, name: str) -> Any:
+    """A result that an analysis left in a file of its own; None if there is none."""
+    home = _home(results)
+    files = (regular_file(home, PARTS, f"{name}.{RESULT}.{ending}") for ending in ("journal", "h5"))
+    file = next(filter(None, files), None)
+    return None if file is None else sb.read(file)

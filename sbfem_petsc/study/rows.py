@@ -18,6 +18,7 @@ from meshing.whole_file import reason
 
 from ..output_folder import hold
 from ..record.journal import HEAD, MAGIC, packed, unpacked, write
+from .kinds.kind import Values
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,16 +31,14 @@ class Row:
     reason : str
         Why it failed; empty if it did not.
     seconds : float
-    values : dict of str to array
-        By path, "steady/harmonics/A".
-    units : dict of str to str
+    values : dict of str to (array, str)
+        And units, by path, "steady/harmonics/A".
     """
 
     number: int
     reason: str
     seconds: float
-    values: dict[str, np.ndarray] = field(default_factory=dict)
-    units: dict[str, str] = field(default_factory=dict)
+    values: Values = field(default_factory=dict)
 
 
 @contextlib.contextmanager
@@ -75,8 +74,9 @@ def append(path: str, row: Row) -> None:
     ValueError
         If the system refuses, as on a full disk.
     """
-    facts = {"number": row.number, "reason": row.reason, "seconds": row.seconds, "units": row.units}
-    values = {f"/{name}": np.asarray(value) for name, value in row.values.items()}
+    units = {name: unit for name, (_, unit) in row.values.items()}
+    facts = {"number": row.number, "reason": row.reason, "seconds": row.seconds, "units": units}
+    values = {f"/{name}": np.asarray(value) for name, (value, _) in row.values.items()}
     claim(path, "rows of the sweep")
     try:
         file = open_regular(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
@@ -132,9 +132,9 @@ def _payloads(path: str) -> Iterator[bytes]:
 def _unpacked(path: str, payload: bytes) -> Row:
     try:
         found = unpacked(payload)
-        values = {name[1:]: found[name] for name in found if name.startswith("/")}
-        units = {name: str(found["units"][name]) for name in values}
-        return Row(int(found["number"]), str(found["reason"]), float(found["seconds"]), values, units)
+        units = found["units"]
+        values = {name: (found[f"/{name}"], str(units[name])) for name in units}
+        return Row(int(found["number"]), str(found["reason"]), float(found["seconds"]), values)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise ValueError(
             f"rows of the sweep in {path!r} are not what a sweep has written ({error}); give --replace to "

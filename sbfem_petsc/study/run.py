@@ -17,7 +17,8 @@ from ..errors import OutOfMemory, SolveError
 from ..output_folder import make_folder
 from ..progress import Watch
 from ..ranks.capacity import PlannedFile, require_disk, require_memory
-from ..ranks.parallel import agreed, collective, ranks_of
+from ..ranks.parallel import agreed, collective, on_root, ranks_of
+from ..record.files import opened
 from ..record.found import Found
 from ..record.layout import text, text_of, within
 from ..writing import check_output_folder
@@ -25,38 +26,13 @@ from . import pictures
 from .case.case import Case, read_case
 from .case.objects import located
 from .case.problems import CaseError
-from .folder import PARTS, RESULT, Folder, case_in, held_folder, new_results, results_in, write_json
+from .folder import RESULT, WHAT, Folder, case_in, held_folder, new_results, part_of, write_json
 from .kinds.kind import Kind
 from .structure import Structure
 
 RESULTS, SUMMARY, PICTURES, TABLES = "results.h5", "summary.json", "pictures", "tables"
 # Keys that memory grows or falls with.
 SIZES = ("count", "times", "starts", "samples", "steps", "step", "duration", "decimation", "points", "modes")
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """What a run has come to.
-
-    Attributes
-    ----------
-    folder : str
-    summary : dict
-        Contents of summary.json.
-    failed : dict of str to str
-        Reasons of the analyses that failed.
-    wrong_input : bool
-        Whether one of them failed for its input.
-    """
-
-    folder: str
-    summary: dict[str, Any]
-    failed: dict[str, str]
-    wrong_input: bool
-
-    def __repr__(self) -> str:
-        names = [name for name in self.summary if name != "run"]
-        return f"Outcome({self.folder!r}: {', '.join(names)}; {len(self.failed)} failed)"
 
 
 @agreed()
@@ -67,7 +43,7 @@ def run_case(
     comm: Any = None,
     replace: bool = False,
     watch: Watch | None = None,
-) -> Outcome:
+) -> dict[str, Any]:
     """Run the analyses of a case that are not finished in a folder. Collective.
 
     Parameters
@@ -84,8 +60,8 @@ def run_case(
 
     Returns
     -------
-    Outcome
-        An analysis that fails does not keep the others from running.
+    dict
+        Contents of summary.json. An analysis that fails does not keep the others from running.
 
     Raises
     ------
@@ -114,19 +90,18 @@ class _Run(contextlib.ExitStack):
         self.structure: Structure | None = None
         self.failed: dict[str, str] = {}
         self.wrong_input = False
-        drawn = case.tables.output.pictures or case.tables.output.animation
-        self.lack = pictures.lacking() if drawn else None
 
-    def all(self) -> Outcome:
+    def all(self) -> dict[str, Any]:
+        output, folder = self.case.tables.output, self.folder
+        lack = pictures.lacking() if output.pictures or output.animation else None
+        if lack is not None:
+            self.watch.say(f"{lack}; the case runs without")
+            self.case = self.case.with_values({"output.pictures": False, "output.animation": False})
         names = list(self.case.tables.analyses)
-        folder = self.folder
-        pending = [name for name in names if not folder.finished(name)] if folder is not None else None
-        pending = self.comm.bcast(pending)
-        if self.lack is not None:
-            self.watch.say(f"{self.lack}; the case runs without")
-        for name in names:
-            if name not in pending:
-                self.watch.say(f"{name}: finished before")
+        done = self.comm.bcast(None if folder is None else [*filter(folder.finished, names)])
+        pending = [name for name in names if name not in done]
+        for name in done:
+            self.watch.say(f"{name}: finished before")
         try:
             if pending:
                 self._begin(pending)
@@ -136,8 +111,8 @@ class _Run(contextlib.ExitStack):
             if folder is not None and folder.state["done"] and self.comm.size == 1:
                 self._write()  # what it has come to
             raise
-        summary = self.comm.bcast(self._write())
-        return Outcome(self.path, summary, self.failed, self.wrong_input)
+        summary: dict[str, Any] = self.comm.bcast(on_root(self.comm, self._write))
+        return summary
 
     def _begin(self, pending: list[str]) -> None:
         """Make the structure; what analyses ask of it or of the disk and it has not is told before any is
@@ -184,7 +159,7 @@ class _Run(contextlib.ExitStack):
         try:
             self.watch.stage(f"{title} ({kind.kind})")
             with located(case, "analyses", name):
-                file = os.path.join(self.path, PARTS, f"{name}.{RESULT}.journal") if kind.running else None
+                file = part_of(self.path, name, f"{RESULT}.journal") if kind.running else None
                 result = self.structure.solve(case, name, file=file, progress=self.watch.fraction)
                 found = kind.found(result, self.structure.points(case))
         except (CaseError, SolveError) as error:
@@ -199,8 +174,7 @@ class _Run(contextlib.ExitStack):
         output = case.tables.output
         if output.pictures or output.vtu or output.animation:
             self.watch.stage(f"{title}: pictures and files")
-            folder, model = os.path.join(self.path, PICTURES), self.structure.model
-            pictures.draw(case, name, result, model, folder, pictures=self.lack is None)
+            pictures.draw(case, name, result, self.structure.model, os.path.join(self.path, PICTURES))
         line = kind.summary_line(result)
         self.structure.release(result)
         if self.folder is not None:
@@ -208,50 +182,47 @@ class _Run(contextlib.ExitStack):
         self.watch.say(f"{name}: {line} ({seconds:.1f} s)")
 
     def _keep(self, name: str, kind: Kind, result: Any, found: Found) -> None:
-        with collective(self.comm):
-            if self.folder is not None:
-                with new_results(self.folder.part(name), "analysis") as file:
-                    found.write(file)
-                if self.case.tables.output.csv:
-                    make_folder(os.path.join(self.path, TABLES))
-                    found.to_csv(os.path.join(self.path, TABLES, f"{name}.csv"))
+        def tables() -> None:
+            with new_results(part_of(self.path, name), "analysis") as file:
+                found.write(file)
+            if self.case.tables.output.csv:
+                make_folder(os.path.join(self.path, TABLES))
+                found.to_csv(os.path.join(self.path, TABLES, f"{name}.csv"))
 
+        on_root(self.comm, tables)
         # what several ranks share they write together
-        place = self.comm.bcast(None if self.folder is None else self.folder.part(name, RESULT))
-        if place is not None and (self.comm.rank == 0 or ranks_of(result) is not None):
-            kind.save(result, place)
+        if self.comm.rank == 0 or ranks_of(result) is not None:
+            kind.save(result, part_of(self.path, name, RESULT))
 
-    def _write(self) -> dict[str, Any] | None:
-        """results.h5 and summary.json of all finished analyses, each replaced as a whole."""
-        summary: dict[str, Any] | None = None
-        with collective(self.comm):
-            if self.folder is None:
-                return None
-            state, kinds = self.folder.state, self.case.tables.analyses
-            finished = [name for name in kinds if self.folder.finished(name)]
-            run = {
-                "title": self.case.tables.title,
-                "version": sb.__version__,
-                "case": self.case.key,
-                "ranks": self.comm.size,
-                "ended": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
-                "complete": len(finished) == len(kinds),
-                "model": state.get("model", {}),
-                "seconds": state["done"],
-                "failed": self.failed,
-            }
-            summary = {"run": run}
-            with new_results(os.path.join(self.path, RESULTS), "run", self.case) as file:
-                file.attrs["run"] = text_of(json.dumps(run))
-                group = within(file, "analyses")
-                for name in finished:
-                    with results_in(self.folder.part(name), "analysis") as part:
-                        found = Found.read(part)
-                    own = within(group, name)
-                    own.attrs["kind"] = text_of(kinds[name].kind)
-                    found.write(own)
-                    summary[name] = {"kind": kinds[name].kind, **found.summary()}
-            write_json(os.path.join(self.path, SUMMARY), summary)
+    def _write(self) -> dict[str, Any]:
+        """results.h5 and summary.json of all finished analyses, each replaced as a whole. On rank 0."""
+        assert self.folder is not None
+        state, kinds = self.folder.state, self.case.tables.analyses
+        finished = [name for name in kinds if self.folder.finished(name)]
+        run = {
+            "title": self.case.tables.title,
+            "version": sb.__version__,
+            "case": self.case.key,
+            "ranks": self.comm.size,
+            "ended": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+            "complete": len(finished) == len(kinds),
+            "model": state.get("model", {}),
+            "seconds": state["done"],
+            "failed": self.failed,
+            "wrong_input": self.wrong_input,
+        }
+        summary: dict[str, Any] = {"run": run}
+        with new_results(os.path.join(self.path, RESULTS), "run", self.case) as file:
+            file.attrs["run"] = text_of(json.dumps(run))
+            group = within(file, "analyses")
+            for name in finished:
+                with opened(part_of(self.path, name), WHAT) as part:
+                    found = Found.read(part)
+                own = within(group, name)
+                own.attrs["kind"] = text_of(kinds[name].kind)
+                found.write(own)
+                summary[name] = {"kind": kinds[name].kind, **found.summary()}
+        write_json(os.path.join(self.path, SUMMARY), summary)
         return summary
 
 
@@ -271,6 +242,8 @@ class RunResults:
     text : str
         The case.
     case_file : str
+    files : dict of str to bytes
+        Contents of the files that the case names.
     run : dict
         Versions, model, seconds, failures.
     analyses : dict of str to Found
@@ -281,6 +254,7 @@ class RunResults:
     path: str
     text: str
     case_file: str
+    files: dict[str, bytes]
     run: dict[str, Any]
     analyses: dict[str, Found]
     kinds: dict[str, str]

@@ -15,7 +15,7 @@ from ..checks import flag, instance, integer, path, shown
 from ..errors import OutOfMemory, SolveError, UnknownName
 from ..progress import Watch, watch_for
 from ..ranks.capacity import PlannedFile, require_disk
-from ..ranks.parallel import agreed, alone, checked_communicator, collective
+from ..ranks.parallel import agreed, alone, checked_communicator, collective, on_root
 from ..writing import check_output_folder, spare_folder
 from . import rows as row_files
 from .case.case import Case, read_case
@@ -110,8 +110,13 @@ def sweep(
         if watch is not None:
             instance("sweep", "watch", watch, Watch, "a Watch")
         checked = _swept(case, parameters, keys)
-        part = _part(rows, len(checked.tables.sweep.rows()), output)
-        _check_start(checked, comm, flag("sweep", "replace", replace) and part is not None)
+        table = checked.tables.sweep
+        part = _part(rows, len(table.rows()), output, flag("sweep", "replace", replace))
+        if comm.size % table.ranks_per_row:
+            raise checked.problem(
+                ("sweep", "ranks_per_row"),
+                f"= {table.ranks_per_row} does not divide the {comm.size} ranks; start a multiple of it",
+            )
     with spare_folder() as spare, watch or watch_for(comm) as told:
         folder = comm.bcast(spare) if output is None else os.fspath(output)
         place = check_output_folder(folder, comm)
@@ -119,36 +124,17 @@ def sweep(
             return _Sweeping(checked, place, comm, told, part).all()
 
 
-def _check_start(case: Case, comm: Any, replaces_others: bool) -> None:
-    """Refuse what would remove others' rows, and ranks that make no groups."""
-    if replaces_others:
-        raise ValueError(
-            "sweep: replace = True is not for some of the rows, beside which others may be computed; "
-            "call it once without rows"
-        )
-    assert case.tables.sweep is not None
-    together_on = case.tables.sweep.ranks_per_row
-    if comm.size % together_on:
-        raise case.problem(
-            ("sweep", "ranks_per_row"),
-            f"= {together_on} does not divide the {comm.size} ranks; start a multiple of it",
-        )
-
-
 def _swept(case: Any, parameters: Any, keys: dict[str, Any]) -> Any:
     """The case with its sweep, of the call's own keys if there are parameters."""
     if not isinstance(case, Case):
         path("sweep", "case", case)
+    table = None
     if parameters is not None:
         table = SweepTable.checked("sweep", {"parameters": parameters, **keys}).model_dump(exclude_none=True)
-        return (
-            case.with_data({**case.data, "sweep": table})
-            if isinstance(case, Case)
-            else read_case(case, table)
-        )
-    checked = case if isinstance(case, Case) else read_case(case)
-    fields = SweepTable.model_fields
-    given = [name for name, value in keys.items() if value != fields[name].default]
+    checked = case if isinstance(case, Case) else read_case(case, table)
+    if table is not None:
+        return checked.with_data({**case.data, "sweep": table}) if checked is case else checked
+    given = [name for name, value in keys.items() if value != SweepTable.model_fields[name].default]
     if given:
         raise ValueError(
             f"sweep: {given[0]} = {shown(keys[given[0]])} is of no use without parameters, for the "
@@ -159,7 +145,7 @@ def _swept(case: Any, parameters: Any, keys: dict[str, Any]) -> Any:
     return checked
 
 
-def _part(rows: Any, count: int, output: Any) -> range | None:
+def _part(rows: Any, count: int, output: Any, replace: bool) -> range | None:
     """The rows of a call that computes some of them."""
     if rows is None:
         return None
@@ -174,6 +160,11 @@ def _part(rows: Any, count: int, output: Any) -> range | None:
         )
     if output is None:
         raise ValueError("sweep: rows needs the folder that others compute into too; give output")
+    if replace:
+        raise ValueError(
+            "sweep: replace = True is not for some of the rows, beside which others may be computed; "
+            "call it once without rows"
+        )
     return range(first, min(behind, count))
 
 
@@ -193,8 +184,8 @@ class _Sweeping:
         self.inputs = self.table.rows()
         self.part, self.numbers = part, part or range(len(self.inputs))
         self.names = self.table.analyses or list(case.tables.analyses)
-        self.group = comm.Split(comm.rank // self.table.ranks_per_row, comm.rank)
         group = comm.rank // self.table.ranks_per_row
+        self.group = comm.Split(group, comm.rank)
         self.named = f"rows {self.numbers.start} to {self.numbers.stop - 1}"
         begin = "" if part is None else f"{part.start:07d}-{part.stop:07d}-"
         self.file = os.path.join(self.folder, f"{begin}{group:05d}.rows")
@@ -207,34 +198,36 @@ class _Sweeping:
                 if self.group.rank == 0:
                     stack.enter_context(row_files.held(self.file, self.named))
             self._compute()
-        table: Sweep | None = None
-        with collective(self.comm):
-            if self.comm.rank == 0:
-                found = row_files.read(self.folder)
-                chosen = {n: found[k] for n, k in enumerate(self.numbers) if k in found}
-                table = together(self.case, [self.inputs[k] for k in self.numbers], chosen)
-                if self.part is None:
-                    table.write(self.case, self.path)
-        result: Sweep = self.comm.bcast(table)
+        result: Sweep = self.comm.bcast(on_root(self.comm, self._together))
         return result
 
+    def _together(self) -> Sweep:
+        """The table, which is written if it is that of all rows."""
+        found = row_files.read(self.folder)
+        rows = [found.get(k, Row(k, "not computed", np.nan)) for k in self.numbers]
+        table = together(self.case, [self.inputs[k] for k in self.numbers], rows)
+        if self.part is None:
+            table.write(self.case, self.path)
+        return table
+
     def _compute(self) -> None:
-        """Rows that are not finished."""
-        comm = self.comm
-        done: list[int] = []
-        with collective(comm):
-            if comm.rank == 0:
-                done = [k for k, row in row_files.read(self.folder).items() if not row.reason]
-        finished = set(comm.bcast(done)) & set(self.numbers)
-        total = len(self.numbers)
-        self._require_disk(total - len(finished))
+        """Rows that are not finished, those of one structure together."""
+        comm, total = self.comm, len(self.numbers)
+        done = comm.bcast(
+            on_root(comm, lambda: {k for k, row in row_files.read(self.folder).items() if not row.reason})
+        )
+        missing = [k for k in self.numbers if k not in done]
+        self._require_disk(len(missing))
         part = "" if self.part is None else f" ({self.named})"
-        self.watch.stage(f"{total} rows{part}, {len(finished)} of them finished before")
-        alike = self._alike(finished)
+        self.watch.stage(f"{total} rows{part}, {total - len(missing)} of them finished before")
+        alike: dict[tuple, list[int]] = {}
+        for k in missing:
+            alike.setdefault(structural(self.inputs[k]), []).append(k)
+        structures = list(alike.values())
         try:
-            with Shares(comm, self.group, [len(numbers) for numbers in alike]) as shares:
+            with Shares(comm, self.group, [*map(len, structures)]) as shares:
                 while (place := shares.structure()) is not None:
-                    self._structure(alike[place], shares, place, total)
+                    self._structure(structures[place], shares, place, total)
         finally:
             if not alone(comm):
                 self.group.Free()
@@ -259,14 +252,6 @@ class _Sweeping:
             ),
         )
 
-    def _alike(self, finished: set[int]) -> list[list[int]]:
-        """Rows that are not finished, those of one structure together."""
-        found: dict[tuple, list[int]] = {}
-        for k in self.numbers:
-            if k not in finished:
-                found.setdefault(structural(self.inputs[k]), []).append(k)
-        return list(found.values())
-
     def _structure(self, numbers: list[int], shares: Shares, place: int, total: int) -> None:
         """Rows of one structure, as long as no other group has taken them."""
         results: dict[str, Any] = {}
@@ -279,11 +264,8 @@ class _Sweeping:
                 number = numbers[taken]
                 work = functools.partial(self._row, number, structure or fault, results)
                 values, reason = self._tried(work)
-                found = values or {}
-                entries = {name: np.asarray(value) for name, (value, _) in found.items()}
-                units = {name: unit for name, (_, unit) in found.items()}
                 if self.group.rank == 0:
-                    row_files.append(self.file, Row(number, reason, time.monotonic() - began, entries, units))
+                    row_files.append(self.file, Row(number, reason, time.monotonic() - began, values or {}))
                 if self.comm.rank == 0:
                     self.watch.fraction(1.0 - shares.left().sum() / total)
                 began = time.monotonic()

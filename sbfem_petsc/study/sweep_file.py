@@ -45,6 +45,8 @@ class Sweep:
     text : str
         The case.
     case_file : str
+    files : dict of str to bytes
+        Contents of the files that the case names.
     path : str
         The file that it was read from.
     """
@@ -56,6 +58,7 @@ class Sweep:
     seconds: np.ndarray
     text: str
     case_file: str
+    files: dict[str, bytes]
     path: str = ""
 
     @classmethod
@@ -166,22 +169,27 @@ class Sweep:
         )
 
 
-def together(case: Case, inputs: Sequence[Mapping[str, Any]], found: Mapping[int, Row]) -> Sweep:
-    """The table of all rows; rows that are missing have the reason "not computed"."""
-    units: dict[str, str] = {}
-    shapes: dict[str, tuple[int, ...]] = {}
-    kinds: dict[str, np.dtype] = {}
-    for row in found.values():
-        for name, value in row.values.items():
-            shape = shapes.get(name, value.shape)
-            shapes[name] = tuple(map(max, shape, value.shape))
-            kinds[name] = np.result_type(kinds.get(name, np.dtype(float)), value.dtype)
-        units.update(row.units)
-    values = {name: np.full((len(inputs), *shape), np.nan, kinds[name]) for name, shape in shapes.items()}
-    for number, row in found.items():
-        for name, value in row.values.items():
-            values[name][(number, *map(slice, value.shape))] = value
-    columns = {name: np.array([row[name] for row in inputs]) for name in inputs[0]}
-    rows = [found.get(k, Row(k, "not computed", np.nan)) for k in range(len(inputs))]
-    reasons, seconds = [row.reason for row in rows], np.array([row.seconds for row in rows])
-    return Sweep(columns, dict(sorted(values.items())), units, reasons, seconds, case.text, case.file)
+def together(case: Case, inputs: Sequence[Mapping[str, Any]], rows: Sequence[Row]) -> Sweep:
+    """The table of rows."""
+    units = {name: unit for row in rows for name, (_, unit) in row.values.items()}
+    return Sweep(
+        inputs={name: np.array([row[name] for row in inputs]) for name in inputs[0]},
+        values={name: _column([row.values.get(name, (None,))[0] for row in rows]) for name in sorted(units)},
+        units=units,
+        reasons=[row.reason for row in rows],
+        seconds=np.array([row.seconds for row in rows]),
+        text=case.text,
+        case_file=case.file,
+        files=case.named_files(),
+    )
+
+
+def _column(entries: Sequence[np.ndarray | None]) -> np.ndarray:
+    """Of all rows; nan where a row has none, and where arrays of others are longer."""
+    there = [np.asarray(entry) for entry in entries if entry is not None]
+    shape = np.max([array.shape for array in there], axis=0).astype(int)
+    found = np.full((len(entries), *shape), np.nan, np.result_type(float, *{array.dtype for array in there}))
+    for row, entry in enumerate(entries):
+        if entry is not None:
+            found[(row, *map(slice, np.shape(entry)))] = entry
+    return found

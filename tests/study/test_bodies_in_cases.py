@@ -97,8 +97,8 @@ def file(tmp_path):
 
 def test_the_numbers_of_python(file):
     """To the last digit."""
-    outcome = run_case(file, file.parent / "out")
-    assert not outcome.failed
+    summary = run_case(file, file.parent / "out")
+    assert not summary["run"]["failed"]
     found = read_any(file.parent / "out")
     body = sb.read_calculix(FILES / "blocks")
     tip = body.at((0.08, 0.01, 0.01), "z")
@@ -132,8 +132,8 @@ def test_backbones_take_the_modes_that_a_body_has(file):
     table = '[analyses.free]\nkind = "backbone"\nmode = 1\nstart = 1e-9\nstop = 2e-9\npoints = 5\n\n[output]'
     text = CASE[: CASE.index("[analyses.frequencies]")] + table + "\npictures = false\n"
     file.write_text(text)
-    outcome = run_case(file, file.parent / "out")
-    assert not outcome.failed
+    summary = run_case(file, file.parent / "out")
+    assert not summary["run"]["failed"]
     found = read_any(file.parent / "out")
     rom = Structure(read_case(file), MPI.COMM_WORLD).model
     assert found.value("free", "frequency")[0] == pytest.approx(rom.frequencies[0], rel=1e-3)

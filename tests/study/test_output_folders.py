@@ -12,10 +12,11 @@ import pytest
 from meshing import Beam
 from meshing.folder_index import INDEX, listed
 from sbfem_petsc.output_folder import HeldFolder, make_output_folder
+from sbfem_petsc.record.files import opened
 from sbfem_petsc.record.found import Found
 from sbfem_petsc.record.journal import Journal
 from sbfem_petsc.study import rows
-from sbfem_petsc.study.folder import new_results, results_in
+from sbfem_petsc.study.folder import new_results
 from sbfem_petsc.writing import write_table
 from tests.study.small_case import CASE, sbfem, written
 
@@ -314,7 +315,7 @@ def test_nothing_of_a_strangers_file_becomes_part_of_a_page(folder):
     """Kind, names, reasons, units, texts, captions: all of it is text, once and whole."""
     out = folder / "out"
     source = out / "results.h5"
-    with results_in(source, "run") as file:
+    with opened(source) as file:
         facts = file.attrs["run"].decode().replace('"small"', '"title%s"')
         with new_results(folder / "new.h5", "run") as new:
             case = new.create_group("case")

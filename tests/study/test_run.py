@@ -17,11 +17,12 @@ from mpi4py import MPI
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from meshing.folder_index import INDEX
+from sbfem_petsc.record.files import opened
 from sbfem_petsc.record.found import Found
 from sbfem_petsc.study import revive, run
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.problems import CaseError
-from sbfem_petsc.study.folder import Folder, checksum, results_in
+from sbfem_petsc.study.folder import Folder, checksum
 from sbfem_petsc.study.kinds.kind import Run
 from sbfem_petsc.study.revive import read_any
 from sbfem_petsc.study.run import run_case
@@ -145,7 +146,7 @@ def test_changed_bytes_of_results_are_told(folder, tmp_path, name, every):
         if name == "results.h5":
             found = read_any(path)
             return [pickle.dumps(item) for item in (found.text, found.run, found.kinds, found.analyses)]
-        with results_in(path, "analysis") as file:
+        with opened(path) as file:
             return [pickle.dumps(Found.read(file))]
 
     path = shutil.copy(folder / "out" / name, tmp_path / "copy.h5")
@@ -191,7 +192,7 @@ def test_changed_bytes_of_a_state_are_told(tmp_path):
     """Of what is finished, and of facts that a run that has nothing left to do takes over from it."""
     text = CASE[: CASE.index("[analyses.frequencies]")] + CASE[CASE.index("[analyses.push]") : STEADY]
     case = case_from_text(text, str(tmp_path / "case.toml"))
-    assert not run_case(case, tmp_path).failed
+    assert not run_case(case, tmp_path)["run"]["failed"]
     path, told = tmp_path / "run.json", 0
     data = path.read_bytes()
     for place in range(len(data)):
@@ -346,8 +347,8 @@ def test_wrong_case_on_two_ranks(command, old, new, words, tmp_path):
 
 def test_from_python(folder):
     """`run_case` gives the summary too."""
-    outcome = run_case(folder / "case.toml", folder / "out", comm=MPI.COMM_SELF)
-    assert not outcome.failed and outcome.summary["push"]["kind"] == "static"
+    summary = run_case(folder / "case.toml", folder / "out", comm=MPI.COMM_SELF)
+    assert not summary["run"]["failed"] and summary["push"]["kind"] == "static"
 
 
 FURTHER = """

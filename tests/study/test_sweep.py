@@ -239,7 +239,7 @@ def test_row_files(tmp_path):
     path = str(tmp_path / "00000.rows")
     ends = []
     for number in range(3):
-        rows.append(path, Row(number, "", 0.5, {"a/b": np.arange(number + 1) * 1j}, {"a/b": "m"}))
+        rows.append(path, Row(number, "", 0.5, {"a/b": (np.arange(number + 1) * 1j, "m")}))
         ends.append((tmp_path / "00000.rows").stat().st_size)
     whole = (tmp_path / "00000.rows").read_bytes()
     for cut in (len(whole) - 1, (ends[1] + ends[2]) // 2, 10):
@@ -249,7 +249,8 @@ def test_row_files(tmp_path):
         rows.append(path, Row(7, "why", 0.0))
         assert sorted(rows.read(str(tmp_path))) == [*sorted(kept), 7]
     (tmp_path / "00000.rows").write_bytes(whole)
-    np.testing.assert_array_equal(rows.read(str(tmp_path))[2].values["a/b"], [0, 1j, 2j])
+    values, unit = rows.read(str(tmp_path))[2].values["a/b"]
+    assert unit == "m" and np.array_equal(values, [0, 1j, 2j])
 
 
 @pytest.mark.long

@@ -747,7 +747,7 @@ def test_all_that_is_wrong_is_told_at_once(tmp_path):
         ("burst", "modes"),
     ]
     mended = case_from_text(CASE[: CASE.index("[analyses.push]")])
-    assert not run_case(mended, tmp_path).failed and (tmp_path / "results.h5").is_file()
+    assert not run_case(mended, tmp_path)["run"]["failed"] and (tmp_path / "results.h5").is_file()
     with pytest.raises(ValueError, match="holds the run of another case"):
         run_case(case, tmp_path)
     shutil.rmtree(tmp_path / "analyses")  # as who needs room may do: the results are there
