@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,9 @@ from meshing.gmsh.confined import Refusal
 from meshing.gmsh.foreign.deck import Card, Deck, cards, of_one_part
 from meshing.whole_file import read_whole
 
-from ..checks import choice, path
+from ..checks import path
 from .cells import KINDS
 from .finite_element_model import FiniteElementModel
-from .plausibility import UNITS
 from .rows import AXES, NONE
 
 OWNER = "read_calculix"
@@ -57,18 +57,16 @@ def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
     UnitWarning
         If the units make no sense.
     """
-    choice(OWNER, "units", units, tuple(UNITS))
     stem = path(OWNER, "job", job).removesuffix(".inp")
     deck = read_deck(OWNER, f"{stem}.inp")
-    unknowns = _unknowns(f"{stem}.dof", deck.nodes)
+    unknowns = _unknowns(f"{stem}.dof", deck["nodes"])
     stiffness, mass = (_matrix(f"{stem}.{ending}", len(unknowns)) for ending in ("sti", "mas"))
     if stiffness.nnz != mass.nnz:
         raise ValueError(
             f"{OWNER}: {stem}.sti has {stiffness.nnz} entries, .mas {mass.nnz}; one is cut or of another run"
         )
-    given: dict[str, Any] = {"sets": deck.node_sets, "elements": deck.cells, "units": units}
-    given["fixed"] = deck.held - set(map(tuple, unknowns.tolist()))
-    body = FiniteElementModel(mass, stiffness, unknowns, deck.nodes, **given)
+    deck["fixed"] -= set(map(tuple, unknowns.tolist()))
+    body = FiniteElementModel(mass, stiffness, unknowns, **deck, units=units)
     _require_one_run(stem, body)
     return body
 
@@ -80,62 +78,57 @@ def job_files(job: str) -> list[str]:
     return [*decks, *(f"{stem}.{ending}" for ending in ("dof", "sti", "mas"))]
 
 
-class SolidDeck(Deck):
-    """Nodes, sets of them, pairs of node and direction that are held, and solid elements by kind."""
+class _Solids(Deck):
+    """Nodes, sets of them, and solid elements by kind."""
 
     splits = some = True
-
-    def __init__(self, cards: Iterable[Card]) -> None:
-        super().__init__([card for card in cards if self._counts(card)])
-        self.held = set[tuple[int, int]]()
-        for card in self.of("BOUNDARY"):
-            for place, row in card.rows:
-                nodes = self.labels(card, place, row[0], "NSET")
-                try:
-                    first, last = int(row[1]), int(row[2] if row[2:] and row[2] else row[1])
-                except (ValueError, IndexError):
-                    card.refuse(f"does not hold nodes, a first and a last direction: {', '.join(row)}", place)
-                self.held |= {(node, d - 1) for node in nodes for d in range(first, min(last, 6) + 1)}
 
     def kind(self, card: Card) -> tuple[str, tuple[int, ...]]:
         """VTK's name, and the number of nodes."""
         kind = SOLIDS[_type(card)]
         return kind, (KINDS[kind][0],)
 
-    @staticmethod
-    def _counts(card: Card) -> bool:
-        """Whether it tells of nodes or solid elements; elements of other kinds do not."""
-        if card.keyword in REFUSED:
-            card.refuse("changes what moves or touches; leave it out, contact is said by body.contact")
-        if card.keyword == "INSTANCE":
-            card.refuse("numbers nodes anew, which the matrices' labels follow; write the deck without parts")
-        return card.keyword != "ELEMENT" or _type(card) in SOLIDS
-
-    @property
-    def node_sets(self) -> dict[str, list[int]]:
-        """Labels by name, in capitals."""
-        return {name: list(found.labels) for name, found in self.sets["NSET"].items() if found.labels}
-
-    @property
-    def cells(self) -> dict[str, np.ndarray]:
-        """Labels of nodes by kind."""
-        kinds = dict.fromkeys(kind for kind, _ in self.elements.values())
-        return {own: np.array([a for kind, a in self.elements.values() if kind == own]) for own in kinds}
-
 
 def _type(card: Card) -> str:
     return card.given.get("TYPE", "").upper().rstrip("RIMHT")
 
 
-def read_deck(owner: str, file: str) -> SolidDeck:
-    """A deck of CalculiX or Abaqus, without parts."""
+def _counts(card: Card) -> bool:
+    """Whether it tells of nodes or solid elements; elements of other kinds do not."""
+    if card.keyword in REFUSED:
+        card.refuse("changes what moves or touches; leave it out, contact is said by body.contact")
+    if card.keyword == "INSTANCE":
+        card.refuse("numbers nodes anew, which the matrices' labels follow; write the deck without parts")
+    return card.keyword != "ELEMENT" or _type(card) in SOLIDS
+
+
+def _held(deck: Deck, card: Card) -> Iterator[tuple[int, int]]:
+    """Nodes and directions, from 0."""
+    for place, row in card.rows:
+        nodes = deck.labels(card, place, row[0], "NSET")
+        try:
+            first, last = int(row[1]), int(row[2] if row[2:] and row[2] else row[1])
+        except (ValueError, IndexError):
+            card.refuse(f"does not hold nodes, a first and a last direction: {', '.join(row)}", place)
+        yield from product(nodes, range(first - 1, min(last, 6)))
+
+
+def read_deck(owner: str, file: str) -> dict[str, Any]:
+    """Arguments of `FiniteElementModel` out of a deck of CalculiX or Abaqus without parts: `nodes`, `sets`,
+    whose names are in capitals, `fixed` and `elements`.
+    """
     try:
-        deck = SolidDeck(of_one_part(cards(_lines(owner, file))))
+        deck = _Solids([card for card in of_one_part(cards(_lines(owner, file))) if _counts(card)])
+        held = {pair for card in deck.of("BOUNDARY") for pair in _held(deck, card)}
     except Refusal as error:
         raise ValueError(f"{owner}: {str(error).removesuffix('.')}") from None
     if not deck.nodes:
         raise ValueError(f"{owner}: {file} has no nodes (*NODE); give a deck of CalculiX or Abaqus, as text")
-    return deck
+    sets = {name: list(found.labels) for name, found in deck.sets["NSET"].items() if found.labels}
+    elements = dict[str, list[list[int]]]()
+    for kind, nodes in deck.elements.values():
+        elements.setdefault(kind, []).append(nodes)
+    return {"nodes": deck.nodes, "sets": sets, "fixed": held, "elements": elements}
 
 
 def _lines(owner: str, file: str, depth: int = 0) -> Iterator[tuple[str, str]]:

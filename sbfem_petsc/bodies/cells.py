@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sized
 from typing import Any
 
@@ -60,16 +61,8 @@ def checked_cells(owner: str, given: Any, nodes: Mapping[int, int]) -> dict[str,
 
 def outer_faces(cells: Mapping[str, np.ndarray]) -> list[list[int]]:
     """Rows of nodes, corners first, of the faces that one element alone has."""
-    found = dict[frozenset[int], list[int] | None]()
-    for kind, elements in cells.items():
-        for own in KINDS[kind][1]:
-            for face in elements[:, own].tolist():
-                key = frozenset(face[: corners(face)])
-                found[key] = None if key in found else face
-    return [face for face in found.values() if face is not None]
-
-
-def surface(cells: Mapping[str, np.ndarray]) -> list[np.ndarray]:
-    """(faces, corners) rows of nodes of the faces that one element alone has, those of triangles first."""
-    outer = [face[: corners(face)] for face in outer_faces(cells)]
-    return [np.array([face for face in outer if len(face) == k], dtype=int).reshape(-1, k) for k in (3, 4)]
+    each = ((elements, own) for kind, elements in cells.items() for own in KINDS[kind][1])
+    faces = [face for elements, own in each for face in elements[:, own].tolist()]
+    ends = [frozenset(face[: corners(face)]) for face in faces]
+    count = Counter(ends)
+    return [face for face, own in zip(faces, ends) if count[own] == 1]

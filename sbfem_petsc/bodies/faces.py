@@ -153,20 +153,16 @@ def _means(
     commons: list[Common], places: tuple[np.ndarray, ...], moves: np.ndarray
 ) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
     """See `between`."""
-    entries, x = [[np.zeros((3, 0))] for _ in places], places[0]
+    x, parts = places[0], [np.zeros((len(places[0]), len(at))) for at in places]
     for nodes, *cells, points, weights in commons:
         kept, hats = moves[nodes], (weights[:, None] * _shapes(x[nodes], points)).T
         hats, own = hats[kept] + hats[~kept].sum(axis=0) / max(kept.sum(), 1), np.array(nodes)[kept]
-        for part, cell, at in zip(entries, cells, places):
-            shares = hats @ _shapes(at[cell], points)
-            part.append(np.stack([np.repeat(own, len(cell)), np.tile(cell, len(own)), shares.ravel()]))
-    one, two = (
-        sparse.csr_matrix((shares, np.array(placed, dtype=int)), (len(x), len(at)))
-        for (*placed, shares), at in zip(map(np.hstack, entries), places)
-    )
-    shared = np.asarray(one.sum(axis=1)).ravel()
+        for part, cell, at in zip(parts, cells, places):
+            part[np.ix_(own, cell)] += hats @ _shapes(at[cell], points)
+    shared = parts[0].sum(axis=1)
+    shared[shared <= 0.0] = 1.0
+    one, two = (sparse.csr_matrix(part / shared[:, None]) for part in parts)
     for part in (one, two):
-        part.data /= np.repeat(np.where(shared > 0.0, shared, 1.0), np.diff(part.indptr))
         part.data[np.abs(part.data) <= LITTLE] = 0.0
         part.eliminate_zeros()
     return one, two

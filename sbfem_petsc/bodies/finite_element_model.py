@@ -22,8 +22,6 @@ from .rows import AXES, HELD, NONE, Contact, Row, told
 SYMMETRY = 1e-6
 # Distance of nodes in sizes of the body that rounding explains, and off a plane, a normal of three digits.
 TOGETHER, LEVEL = 1e-10, 1e-3
-# Elements with eight-node faces, and how many of their nodes are corners.
-EIGHT = {"quad8": 4, "hexahedron20": 8}
 
 
 class FiniteElementModel:
@@ -306,11 +304,10 @@ class FiniteElementModel:
 
     def _warn_of_corners(self, nodes: np.ndarray) -> None:
         """Warn of corners of eight-node faces, as far as elements are known."""
-        found = [cells[:, : EIGHT[kind]].ravel() for kind, cells in self.elements.items() if kind in EIGHT]
-        if count := np.isin(nodes, np.concatenate([nodes[:0], *found])).sum():
+        if at := {k for face in self._faces(nodes) if len(face) == 8 for k in face[:4]}:
             warn(
-                f"contact: {count} nodes are corners of eight-node faces, which carry a negative share of a "
-                "pressure: pairs open where faces press; take tetrahedra, first order, or leave them out",
+                f"contact: {len(at)} nodes are corners of eight-node faces, which carry a negative share of "
+                "a pressure: pairs open where faces press; take tetrahedra, first order, or leave them out",
                 MeshWarning,
             )
 

@@ -57,22 +57,22 @@ def read_matrices(
     """
     files = [path(OWNER, name, given) for name, given in (("mass", mass), ("stiffness", stiffness))]
     matrices = [_read(file, k) for k, file in enumerate(files)]
-    held, cells, sets = [*fixed], dict[str, np.ndarray](), {} if sets is None else sets
+    deck: dict[str, Any] = {"nodes": nodes, "sets": {}, "fixed": ()}
     if not isinstance(nodes, Mapping):
         instance(OWNER, "nodes", nodes, (str, os.PathLike), "a dict of labels to places, or a deck")
         deck = read_deck(OWNER, path(OWNER, "nodes", nodes))
-        nodes, cells, sets, held = deck.nodes, deck.cells, deck.node_sets | dict(sets), [*held, *deck.held]
     if {isinstance(matrix, np.ndarray) for matrix in matrices} != {unknowns is None}:
         raise ValueError(
             f"{OWNER}: unknowns = {shown(unknowns)}; give it unless both files are of Abaqus or Ansys"
         )
     if unknowns is None:
         matrices, unknowns, supports = _numbered(files, matrices)
-        held += supports
+        deck["fixed"] = [*deck["fixed"], *supports]
     elif isinstance(unknowns, (str, os.PathLike)):
         unknowns = _read(path(OWNER, "unknowns", unknowns), 2)
+    deck |= {"sets": deck["sets"] | dict(sets or {}), "fixed": [*fixed, *deck["fixed"]]}
     m, k = matrices
-    return FiniteElementModel(m, k, unknowns, nodes, sets=sets, fixed=held, elements=cells, units=units)
+    return FiniteElementModel(m, k, unknowns, **deck, units=units)
 
 
 def _read(file: str, place: int) -> Any:

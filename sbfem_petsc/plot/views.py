@@ -19,7 +19,7 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 from scipy.spatial.transform import Rotation
 
-from ..bodies.cells import surface
+from ..bodies.cells import corners, outer_faces
 from ..bodies.finite_element_model import FiniteElementModel
 from ..bodies.rows import Contact
 from ..record.units import place_unit
@@ -288,8 +288,8 @@ class Solid:
             size = AROUND * float((upper - lower).max())
             near = (self.places >= lower - size).all(axis=1) & (self.places <= upper + size).all(axis=1)
             cells = {kind: rows[near[rows].any(axis=1)] for kind, rows in cells.items()}
-        self.faces = surface(cells)
-        self.drawn = np.unique(np.concatenate([face.ravel() for face in self.faces]))
+        self.faces = [face[: corners(face)] for face in outer_faces(cells)]
+        self.drawn = np.unique(np.concatenate(self.faces))
         self.half = 0.5 * float(np.ptp(self.places[self.drawn], axis=0).max())
         arms = self.places[self.drawn] - self.places[self.drawn].mean(axis=0)
         rigid = [np.tile(axis, (len(arms), 1)) for axis in np.eye(3)] + [np.cross(e, arms) for e in np.eye(3)]
@@ -332,8 +332,7 @@ class Solid:
         state = self._relative(state)
         points = (self.places + factor * state) @ self.view.T
         values = colours.scale(np.linalg.norm(state, axis=1))
-        faces = [face for faces in self.faces for face in faces]
-        faces.sort(key=lambda face: points[face, 2].mean())
+        faces = sorted(self.faces, key=lambda face: points[face, 2].mean())
         painted = PolyCollection([points[face, :2] for face in faces], **colours.look)
         painted.set(array=np.array([values[face].mean() for face in faces]))
         painted.set(edgecolor="#00000055", linewidth=0.2)

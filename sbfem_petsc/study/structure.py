@@ -45,12 +45,12 @@ class Structure:
     def facts(self) -> dict[str, Any]:
         """Sizes and names, for summaries and reports."""
         if self.body is not None:
-            found, contact = self.body.model, self.body.contact
+            found, contact = self.body["model"], self.body["contact"]
             return {
                 "body": found.summary().splitlines(),
                 "unknowns": len(found.unknowns),
                 "contact_pairs": 0 if contact is None else len(contact.gap),
-                "points": {name: row.direction for name, row in self.body.points.items()},
+                "points": {name: row.direction for name, row in self.body["points"].items()},
             }
         model = self.model
         lower, upper = model.extent
@@ -77,7 +77,7 @@ class Structure:
     def points(self, case: Case) -> tuple[str, ...]:
         """Points whose motion is kept."""
         chosen = case.tables.output.points
-        known = self.model.points if self.body is None else self.body.points
+        known = self.model.points if self.body is None else self.body["points"]
         return tuple(known) if chosen is None else tuple(chosen)
 
     def check(self, case: Case, names: Iterable[str]) -> None:
@@ -89,7 +89,7 @@ class Structure:
             words = "half the unknowns on boundaries; ask for fewer, or take a finer mesh"
         else:
             table: Any = case.tables.body
-            found = None, table.modes or max(min(FEWEST_MODES, len(self.body.model.unknowns) // 2), 1)
+            found = None, table.modes or max(min(FEWEST_MODES, len(self.body["model"].unknowns) // 2), 1)
             words = "those of the reduced body; ask for fewer, or give more as body.modes"
         problems: list[Problem] = []
         for name in names:

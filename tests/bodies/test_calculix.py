@@ -111,9 +111,9 @@ def test_lines_of_a_deck(tmp_path):
         file = tmp_path / "lines.inp"
         file.write_text(f"*NODE\n{nodes}*ELEMENT, TYPE=C3D20R\n7, {one}{comma}\n{two}\n{springs}{held}")
         deck = read_deck("test", str(file))
-        assert deck.cells["hexahedron20"].tolist() == [list(range(1, 21))] and len(deck.cells) == 1
-        assert deck.held == {(3, 3), (3, 4), (3, 5), (4, 1)}
-        assert deck.node_sets == {"ALL": list(range(1, 21))}
+        assert deck["elements"] == {"hexahedron20": [list(range(1, 21))]}
+        assert deck["fixed"] == {(3, 3), (3, 4), (3, 5), (4, 1)}
+        assert deck["sets"] == {"ALL": list(range(1, 21))}
 
 
 # Rows of the file of unknowns by other nodes.

@@ -345,13 +345,19 @@ def test_wrong_files_of_matrices(parts, files, ending, change, sentence):
 
 
 def test_corners_of_eight_node_faces():
-    """They are warned of, the nodes between them are not."""
+    """They are warned of where a face touches with the nodes between them, of wedges, too; those between them
+    alone, an edge, and faces of six nodes are not.
+    """
     nodes = {k + 1: (float(k), 0.0, 0.0) for k in range(20)}
     unknowns = [(label, 0) for label in nodes]
     eye = scipy.sparse.identity(20, format="csr")
     body = sb.FiniteElementModel(eye, 1e6 * eye, unknowns, nodes, elements={"hexahedron20": [list(nodes)]})
-    with pytest.warns(sb.MeshWarning, match="2 nodes are corners of eight-node faces"):
-        body.contact([2, 3, 10], normal=(-1, 0, 0), gap=1e-3)
+    wedge = {"wedge15": [list(nodes)[:15]]}
+    wedge = sb.FiniteElementModel(eye, 1e6 * eye, unknowns, nodes, elements=wedge)
+    for one, face in ((body, [1, 2, 3, 4, 9, 10, 11, 12]), (wedge, [1, 2, 5, 4, 7, 14, 10, 13])):
+        with pytest.warns(sb.MeshWarning, match="4 nodes are corners of eight-node faces"):
+            one.contact(face, normal=(-1, 0, 0), gap=1e-3)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        body.contact([9, 10], normal=(-1, 0, 0), gap=1e-3)
+        for one, touching in ((body, [9, 10]), (body, [2, 3, 10]), (wedge, [1, 2, 3, 7, 8, 9])):
+            one.contact(touching, normal=(-1, 0, 0), gap=1e-3)

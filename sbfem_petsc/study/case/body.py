@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -49,11 +49,6 @@ class _Body(Table):
         text="named displacements, [body.points.NAME]"
     )
     modes: int | None = item(None, text="modes of the reduced model; default: 80", ge=1)
-    named: ClassVar[tuple[str, ...]] = ()
-
-    def files(self, resolve: Callable[[str], str]) -> list[str]:
-        """Paths of the files that it is read from."""
-        return [resolve(getattr(self, key)) for key in self.named if getattr(self, key) is not None]
 
 
 class CalculixBody(_Body):
@@ -68,7 +63,7 @@ class CalculixBody(_Body):
         return sb.read_calculix(resolve(self.file), units=self.units)
 
     def files(self, resolve: Callable[[str], str]) -> list[str]:
-        """Decks that the deck includes, too."""
+        """Paths of the files that it is read from, and of decks that the deck includes."""
         from ...bodies.calculix import job_files
 
         return job_files(resolve(self.file))
@@ -85,11 +80,15 @@ class MatricesBody(_Body):
         None, text="path of a text of node and direction (0 to 5) of each row; Abaqus' files have them"
     )
     units: Literal["SI", "mm-N-t", "mm-kg-mN"] = item("SI", text="those of the matrices and the deck")
-    named = ("stiffness", "mass", "nodes", "unknowns")
 
     def read(self, resolve: Callable[[str], str]) -> Any:
         """The body."""
         return sb.read_matrices(*self.files(resolve), units=self.units)
+
+    def files(self, resolve: Callable[[str], str]) -> list[str]:
+        """Paths of the files that it is read from."""
+        given = self.stiffness, self.mass, self.nodes, self.unknowns
+        return [resolve(name) for name in given if name is not None]
 
 
 BODIES = (CalculixBody, MatricesBody)

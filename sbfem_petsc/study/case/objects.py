@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import sbfem_petsc as sb
@@ -148,18 +147,8 @@ def _said(case: Given, *keys: str) -> dict[str, Any]:
     return {key: made(case, value, "model", key) for key, value in values.items() if value is not None}
 
 
-@dataclass(frozen=True, eq=False)
-class BodyParts:
-    """A body that is read, its contact, and arguments of `reduce`: loads and points by name."""
-
-    model: sb.FiniteElementModel
-    contact: Any
-    loads: dict[str, Any]
-    points: dict[str, Any]
-
-
-def body(case: Given) -> BodyParts:
-    """The body of a case, not reduced yet.
+def body(case: Given) -> dict[str, Any]:
+    """The body of a case, not reduced yet, with its contact, loads and points by name: arguments of `reduce`.
 
     Raises
     ------
@@ -191,19 +180,16 @@ def body(case: Given) -> BodyParts:
         else sb.SupportMotion(**{key: 1.0})
         for name, key in _unit_loads(case)
     }
-    return BodyParts(found, contact, loads or points, points)
+    return {"model": found, "contact": contact, "loads": loads or points, "points": points}
 
 
-def reduced(case: Given, parts: BodyParts, comm: Any) -> sb.ReducedModel:
+def reduced(case: Given, parts: dict[str, Any], comm: Any) -> sb.ReducedModel:
     """The reduced model of a body. Collective."""
     output, table = case.tables.output, case.tables.body
     assert table is not None
     with located(case, "body"):
         return sb.reduce(
-            parts.model,
-            contact=parts.contact,
-            loads=parts.loads,
-            points=parts.points,
+            **parts,
             modes=table.modes,
             **_said(case, "damping", "rayleigh"),
             comm=comm,
