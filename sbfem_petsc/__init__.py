@@ -48,7 +48,7 @@ _HOME = {
     "loads": ("PointForce", "EdgeLoad", "SupportMotion", "EdgeMotion", "Loads"),
     "supports": ("Support",),
     "contact.law": ("Unilateral", "Tied", "Clearance", "Coulomb"),
-    "errors": ("SolveError", "UnknownName"),
+    "errors": ("SolveError", "SolverFailure", "UnknownName"),
     "meshing.warnings": (
         "LoadWarning",
         "BandWarning",

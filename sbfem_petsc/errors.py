@@ -27,14 +27,18 @@ class SolveError(RuntimeError):
     """
 
 
-class OutOfMemory(SolveError):
+class SolverFailure(RuntimeError):
+    """A solver cannot work as it is asked to, which no other first guess changes. It is no `SolveError`: what
+    tries one guess after the other, or tells of a point that no motion is found, ends with it.
+    """
+
+
+class OutOfMemory(SolverFailure):
     """There is not enough memory; other ranks may know nothing of it."""
 
 
-class PetscFailure(SolveError):
-    """PETSc refuses an option of the command line, or cannot do what it is asked for; no other first guess
-    will change that.
-    """
+class PetscFailure(SolverFailure):
+    """PETSc refuses an option of the command line, or cannot do what it is asked for."""
 
 
 def called(own: str = "periodic") -> str:

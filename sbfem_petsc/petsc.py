@@ -254,7 +254,7 @@ def finite(tolerance: float) -> float:
 
 @contextlib.contextmanager
 def solving(what: str) -> Iterator[None]:
-    """Context in which an error of PETSc, and a lack of memory, becomes one sentence, a `SolveError`."""
+    """Context in which an error of PETSc, and a lack of memory, becomes one sentence, a `SolverFailure`."""
     require_thread()
     try:
         yield

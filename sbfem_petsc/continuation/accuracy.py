@@ -15,7 +15,7 @@ import numpy as np
 
 from meshing.warnings import AccuracyWarning
 
-from ..errors import PetscFailure, SolveError, warn
+from ..errors import SolveError, warn
 from ..motion.contact_work import MOST
 from ..motion.period_map import FixedPoint, Period
 from ..motion.preparation import PeriodSettings
@@ -135,8 +135,6 @@ class Accuracy:
             try:
                 where = prepare(settings, told)
                 told = find(where, told)
-            except PetscFailure:
-                raise
             except (SolveError, ValueError) as error:
                 lost = where if isinstance(error, SolveError) else None
                 usual = None if lost is None else self._usual(lost)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..errors import PetscFailure, SolveError
+from ..errors import SolveError
 from ..motion.excitation import one_sided
 from ..motion.period_map import DrivenPeriod, FixedPoint, Period
 from ..motion.preparation import finer, require_period
@@ -157,8 +157,6 @@ def _nearby(
             if jacobian == "updated":
                 shooting.near = derivative() - np.eye(len(state))
             return shooting.solve(state)
-        except PetscFailure:
-            raise
         except SolveError:
             continue
     return None

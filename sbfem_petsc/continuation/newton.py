@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..errors import PetscFailure, SolveError
+from ..errors import SolveError
 from .problem import Border, Condition, Linear, Lost, Point, Problem
 
 # Iterations at most.
@@ -24,13 +24,9 @@ FAILURES = SolveError, np.linalg.LinAlgError, ValueError
 def attempt(
     call: Callable[[], Found], failures: Any = FAILURES, told: list[Any] | None = None
 ) -> Found | None:
-    """What a call gives, None where that leads nowhere, of which the failure is told; PETSc's own failures
-    are no such thing.
-    """
+    """What a call gives, None where that leads nowhere, of which the failure is told."""
     try:
         return call()
-    except PetscFailure:
-        raise
     except failures as error:
         if told is not None:
             told.append(error)
@@ -101,7 +97,7 @@ def correct(
     """
     try:
         return _Newton(problem, condition, near, most).solve(u)
-    except (Lost, PetscFailure):
+    except Lost:
         raise
     except FAILURES as error:
         raise Lost(str(error)) from None

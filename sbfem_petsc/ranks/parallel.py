@@ -17,7 +17,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..checks import callback, shown
-from ..errors import SolveError, UnknownName, on_all_ranks
+from ..errors import SolveError, SolverFailure, UnknownName, on_all_ranks
 from . import abort
 from .fingerprint import Fingerprint, fingerprint
 
@@ -40,7 +40,16 @@ SHARED, MOST = ("comm", "reduced", "model", "own", "states", "fields", "motions"
 # What an error that cannot be sent is on other ranks: the first of these that it is.
 _KINDS: dict[str, type[Exception]] = {
     kind.__name__: kind
-    for kind in (UnknownName, SolveError, KeyError, TypeError, ValueError, OSError, ArithmeticError)
+    for kind in (
+        UnknownName,
+        SolveError,
+        SolverFailure,
+        KeyError,
+        TypeError,
+        ValueError,
+        OSError,
+        ArithmeticError,
+    )
 }
 
 Result = TypeVar("Result")

@@ -13,7 +13,7 @@ import h5py
 
 import sbfem_petsc as sb
 
-from ..errors import OutOfMemory, SolveError
+from ..errors import OutOfMemory, SolveError, SolverFailure
 from ..output_folder import make_folder
 from ..progress import Watch
 from ..ranks.capacity import PlannedFile, require_disk, require_memory
@@ -162,7 +162,7 @@ class _Run(contextlib.ExitStack):
                 file = part_of(self.path, name, f"{RESULT}.journal") if kind.running else None
                 result = self.structure.solve(case, name, file=file, progress=self.watch.fraction)
                 found = kind.found(result, self.structure.points(case))
-        except (CaseError, SolveError) as error:
+        except (CaseError, SolveError, SolverFailure) as error:
             if isinstance(error, OutOfMemory) and self.comm.size > 1:
                 raise  # other ranks, which may wait for this one, must end too
             self.failed[name] = str(error)

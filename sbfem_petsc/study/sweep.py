@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import flag, instance, integer, path, shown
-from ..errors import OutOfMemory, SolveError, UnknownName
+from ..errors import OutOfMemory, SolveError, SolverFailure, UnknownName
 from ..progress import Watch, watch_for
 from ..ranks.capacity import PlannedFile, require_disk
 from ..ranks.parallel import agreed, alone, checked_communicator, collective, on_root
@@ -284,7 +284,7 @@ class _Sweeping:
         except Exception as error:
             if isinstance(error, (OutOfMemory, MemoryError)) and self.group.size > 1:
                 raise  # ranks may wait for this one
-            expected = isinstance(error, (ValueError, UnknownName, SolveError))
+            expected = isinstance(error, (ValueError, UnknownName, SolveError, SolverFailure))
             return None, str(error) if expected else f"{type(error).__name__}: {error}"
 
     def _row(self, number: int, structure: Structure | str, alike: dict[str, Any]) -> Values:

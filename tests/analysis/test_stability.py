@@ -24,6 +24,7 @@ from sbfem_petsc.continuation.multipliers import (
 from sbfem_petsc.continuation.problem import Point, Problem
 from sbfem_petsc.continuation.problems import driven_orbits
 from sbfem_petsc.continuation.shooting import shoot
+from sbfem_petsc.errors import OutOfMemory
 from sbfem_petsc.motion.period_map import FixedPoint
 from sbfem_petsc.motion.preparation import PeriodSettings, prepare
 from sbfem_petsc.reduction.matrices import reduce_matrices
@@ -81,6 +82,18 @@ def test_linear_multipliers():
     assert (
         (np.diff(np.abs(orbit.multipliers)) <= 1e-15).all() and orbit.stable and orbit.multiplier_error < 1e-8
     )
+
+
+def test_no_room_is_no_motion_that_is_not_found(monkeypatch):
+    """In the steps that tell the multipliers' uncertainty; it would be told as not known."""
+    orbit = sb.periodic(one_mass(0.5, 0.05), 1.0, 0.21)
+
+    def full(*_, **__):
+        raise OutOfMemory("no room")
+
+    monkeypatch.setattr("sbfem_petsc.continuation.orbit.shoot", full)
+    with pytest.raises(sb.SolverFailure, match="no room"):
+        assert orbit.multiplier_error
 
 
 @pytest.mark.long
