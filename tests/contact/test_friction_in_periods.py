@@ -409,6 +409,8 @@ def test_den_hartogs_oscillator_with_stops(rate, friction, expected, stuck):
         assert abs(off) < 2.0 / stiff
         assert stuck_share(changes) == pytest.approx(share, abs=2.0 * rate / math.sqrt(stiff))
         assert abs(off) < 1e-5 * amplitude
+    # the finest: the published figures to their last digit
+    assert stuck_share(changes) == pytest.approx(stuck, abs=5e-5)
 
 
 @pytest.mark.long
