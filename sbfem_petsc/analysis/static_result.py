@@ -13,8 +13,7 @@ import numpy as np
 from ..errors import SolveError, at_point
 from ..loads import Loads
 from ..petsc import MPI
-from ..ranks.parallel import agreed
-from ..record.gather import whole
+from ..ranks.parallel import agreed, whole
 from ..record.record import Record, derived, described, quantity
 from ..system.fields.fracture import contact_pressure, unresolved_contact
 from ..system.fields.places import PlaceRows, Places, Point, checked_line, checked_place

@@ -19,13 +19,11 @@ PACKAGES = "numpy scipy numba gmsh meshio h5py matplotlib rich pydantic mpi4py p
 def examine(comm: Any) -> dict[str, Any]:
     """Versions, solvers, and a list of faults, each one sentence with a remedy."""
     faults: list[str] = []
-    packages: dict[str, str | None] = {}
+    packages: dict[str, str | None] = dict.fromkeys(PACKAGES)
     for name in PACKAGES:
         try:
-            module = importlib.import_module(name)
-            packages[name] = str(getattr(module, "__version__", "present"))
+            packages[name] = str(getattr(importlib.import_module(name), "__version__", "present"))
         except Exception as error:  # a broken installation raises anything
-            packages[name] = None
             faults.append(f"{name} cannot be imported ({error}): {remedy(error)}")
     found: dict[str, Any] = {
         "sbfem_petsc": sb.__version__,
@@ -36,6 +34,7 @@ def examine(comm: Any) -> dict[str, Any]:
         "packages": packages,
         "ranks": comm.size,
         "mpiexec": shutil.which("mpiexec"),
+        "OMP_NUM_THREADS": (threads := os.environ.get("OMP_NUM_THREADS")),
     }
     if packages["petsc4py"] and packages["slepc4py"]:
         try:
@@ -51,7 +50,6 @@ def examine(comm: Any) -> dict[str, Any]:
         from matplotlib import font_manager
 
         found["font"] = os.path.basename(font_manager.findfont("DejaVu Sans"))
-    found["OMP_NUM_THREADS"] = threads = os.environ.get("OMP_NUM_THREADS")
     if comm.size > 1 and threads != "1":
         faults.append(
             f"OMP_NUM_THREADS is {threads or 'not set'} with {comm.size} ranks, which then disturb each "

@@ -15,8 +15,7 @@ from typing import Any, NoReturn
 from ..command_line import ended, start_petsc, tell, wrong_option
 from ..installation import remedy
 from ..ranks import abort
-from .completion import script
-from .parser import make_parser, split
+from .parser import completion, make_parser, split
 
 # numba would colour its messages by colorama, which writes a code behind the answer of a command
 os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
@@ -50,7 +49,7 @@ def _run(arguments: list[str]) -> int:
     if wrong is not None:
         parser.error(wrong)
     if options.command == "completion":  # a shell waits for it: PETSc is not started
-        tell(script(parser), sys.stdout)
+        tell(completion(parser), sys.stdout)
         return 0
     # what is missing then is what this command is to tell
     with contextlib.suppress(ImportError) if options.command == "doctor" else contextlib.nullcontext():

@@ -1,9 +1,10 @@
-"""The command line of `sbfem`: its own words before `--`, PETSc's after it."""
+"""The command line of `sbfem`: its own words before `--`, PETSc's after it; their completion in shells."""
 
 from __future__ import annotations
 
 import argparse
 import re
+from importlib import resources
 from typing import NoReturn
 
 import sbfem_petsc as sb
@@ -130,3 +131,18 @@ def split(arguments: list[str]) -> tuple[list[str], list[str]]:
     """Words of `sbfem` and words of PETSc."""
     at = arguments.index("--") if "--" in arguments else len(arguments)
     return arguments[:at], arguments[at + 1 :]
+
+
+def completion(parser: argparse.ArgumentParser) -> str:
+    """What a shell evaluates to complete the commands of a parser, their options and the kinds of cases."""
+    (commands,) = (a.choices for a in parser._actions if isinstance(a, argparse._SubParsersAction))
+    options = {
+        name: " ".join(text for action in made._actions for text in action.option_strings if text[1] == "-")
+        for name, made in commands.items()
+    }
+    text = (resources.files(__package__) / "completion.sh").read_text()
+    return text.format(
+        commands=" ".join([*commands, "--help", "--version"]),
+        options="\n".join(f'            {name}) words="{found}" ;;' for name, found in options.items()),
+        kinds=" ".join(KINDS),
+    )

@@ -256,6 +256,26 @@ def ranks_of(value: Any, depth: int = 0) -> MPI.Comm | None:
     return next((comm for comm in (ranks_of(part, depth + 1) for part in parts) if comm is not None), None)
 
 
+def whole(comm: MPI.Comm, numbers: np.ndarray, values: np.ndarray) -> np.ndarray | None:
+    """Rows of all ranks by their global numbers, on rank 0; None elsewhere. Collective.
+
+    Parameters
+    ----------
+    comm : Comm
+    numbers : (m,) int array
+        Global numbers of this rank's rows; a row that several ranks hold is the same on all of them.
+    values : (m, ...) array
+    """
+    parts = comm.gather((numbers, np.ascontiguousarray(values)))
+    if parts is None:
+        return None
+    size = 1 + max(int(rows.max(initial=-1)) for rows, _ in parts)
+    found = np.zeros((size, *values.shape[1:]), dtype=values.dtype)
+    for rows, part in parts:
+        found[rows] = part
+    return found
+
+
 def checked_communicator(owner: str, comm: Any) -> MPI.Comm:
     """A communicator of mpi4py, COMM_WORLD for None; TypeError or ValueError otherwise."""
     if comm is None:

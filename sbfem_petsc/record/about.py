@@ -98,6 +98,13 @@ class About:
         return {"": annotated} if isinstance(annotated, str) else annotated
 
 
+def each(part: Any) -> list[Any]:
+    """Of several things, by their names or not, or of one."""
+    if isinstance(part, Mapping):
+        return list(part.values())
+    return list(part) if isinstance(part, (list, tuple)) else [part]
+
+
 # Of points that are rows of a body, in what is shown of motions.
 DIRECTION = About("1", "directions of the points", ("place",)).of("direction", "str")
 
@@ -137,7 +144,7 @@ class Quantity:
     def of_points(self, rows: bool) -> Quantity:
         """Of rows of a body, which have a direction each: without an axis of x and y and the word u_y."""
         if "xy" in self.dims and self.value.shape[k := self.dims.index("xy")] == 1:
-            return self.only(k).of_points(rows)
+            return self._at(k, -1, self.unit).of_points(rows)
         return self.annotated(text=self.about.text.replace("u_y", "u")) if rows else self
 
     def annotated(self, **about: Any) -> Quantity:
@@ -152,10 +159,6 @@ class Quantity:
             return self
         along = {**self.names, dim: tuple(known[k] for k in rows)}
         return dataclasses.replace(self, value=np.take(self.value, rows, self.dims.index(dim)), names=along)
-
-    def only(self, axis: int) -> Quantity:
-        """The last entry along an axis."""
-        return self._at(axis, -1, self.unit)
 
     def _at(self, axis: int, index: int, unit: str) -> Quantity:
         dims = (*self.dims[:axis], *self.dims[axis + 1 :])

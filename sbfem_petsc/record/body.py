@@ -9,7 +9,7 @@ import numpy as np
 
 from ..damping import ratios_by_frequency
 from ..petsc import PETSc, SLEPc, all_asked
-from .gather import whole
+from ..ranks.parallel import whole
 from .record import Record, described, quantity
 
 # Numbers of a model, and what its pairs hold of each.

@@ -28,16 +28,16 @@ from ..petsc import MPI
 from ..ranks.capacity import available_memory, in_bytes
 from ..ranks.parallel import agreed, collective, ranks_of
 from . import journal
+from .about import each
 from .body import Body
-from .layout import bare, text, text_of, within, write
-from .reading import records_in
+from .layout import bare, groups_of, records_in, text, text_of, write
 from .record import Record
 
 # Of the layout: files of another one are refused.
 SCHEMA = 9
 WHAT = "result file"
 # What reads a journal, by what it says it keeps; where nothing does, the result stands in its state.
-KEPT = {"history": "motion.files.history_file", "branch": "", "result": ""}
+KEPT = {"history": "..motion.files.history_file", "branch": "", "result": ""}
 # Where the model of a journal's head is for what is beside it.
 MODEL = "/model"
 # What compression gains at most; how much time it may take, of 9.
@@ -63,28 +63,23 @@ def save(path: Any, result: Any) -> None:
     TypeError, ValueError
         If it is none, its parts are of other ranks, or the file cannot be written; on all ranks.
     """
-    several = isinstance(result, (list, tuple))
-    parts: dict[str, Any] = {"": result}
-    if several or isinstance(result, Mapping):
-        parts = {f"{k:04d}": part for k, part in enumerate(result)} if several else dict(result)
+    parts = each(result)
     comm = _writers(parts)
     with collective(comm):
         _check(result, parts)
     whole: dict[int, dict[str, Any]] = {}
     bodies: dict[int, Body | None] = {}
-    for part in parts.values():
+    for part in parts:
         _gather(part, whole, bodies)
     with collective(comm):
         if comm.rank == 0:
             with written(path) as file:
                 seen: dict[int, str] = {}
-                if several:
-                    file.attrs["several"] = len(parts)
-                for name, part in parts.items():
-                    write(within(file, name) if name else file, part, whole, seen=seen)
+                for group, part in groups_of(file, result):
+                    write(group, part, whole, seen=seen)
 
 
-def _writers(parts: Mapping[Any, Any]) -> MPI.Comm:
+def _writers(parts: list[Any]) -> MPI.Comm:
     """Ranks that share what is written; this one alone where it is all its own.
 
     Raises
@@ -92,7 +87,7 @@ def _writers(parts: Mapping[Any, Any]) -> MPI.Comm:
     ValueError
         If some of it is shared by other ranks than the rest.
     """
-    found = [comm for comm in map(ranks_of, parts.values()) if comm is not None and comm.size > 1]
+    found = [comm for comm in map(ranks_of, parts) if comm is not None and comm.size > 1]
     alike = (MPI.IDENT, MPI.CONGRUENT)
     if any(MPI.Comm.Compare(found[0], comm) not in alike for comm in found):
         raise ValueError(
@@ -102,15 +97,15 @@ def _writers(parts: Mapping[Any, Any]) -> MPI.Comm:
     return found[0] if found else MPI.COMM_SELF
 
 
-def _check(result: Any, parts: Mapping[Any, Any]) -> None:
+def _check(result: Any, parts: list[Any]) -> None:
     """Raise unless all parts are records, at least one, and have names where they need one."""
     if not parts:
         raise ValueError(f"save: result = {shown(result)} holds no result; give one or more")
-    for name, part in parts.items():
+    for part in parts:
         if not isinstance(part, Record):
             raise TypeError(f"save: result = {shown(part)} is no result that can be written")
-        named = isinstance(name, str) and name.strip(". ") and name.isprintable() and "/" not in name
-        if part is not result and not named:
+    for name in result if isinstance(result, Mapping) else ():
+        if not (isinstance(name, str) and name.strip(". ") and name.isprintable() and "/" not in name):
             raise ValueError(f"save: the name {name!r} of a result must be a text without '/'")
 
 
@@ -125,8 +120,8 @@ def _gather(record: Record, whole: dict[int, dict[str, Any]], bodies: dict[int, 
             bodies[id(model)] = Body.of(model)
         found["body"] = bodies[id(model)]
     for _, about, part in record.parts():
-        for one in part if isinstance(part, tuple) else (part,):
-            if about.stored and id(one) not in whole:
+        for one in each(part) if about.stored else ():
+            if id(one) not in whole:
                 _gather(one, whole, bodies)
 
 
@@ -166,16 +161,14 @@ def read(path: Any, *, in_memory: bool = True) -> Any:
         if "holds" in file.attrs:
             return _of_case(name)
         found = records_in(file)
-    for part in (
-        found.values() if isinstance(found, dict) else found if isinstance(found, tuple) else (found,)
-    ):
+    for part in each(found):
         part._warn_incomplete(name)
     return found
 
 
 def _of_case(path: str) -> Any:
     """Results of a run or a sweep."""
-    return importlib.import_module(f"{_root()}.study.revive").read_any(path)
+    return importlib.import_module("..study.revive", __package__).read_any(path)
 
 
 def _kept(path: str, in_memory: bool) -> Any:
@@ -192,7 +185,7 @@ def _kept(path: str, in_memory: bool) -> Any:
             )
         beside = {MODEL: from_image(kept.head["model"])} if "model" in kept.head else {}
         if reader:
-            found = importlib.import_module(f"{_root()}.{reader}").result_of(kept, beside, in_memory)
+            found = importlib.import_module(reader, __package__).result_of(kept, beside, in_memory)
         else:
             found = from_image(kept.state["result"], beside)
     found._warn_incomplete(path)
@@ -230,7 +223,7 @@ def written(path: Any, what: str = WHAT) -> Iterator[h5py.File]:
         See `writing.replaced`.
     """
     with replaced(path, what) as temporary, for_hdf5(temporary) as target, _new_file(target) as file:
-        file.attrs["sbfem_petsc"] = text_of(_version())
+        file.attrs["sbfem_petsc"] = text_of(importlib.import_module("..", __package__).__version__)
         file.attrs["schema"] = SCHEMA
         yield file
 
@@ -246,17 +239,11 @@ class _Target(io.FileIO):
     def __init__(self, path: str):
         super().__init__(path, "w+")
         self.waiting = list[tuple[int, FrameType | None]]()
-        self.handlers = dict[int, Any]()
-        if threading.current_thread() is threading.main_thread():  # others run none
-            own = {number: signal.getsignal(number) for number in signal.valid_signals()}
-            self.handlers = {number: handler for number, handler in own.items() if callable(handler)}
-            for number in self.handlers:
-                signal.signal(number, self._come)
-
-    def _come(self, number: int, frame: FrameType | None) -> None:
-        self.waiting.append((number, frame))
-        if self.closed:
-            self.let_signals()
+        main = threading.current_thread() is threading.main_thread()  # others run none
+        numbers = signal.valid_signals() if main else ()
+        self.handlers: dict[int, Any] = {n: own for n in numbers if callable(own := signal.getsignal(n))}
+        for number in self.handlers:
+            signal.signal(number, lambda *come: self.waiting.append(come))
 
     def let_signals(self) -> None:
         """Run the handlers of signals that have come, where HDF5 does not."""
@@ -362,14 +349,6 @@ def _sentences(path: str, what: str = WHAT) -> Iterator[None]:
             raise
         said = " ".join(str(error).split())
         raise ValueError(f"{what} {path!r} is damaged or does not hold what it should: {said}") from None
-
-
-def _root() -> str:
-    return __package__.split(".")[0]
-
-
-def _version() -> str:
-    return str(importlib.import_module(_root()).__version__)
 
 
 def require_own(file: h5py.File, size: int) -> None:

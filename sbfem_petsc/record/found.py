@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 
 from .about import About, Quantity
-from .layout import bare, groups_of, put_quantity, text, text_of, texts_of, value_of
+from .layout import bare, groups_of, put_quantity, text, text_of, texts_of, value_of, within
 from .record import Record
 from .views import Views
 
@@ -142,7 +142,7 @@ class Found(Views):
             if q.units.keys() - {""}:
                 data.attrs["units_of_each"] = texts_of(q.units.get(name, q.unit) for name, _ in q.by_name())
         for name, part in self.inner.items():
-            for own, one in groups_of(group, name, part):
+            for own, one in groups_of(within(group, name), part):
                 one.write(own)
 
     @classmethod
@@ -174,9 +174,10 @@ def _quantity(name: str, data: h5py.Dataset, axes: list[Axis]) -> Quantity:
         raise ValueError(f"{name!r} has other entries than names")
     marks = set(data.attrs)
     unit, words = text(data.attrs["units"]), text(data.attrs["long_name"])
-    value = None if "none" in marks else value_of(data)
+    value = value_of(data)
     dims = " ".join(dim for dim, _ in axes)
-    found = labelled(name, value, unit, words, dims, {dim: names for dim, names in axes if names})
+    shown = None if "none" in marks else value if axes else value.item()
+    found = labelled(name, shown, unit, words, dims, {dim: names for dim, names in axes if names})
     found = found.annotated(detail=True) if "detail" in marks else found
     if "units_of_each" not in marks:
         return found

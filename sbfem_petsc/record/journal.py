@@ -105,6 +105,10 @@ def unpacked(payload: bytes) -> Frame:
     return frame
 
 
+def _of_no_use(path: str, words: str) -> ValueError:
+    return ValueError(f"{path!r} {words}; run it again without resume")
+
+
 def frames(path: str) -> Iterator[tuple[int, bytes]]:
     """Whole frames and where each ends, up to a torn one.
 
@@ -126,10 +130,8 @@ def frames(path: str) -> Iterator[tuple[int, bytes]]:
                 return  # torn by a kill
             payload = file.read(length) if sound else b""
             if not sound or zlib.crc32(payload) != crc:
-                raise ValueError(
-                    f"{path!r} is damaged at byte {file.tell() - len(payload):,d}: its checksum does not "
-                    "fit; run it again without resume"
-                )
+                at = file.tell() - len(payload)
+                raise _of_no_use(path, f"is damaged at byte {at:,d}: its checksum does not fit")
             yield file.tell(), payload
 
 
@@ -182,18 +184,13 @@ def read(path: str) -> Kept:
         head = unpacked(payload) if head is None else head
         ends.append(end)
     if head is None and state:
-        raise ValueError(f"{path!r} is damaged: its beginning is missing; run it again without resume")
+        raise _of_no_use(path, "is damaged: its beginning is missing")
     if head is None:
         raise ValueError(f"{path!r} holds nothing yet: its run has not come to a first result")
     if state and state["of"] != head["id"]:
-        raise ValueError(
-            f"{path!r} and {f'{path}.state'!r} are not of the same run; run it again without resume"
-        )
+        raise _of_no_use(path, f"and {f'{path}.state'!r} are not of the same run")
     if state and state["frames"] > len(ends) - 1:
-        raise ValueError(
-            f"{path!r} is damaged: {len(ends) - 1} of {state['frames']} recorded parts are left; run it "
-            "again without resume"
-        )
+        raise _of_no_use(path, f"is damaged: {len(ends) - 1} of {state['frames']} recorded parts are left")
     return Kept(path, head, tuple(ends), state)
 
 
@@ -223,7 +220,7 @@ class Journal:
         self.what, self.path, self.former = what, destination(path, what), None
         self._count, self._id, self._fresh = 0, "", not os.path.lexists(self.path)
         try:
-            self._file = open_regular(self.path, os.O_RDWR | os.O_CREAT)
+            self._file = open_regular(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND)
         except OSError as error:
             raise ValueError(f"{what} {path!r} cannot be written: {reason(error)}") from None
         try:
@@ -236,8 +233,8 @@ class Journal:
                 if not may_be_replaced(own):
                     raise ValueError(f"{what} {own!r} is no file of a run; name another file")
             self._clear()
-            if resume and os.fstat(self._file).st_size > len(MAGIC):
-                self.former = self._found()
+            if resume and next(frames(self.path), None) is not None:  # not killed before its head was whole
+                self.former = read(self.path)
         except BaseException:
             self.close()
             raise
@@ -249,23 +246,16 @@ class Journal:
             if other.startswith(f".{name}.state.") and other.endswith(".part"):
                 shutil.rmtree(os.path.join(folder, other), ignore_errors=True)
 
-    def _found(self) -> Kept | None:
-        if next(frames(self.path), None) is None:
-            return None  # killed before its head was whole
-        return read(self.path)
-
     def begin(self, head: Mapping[str, Any], count: int = 0) -> None:
         """Begin anew with a head, or go on behind the first frames of the former run."""
         with self._writing():
             if self.former is not None:
                 self._count, self._id = count, self.former.head["id"]
                 os.truncate(self._file, self.former.ends[count])
-                os.lseek(self._file, 0, os.SEEK_END)
                 return
             with contextlib.suppress(FileNotFoundError):
                 os.remove(destination(f"{self.path}.state", self.what))
             os.truncate(self._file, 0)
-            os.lseek(self._file, 0, os.SEEK_SET)
             self._count, self._id = 0, os.urandom(8).hex()
             write(self._file, [MAGIC, *packed({**head, "id": self._id})])
         self.checkpoint({})  # from here on a state that is missing has been lost

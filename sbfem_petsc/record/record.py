@@ -194,7 +194,7 @@ def record_class(name: str) -> type[Record]:
     ValueError
         If there is none.
     """
-    face = importlib.import_module(__package__.split(".")[0])  # which knows where each public name is
+    face = importlib.import_module("..", __package__)  # which knows where each public name is
     if name not in Record.classes and name in face.__all__:
         getattr(face, name)
     if name not in Record.classes:

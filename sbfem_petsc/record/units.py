@@ -29,9 +29,7 @@ def _largest(unit: str, top: float) -> Unit:
     return next((found for found in units if top * found[0] >= least), units[-1])
 
 
-length_unit, place_unit, time_unit, frequency_unit, force_unit, stress_unit = (
-    functools.partial(_largest, unit) for unit in ("m", "place", "s", "Hz", "N", "Pa")
-)
+place_unit, frequency_unit = (functools.partial(_largest, unit) for unit in ("place", "Hz"))
 
 
 def suited(unit: str, values: Any) -> Unit:

@@ -36,8 +36,7 @@ class Views:
     """
 
     coordinates: ClassVar[Sequence[str]] = ()
-    # of points that are rows of a body or of matrices, and their directions
-    of_rows: Any = False
+    # directions of points that are rows of a body or of matrices
     point_directions: Any = {}
 
     def quantities(self, wanted: Callable[[About], bool]) -> Iterator[Quantity]:
@@ -50,8 +49,7 @@ class Views:
 
     def _presented(self, wanted: Callable[[About], bool]) -> Iterator[Quantity]:
         """As `quantities`; displacements of rows as the one number that they are."""
-        for q in self.quantities(wanted):
-            yield q.only(q.dims.index("xy")) if self.of_rows and {"place", "xy"} <= {*q.dims} else q
+        yield from self.quantities(wanted)
         if self.point_directions and wanted(DIRECTION):
             names = {"place": tuple(self.point_directions)}
             yield Quantity(DIRECTION, np.array([*self.point_directions.values()]), "1", ("place",), names)
@@ -171,7 +169,7 @@ class Views:
     def _picture(self) -> str:
         """A small picture for notebooks, where it has one and there is Matplotlib."""
         try:
-            drawing = importlib.import_module(f"{__package__.split('.')[0]}.plot.inline")
+            drawing = importlib.import_module("..plot.inline", __package__)
         except ImportError:
             return ""
         found = drawing.small_picture(self)

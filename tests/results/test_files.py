@@ -19,7 +19,7 @@ import pytest
 
 import sbfem_petsc as sb
 from sbfem_petsc.petsc import MPI
-from sbfem_petsc.record.gather import whole
+from sbfem_petsc.ranks.parallel import whole
 from sbfem_petsc.record.layout import bare
 from sbfem_petsc.record.record import Record, described, entries, quantity
 from sbfem_petsc.results.vtkhdf import write_series

@@ -163,13 +163,13 @@ def test_units_by_magnitude(solved):
     ]
     assert axes[-1].get_xlabel() == "x (mm)"
     for top, of, unit in (
-        (0.3, units.length_unit, "mm"),
-        (4e-7, units.length_unit, "nm"),
-        (999.0, units.frequency_unit, "Hz"),
-        (2500.0, units.force_unit, "kN"),
-        (3e-4, units.time_unit, "µs"),
-        (3.0, units.place_unit, "m"),
-        (2e6, units.stress_unit, "MPa"),
-        (0.0, units.length_unit, "nm"),
+        (0.3, "m", "mm"),
+        (4e-7, "m", "nm"),
+        (999.0, "Hz", "Hz"),
+        (2500.0, "N", "kN"),
+        (3e-4, "s", "µs"),
+        (3.0, "place", "m"),
+        (2e6, "Pa", "MPa"),
     ):
-        assert of(top)[1] == unit
+        assert units.suited(of, top)[1] == unit
+    assert (units.place_unit(0.0)[1], units.frequency_unit(999.0)[1]) == ("µm", "Hz")

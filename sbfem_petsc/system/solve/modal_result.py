@@ -10,8 +10,7 @@ import numpy as np
 
 from ...checks import integer, shown
 from ...errors import at_point
-from ...ranks.parallel import agreed
-from ...record.gather import whole
+from ...ranks.parallel import agreed, whole
 from ...record.record import Record, described, quantity
 from ..structure import Structure
 
