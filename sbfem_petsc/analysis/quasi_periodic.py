@@ -168,6 +168,8 @@ def quasi_periodic(
         curve.peak,
         curve.lines(),
         swapped,
+        fast_loads=driven[0],
+        slow_loads=driven[1],
         mode_error=errors.sum(axis=0),
         **curve.rubbed(ordered[0]),
     )

@@ -13,13 +13,11 @@ from ..continuation.orbit import Orbit, require_at
 from ..continuation.problems.driven_orbits import ParameterRange
 from ..errors import wrong_input
 from ..loads import Load, Loads
-from ..motion.integration import Steps
 from ..motion.loading import amplitudes_only, communicator, loading
 from ..motion.period_map import Period
 from ..motion.preparation import PeriodSettings, check_guess, following, prepare, serving, steps_of
-from ..motion.reduced_history import ReducedIntegrator
 from ..motion.states import ModalStates
-from ..motion.swept import SweptResponse, cycle_ends, directions, over_cycles, settling_cycles, swept_motion
+from ..motion.swept import SweptLoads, SweptResponse, directions, settling_cycles
 from ..progress import Progress, progress_bar
 from ..ranks.capacity import require_memory
 from ..ranks.parallel import collective
@@ -133,19 +131,22 @@ def swept_response(
         initial = _steady(initial, reduced, load)
     state = initial.states
     assert isinstance(state, ModalStates)
-    plan = Steps(count, duration / count, True, "exact", 1)
-    begin = state.q[0], state.v[0], state.gap[-1, reduced.gaps :]  # faces remember the instant before
-    integrator = ReducedIntegrator(reduced, loads.signals, plan, begin)
+    drive = SweptLoads.of(
+        loads.signals,
+        (start, stop),
+        duration=duration,
+        steps=count,
+        q=state.q[0],
+        v=state.v[0],
+        slip=state.gap[-1, reduced.gaps :],  # faces remember the instant before
+    )
     with progress_bar(comm, "swept response", progress) as report:
-        displacements, contact = swept_motion(integrator, report)
-    ends = cycle_ends(start, stop, duration)
-    low, high = over_cycles(ends, plan.step, displacements)
-    amplitudes = 0.5 * (high - low)
+        amplitudes, contact = drive.motion(reduced, reduced.points, report)
     return SweptResponse(
-        1.0 / np.diff(ends),
-        duration,
+        1.0 / np.diff(drive.ends),
+        drive,
         amplitudes[:, :, -1],
-        over_cycles(ends, plan.step, contact)[1][:, 0],
+        contact,
         settling_cycles(reduced, (start, stop)),
         reduced,
         None if reduced.of_rows else amplitudes[:, :, 0],

@@ -6,17 +6,24 @@ import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.special import wofz
 
 from ..checks import choice, positive
 from ..errors import SolveError, at_point
-from ..record.record import Record, described, quantity
+from ..progress import silent
+from ..record.record import Record, derived, described, quantity
+from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
-from .integration import chunks
+from ..signals.signal import Constant, Signal
+from ..signals.waves import Chirp
+from ..system.fields.places import checked_place
+from .excitation import parts_of
+from .integration import Steps, chunks
 from .reduced_history import ReducedIntegrator
+from .states import Point
 
 # Settling times between the means that are compared.
 APART = 3
@@ -44,6 +51,53 @@ class Jump:
 
 
 @described
+class SweptLoads(Record):
+    """What a swept motion is integrated from, whenever it is: loads, equal steps and the state at t = 0."""
+
+    limits: tuple[float, float] = quantity("Hz", "first and last frequency", "end", least=0.0)
+    duration: float = quantity("s", "of the sweep", least=1e-300)
+    steps: int = quantity("1", "time steps", least=1)
+    constant: np.ndarray = quantity("unit of the load", "constant parts", "load")
+    swept: np.ndarray = quantity("unit of the load", "amplitudes of the swept sines", "load")
+    q: np.ndarray = quantity("m sqrt(kg)", "modal coordinates at t = 0", "mode")
+    v: np.ndarray = quantity("m sqrt(kg)/s", "their rates", "mode")
+    slip: np.ndarray = quantity("m", "slips of faces that rub, just before", "slip")
+
+    @classmethod
+    def of(cls, signals: Sequence[Signal], limits: tuple[float, float], **more: Any) -> SweptLoads:
+        """Of constants and chirps over these limits, and sums of them."""
+        parts = [parts_of(signal) for signal in signals]
+        constant = [sum(p.value for p in each if isinstance(p, Constant)) for each in parts]
+        swept = [sum(p.amplitude for p in each if isinstance(p, Chirp)) for each in parts]
+        return cls(limits, constant=np.array(constant, float), swept=np.array(swept, float), **more)
+
+    @property
+    def ends(self) -> np.ndarray:
+        """Times (s) at which whole cycles end, the first at 0."""
+        return cycle_ends(*self.limits, self.duration)
+
+    def motion(
+        self, reduced: ReducedModel, outputs: LinearOutput, report: Callable[[float], None]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(cycles, places, directions), m, and (cycles,), N: half the peak-to-peak of displacements in each
+        cycle, of rows the one that they have, and the largest contact resultant.
+        """
+        pairs = zip(self.constant.tolist(), self.swept.tolist())
+        signals = [Constant(still) + Chirp(moved, *self.limits, self.duration) for still, moved in pairs]
+        plan = Steps(self.steps, self.duration / self.steps, True, "exact", 1)
+        integrator = ReducedIntegrator(reduced, signals, plan, (self.q, self.v, self.slip))
+        displacements = np.empty((self.steps + 1, len(outputs.modes), directions(reduced)))
+        contact = np.empty((self.steps + 1, 1))
+        for done, rows in chunks(integrator, integrator.first().instants(), report):
+            part = outputs(rows["modal_displacement"], rows["amplitudes"], rows["contact_force"])
+            kept = slice(done + 1 - len(part), done + 1)
+            displacements[kept] = part[:, :, -displacements.shape[2] :]
+            contact[kept, 0] = rows["contact_force"][:, : reduced.gaps].sum(axis=1)
+        low, high = over_cycles(self.ends, plan.step, displacements)
+        return 0.5 * (high - low), over_cycles(self.ends, plan.step, contact)[1][:, 0]
+
+
+@described
 class SweptResponse(Record):
     """A motion under a swept frequency, one entry for each cycle of the drive.
 
@@ -57,7 +111,9 @@ class SweptResponse(Record):
     frequency: np.ndarray = quantity(
         "Hz", "mean forcing frequency of a cycle, rising or falling", "cycle", least=1e-300
     )
-    duration: float = quantity("s", "of the sweep", least=1e-300)
+    loads: SweptLoads = quantity(
+        text="what it is integrated from", part="SweptLoads", detail=True, repr=False
+    )
     point_amplitudes: np.ndarray = quantity(
         "m", "half the peak-to-peak of u_y in a cycle", "cycle place", called="amplitude", least=0.0
     )
@@ -117,9 +173,18 @@ class SweptResponse(Record):
         """
         return not self._why_no_jumps()
 
-    def amplitude(self, point: str, direction: str = "y") -> np.ndarray:
-        """(n,): half the peak-to-peak of a point's displacement, or of that along x, in each cycle, m."""
+    @derived("s", "of the sweep")
+    def duration(self) -> float:
+        """Of the sweep, s."""
+        return self.loads.duration
+
+    def amplitude(self, point: Point, direction: str = "y") -> np.ndarray:
+        """(n,): half the peak-to-peak of a point's displacement, or of that along x, in each cycle, m. At a
+        place (x, y), m, the motion is integrated again. Collective for (x, y).
+        """
         along = choice("amplitude", "direction", direction, ("x", "y"))
+        if not isinstance(point, str):
+            return self._amplitudes_at(checked_place("amplitude", point))[:, ("x", "y").index(along)]
         table = self.point_amplitudes if along == "y" else self.x_amplitudes
         if table is None:
             raise SolveError(
@@ -128,11 +193,20 @@ class SweptResponse(Record):
             )
         return table[:, at_point({name: k for k, name in enumerate(self.points)}, point)]
 
+    def _amplitudes_at(self, place: tuple[float, float]) -> np.ndarray:
+        """(n, 2) along x and y at a place, kept for the next time. Collective."""
+        known = self.__dict__.setdefault("_places", {})
+        if place not in known:
+            found = self.reduced.output_at("displacement", place)
+            alone = LinearOutput((), found.modes[None], found.loads[None], found.contact[None])
+            known[place] = self.loads.motion(self.reduced, alone, silent)[0][:, 0]
+        return known[place]
+
     def _furthest(self, least: float = 0.0) -> float:
         """Largest amplitude of a named point, m."""
         return float(self.point_amplitudes.max(initial=0.0))
 
-    def jumps(self, point: str, least: float = 0.2, direction: str = "y") -> tuple[Jump, ...]:
+    def jumps(self, point: Point, least: float = 0.2, direction: str = "y") -> tuple[Jump, ...]:
         """Where the amplitude of a point changes within four settling times by more than a share beyond what
         a linear resonance does at most at the same rate, while contact acts.
 
@@ -146,7 +220,8 @@ class SweptResponse(Record):
 
         Parameters
         ----------
-        point : str
+        point : str or (x, y)
+            See `amplitude`.
         least : float
             Relative change: the larger over the smaller amplitude, divided by that of a linear resonance,
             less 1.
@@ -228,23 +303,6 @@ class SweptResponse(Record):
 def directions(reduced: ReducedModel) -> int:
     """How many displacements a named point has."""
     return 1 if reduced.of_rows else 2
-
-
-def swept_motion(
-    integrator: ReducedIntegrator, report: Callable[[float], None]
-) -> tuple[np.ndarray, np.ndarray]:
-    """(n + 1, points, directions), m, and (n + 1, 1), N: displacements of all named points, of rows the
-    one that they have, and the contact resultant.
-    """
-    reduced, count = integrator.reduced, integrator.steps.count
-    displacements = np.empty((count + 1, len(reduced.points.names), directions(reduced)))
-    contact = np.empty((count + 1, 1))
-    for done, rows in chunks(integrator, integrator.first().instants(), report):
-        part = reduced.points(rows["modal_displacement"], rows["amplitudes"], rows["contact_force"])
-        kept = slice(done + 1 - len(part), done + 1)
-        displacements[kept] = part[:, :, -displacements.shape[2] :]
-        contact[kept, 0] = rows["contact_force"][:, : reduced.gaps].sum(axis=1)
-    return displacements, contact
 
 
 def cycle_ends(start: float, stop: float, duration: float) -> np.ndarray:

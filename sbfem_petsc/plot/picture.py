@@ -154,16 +154,6 @@ def symbol(motions: Record | Mapping[str, Record], direction: str, point: Any) -
     return f"u_{direction}" if direction in tuple("xyz") else "u"
 
 
-def named_point(owner: str, name: str, value: Any) -> str:
-    """A point's name, for what is kept of named points alone."""
-    if not isinstance(value, str):
-        raise TypeError(
-            f"{owner}: {name} = {shown(value)} must be the name of a point: of these motions no others are "
-            "kept; name further ones by points= of the mesh"
-        )
-    return value
-
-
 def optional(check: Check) -> Check:
     """A check of what may be None."""
     return lambda owner, name, value: None if value is None else check(owner, name, value)

@@ -10,10 +10,11 @@ from matplotlib.axes import Axes
 from ..checks import instance, instances
 from ..continuation.branch import Branch
 from ..continuation.problems.locus import KINDS, Locus
+from ..motion.states import Point
 from ..motion.swept import SweptResponse
 from .branches import Height, draw_parts, marks_of, name_verdicts, smooth, split
 from .drawing import BLACK, BLUE, GREEN, PURPLE, VERMILION, Scale, legend
-from .picture import Comm, named_point, picture, symbol
+from .picture import Comm, picture, place_name, symbol
 
 STYLES = {
     "fold": (BLUE, "-"),
@@ -23,11 +24,11 @@ STYLES = {
 }
 
 
-@picture(point=named_point)
+@picture()
 def plot_swept(
     branch: Branch | None,
     swept: SweptResponse | Sequence[SweptResponse],
-    point: str = "A",
+    point: Point = "A",
     direction: str = "y",
     *,
     least: float = 0.2,
@@ -42,8 +43,8 @@ def plot_swept(
     branch : Branch or None
         Over the frequency; None: the swept motions alone. On rank 0 at least, as `swept`.
     swept : SweptResponse or sequence of SweptResponse
-    point : str
-        Whose amplitude, half the peak-to-peak, is drawn. Named: of swept motions no others are kept.
+    point : str or (x, y)
+        Whose amplitude, half the peak-to-peak, is drawn.
     direction : {"y", "x"}
         As for `plot_branches`.
     least : float
@@ -69,7 +70,11 @@ def plot_swept(
     if not shown:
         raise ValueError("plot_swept: swept is empty and there is no branch; give one SweptResponse at least")
     of = symbol(shown[0], direction, point)
-    up = Scale.of(f"amplitude of ${of}$({point})", "m", *(item.amplitude(point, direction) for item in shown))
+    up = Scale.of(
+        f"amplitude of ${of}$({place_name(point)})",
+        "m",
+        *(item.amplitude(point, direction) for item in shown),
+    )
     along = Scale.of("frequency", "Hz", *(item.frequency for item in shown))
     (axes,) = ax.panels((1, 1), 3.6)
     if branch is not None:

@@ -34,7 +34,7 @@ from .layout import bare, groups_of, records_in, text, text_of, write
 from .record import Record
 
 # Of the layout: files of another one are refused.
-SCHEMA = 9
+SCHEMA = 10
 WHAT = "result file"
 # What reads a journal, by what it says it keeps; where nothing does, the result stands in its state.
 KEPT = {"history": "..motion.files.history_file", "branch": "", "result": ""}

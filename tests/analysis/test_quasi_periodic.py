@@ -12,6 +12,7 @@ import sbfem_petsc as sb
 from sbfem_petsc.continuation.problems import curve as curve_module
 from sbfem_petsc.continuation.problems.curve import spectral_tail
 from sbfem_petsc.motion.two_tones import tone
+from sbfem_petsc.plot import plot_lines
 from tests.parallel import alone, answer, on_ranks
 from tests.reference import paper_beam
 from tests.systems import one_mass
@@ -67,6 +68,14 @@ def test_lines_of_a_history(beam, found, monkeypatch):
     assert abs(found.line(1, 2, "A")) == pytest.approx(5.81e-9, rel=0.02)
     assert abs(found.line(1, -2, "A")) == pytest.approx(3.97e-9, rel=0.02)
     assert found.stable and len(found.residuals) <= 6
+
+
+def test_at_coordinates(found):
+    """The curve is integrated again for the place, which is that of a named point."""
+    for direction in "xy":
+        named, placed = (found.harmonics(point, direction) for point in ("A", (0.4, 0.005)))
+        np.testing.assert_allclose(placed, named, rtol=0.0, atol=1e-9 * np.abs(named).max())
+    assert "0.4 m, 0.005 m" in plot_lines(found, (0.4, 0.005)).get_ylabel()
 
 
 @pytest.mark.long
@@ -410,7 +419,8 @@ load = sb.PointForce("A", fy=sb.Harmonic(300.0, 3000.0) + sb.Harmonic(100.0, pum
 lines = []
 for samples in (3, 11):  # there may be more ranks than samples
     found = sb.quasi_periodic(model, load, (3000.0, pump), modes=16, steps=128, samples=samples)
-    lines += [abs(found.line(*k, "A")) for k in ((1, 0), (0, 1), (1, 1), (1, -1))]
+    wanted = ((1, 0), (0, 1), (1, 1), (1, -1))
+    lines += [abs(found.line(*k, at)) for at in ("A", (0.4, 0.005)) for k in wanted]
 system = two_masses(0.02, compliance=0.1)
 curve = sb.frequency_response(system, [0.1], 0.0962, 0.0959, steps=128)
 own = OwnTone(curve.period, "frequency", None, 11, MPI.COMM_WORLD)
@@ -446,7 +456,7 @@ for name, value in (("torus_ksp_type", "nix"), ("torus_ksp_type", "cg"), ("torus
     PETSc.Options()[name] = value
     try:
         sb.quasi_periodic(one_mass(1.0, 0.05), [load], (0.25, 0.07), samples=9)
-    except sb.SolveError as error:
+    except sb.SolverFailure as error:
         print(f"{type(error).__name__}: {error}")
     PETSc.Options().delValue(name)
 """

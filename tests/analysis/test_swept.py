@@ -83,6 +83,11 @@ def test_both_directions():
     with sb.Model(Beam(0.1, 0.01).mesh(order=3), sb.Material(70e9, 0.33, 2700), damping=0.01) as model:
         swept = sb.swept_response(model, sb.PointForce("A", fy=100.0), 2.0, 3.0, duration=2.0, modes=4)
         still = sb.static(model, sb.PointForce("A", fy=100.0)).displacement("A")
+        for direction in "xy":  # integrated again for the place
+            there = swept.amplitude((0.1, 0.01), direction)
+            np.testing.assert_allclose(there, swept.amplitude("A", direction), rtol=1e-8)
+        (line,) = plot_swept(None, swept, (0.1, 0.01)).lines
+        assert line.get_ydata()[0] > 0.0 and "0.1 m, 0.01 m" in line.axes.get_ylabel()
     assert abs(still[0]) > 0.05 * abs(still[1])
     for direction, u in zip("xy", still):
         np.testing.assert_allclose(swept.amplitude("A", direction), abs(u), rtol=2e-4)

@@ -89,7 +89,7 @@ DETAILS = {
     "Backbone": {*CURVE, "steps", "excitation", "reduced_model", "own_frequency"},
     "Bifurcation": {"after", "direction", "state"},
     "Locus": {"states"},
-    "QuasiPeriodic": {"states", "lines", "orders", "own", "reduced", "swapped"},
+    "QuasiPeriodic": {"states", "lines", "orders", "own", "fast_loads", "slow_loads", "reduced", "swapped"},
     "Basins": {"initial_states", "orbits", "shape"},
 }
 

@@ -141,13 +141,6 @@ def test_legends_say_stable_and_unstable_where_both_are():
     assert labels[:2] == ["stable", "unstable"]
 
 
-def test_motions_of_named_points_alone():
-    with pytest.raises(
-        TypeError, match=r"point = \(0.1, 0.0\) must be the name of a point: of motions under"
-    ):
-        plot.plot_lines(examples.quasi_periodic(), (0.1, 0.0))
-
-
 def test_a_place_of_motions_with_a_tone_of_their_own(monkeypatch):
     """Integrated again at a place that moves as the first mass does, in the place of a model's."""
     branch = examples.quasi_periodic_branch()

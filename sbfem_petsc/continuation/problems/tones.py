@@ -9,7 +9,8 @@ import numpy as np
 from meshing.warnings import StepWarning
 
 from ...checks import integer
-from ...errors import at_point, on_all_ranks, warn
+from ...errors import at_point, warn
+from ...motion.excitation import Excitation
 from ...motion.states import Point
 from ...record.record import derived, described, quantity
 from ...reduction.outputs import LinearOutput
@@ -18,10 +19,10 @@ from ...system.elements.plausibility import furthest_of_lines
 from ...system.fields.places import checked_place
 from ..orbit import ToldError, component, in_words, told_error
 from ..problem import Point as CurvePoint
-from .curve import RESOLVED, spectral_tail
+from .curve import RESOLVED, CurveState, spectral_tail
 from .curve_system import tangents
 from .own_tone import Curves, OwnTone, strays
-from .torus import exponents
+from .torus import Torus, exponents
 
 # Lyapunov exponents that are followed, and turns of the map they are averaged over.
 EXPONENTS, TURNS = 4, 400
@@ -79,7 +80,21 @@ class QuasiPeriodic(ToldError):
         detail=True,
         repr=False,
     )
-
+    fast_loads: Excitation | None = quantity(
+        text="loads of the faster tone and constant ones, where both tones are given",
+        part="Excitation",
+        default=None,
+        detail=True,
+        repr=False,
+    )
+    slow_loads: Excitation | None = quantity(
+        text="those of the slower tone",
+        part="Excitation",
+        dims="order:slow_order",
+        default=None,
+        detail=True,
+        repr=False,
+    )
     friction_power: float | None = quantity(
         "W", "mean power lost to friction, where faces rub", kinds="f", default=None, least=0.0, row=True
     )
@@ -101,6 +116,7 @@ class QuasiPeriodic(ToldError):
             or not len(self.lines)
             or len(self.frequencies) != 2
             or (self.own is not None and self.own.samples != self.samples)
+            or (self.own is None) == (self.fast_loads is None or self.slow_loads is None)
         ):
             raise ValueError(
                 f"{self.samples} samples, {modes} modes and {places} points do not fit states of shape "
@@ -183,8 +199,7 @@ class QuasiPeriodic(ToldError):
 
     def harmonics(self, point: Point, direction: str = "y") -> np.ndarray:
         """(21, k) complex: amplitudes at the multiples 0 to 20 of the faster tone plus those of `orders` of
-        the slower one, m. Of a motion with a tone of its own also at a place (x, y), m, for which it is
-        integrated again. Collective for (x, y).
+        the slower one, m. At a place (x, y), m, the motion is integrated again. Collective for (x, y).
         """
         if not isinstance(point, str):
             return component(self._lines_at(checked_place("harmonics", point)), direction)
@@ -193,19 +208,28 @@ class QuasiPeriodic(ToldError):
 
     def _lines_at(self, place: tuple[float, float]) -> np.ndarray:
         """(21, k, 2) lines at a place, kept for the next time. Collective."""
-        if self.own is None:
-            raise on_all_ranks(
-                TypeError(
-                    f"harmonics: point = {place} must be the name of a point: of motions under two given "
-                    "tones no others are kept; name further ones by points= of the mesh"
-                )
-            )
         known = self.__dict__.setdefault("_places", {})
         if place not in known:
-            found, u = self.reduced.output_at("displacement", place), own_curve(self)
+            found = self.reduced.output_at("displacement", place)
             alone = LinearOutput((), found.modes[None], found.loads[None], found.contact[None])
-            known[place] = Curves(self.own, u).at(u).lines(alone)[:, :, 0]
+            known[place] = self._curve().lines(alone)[:, :, 0]
         return known[place]
+
+    def _curve(self) -> CurveState:
+        """The invariant curve, to be integrated again."""
+        if self.own is not None:
+            u = own_curve(self)
+            return Curves(self.own, u).at(u)
+        assert self.fast_loads is not None and self.slow_loads is not None  # checked
+        torus = Torus(
+            self.reduced,
+            (self.fast_loads, self.slow_loads),
+            self.frequencies[::-1] if self.swapped else self.frequencies,
+            samples=self.samples,
+            steps=self.steps,
+            comm=self.reduced.comm,
+        )
+        return torus.at(np.append((self.states + torus.linear).ravel(), 0.0))
 
     def line(self, m: int, n: int, point: Point, direction: str = "y") -> complex:
         """Complex amplitude at m f1 + n f2, m; at (0, 0) the mean. Of points see `harmonics`.
