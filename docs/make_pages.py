@@ -24,7 +24,6 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import sbfem_petsc as sb
 from sbfem_petsc.options import unit_of
 from sbfem_petsc.record.about import About
-from sbfem_petsc.record.body import Body
 from sbfem_petsc.record.record import Record, entries, record_class
 from sbfem_petsc.study.case.analyses import KINDS
 from sbfem_petsc.study.case.body import BODIES, BodyContact, BodyPoint
@@ -58,6 +57,7 @@ from sbfem_petsc.study.case.parts import (
 from sbfem_petsc.study.case.sweep import Noise, Range, SweepTable
 from sbfem_petsc.study.case.tables import kind_name
 from sbfem_petsc.study.kinds.basins import StartAxis
+from sbfem_petsc.system.body import Body
 
 _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     (

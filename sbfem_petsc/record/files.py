@@ -29,7 +29,6 @@ from ..ranks.capacity import available_memory, in_bytes
 from ..ranks.parallel import agreed, collective, ranks_of
 from . import journal
 from .about import each
-from .body import Body
 from .layout import bare, groups_of, records_in, text, text_of, write
 from .record import Record
 
@@ -68,7 +67,7 @@ def save(path: Any, result: Any) -> None:
     with collective(comm):
         _check(result, parts)
     whole: dict[int, dict[str, Any]] = {}
-    bodies: dict[int, Body | None] = {}
+    bodies: dict[int, Record | None] = {}
     for part in parts:
         _gather(part, whole, bodies)
     with collective(comm):
@@ -109,7 +108,7 @@ def _check(result: Any, parts: list[Any]) -> None:
             raise ValueError(f"save: the name {name!r} of a result must be a text without '/'")
 
 
-def _gather(record: Record, whole: dict[int, dict[str, Any]], bodies: dict[int, Body | None]) -> None:
+def _gather(record: Record, whole: dict[int, dict[str, Any]], bodies: dict[int, Record | None]) -> None:
     """What is distributed of a record and of those in it, by their identity, and the body that each field is
     of, once a model. Collective.
     """
@@ -117,7 +116,7 @@ def _gather(record: Record, whole: dict[int, dict[str, Any]], bodies: dict[int, 
     model = getattr(record, "model", None)
     if found and model is not None:
         if id(model) not in bodies:
-            bodies[id(model)] = Body.of(model)
+            bodies[id(model)] = importlib.import_module("..system.body", __package__).Body.of(model)
         found["body"] = bodies[id(model)]
     for _, about, part in record.parts():
         for one in each(part) if about.stored else ():

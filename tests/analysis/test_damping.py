@@ -6,7 +6,7 @@ from scipy import linalg, sparse
 
 import sbfem_petsc as sb
 from meshing import Beam
-from sbfem_petsc.record.body import Body
+from sbfem_petsc.system.body import Body
 
 ALUMINIUM = sb.Material(70e9, 0.33, 2700)
 MASS = np.diag([1.0, 2.0, 1.5, 1.0])

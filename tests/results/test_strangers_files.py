@@ -14,8 +14,8 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
-from sbfem_petsc.record.body import Body
 from sbfem_petsc.record.record import entries, record_class
+from sbfem_petsc.system.body import Body
 from tests.fuzz import examples
 
 # Results of nonlinear vibration.

@@ -10,7 +10,8 @@ import numpy as np
 from ..damping import ratios_by_frequency
 from ..petsc import PETSc, SLEPc, all_asked
 from ..ranks.parallel import whole
-from .record import Record, described, quantity
+from ..record.record import Record, described, quantity
+from .model import Model
 
 # Numbers of a model, and what its pairs hold of each.
 _OF_MODEL = ("thickness", "continued_fraction", "order", "boundary_unknowns", "unknowns")
@@ -70,7 +71,7 @@ class Body(Record):
     versions: tuple[str, ...] = quantity(text="versions of PETSc, SLEPc and NumPy", dims="library")
 
     @classmethod
-    def of(cls, model: Any) -> Body | None:
+    def of(cls, model: Model) -> Body | None:
         """Of a `Model`, on rank 0; None elsewhere. Collective."""
         mesh = _mesh(model)
         if mesh is None:
@@ -114,7 +115,7 @@ def _exact(item: Any) -> str:
     return f"{type(item).__name__}({', '.join(f'{f.name}={getattr(item, f.name)!r}' for f in fields(item))})"
 
 
-def _mesh(model: Any) -> dict[str, Any] | None:
+def _mesh(model: Model) -> dict[str, Any] | None:
     """Nodes and S-elements of all ranks, on rank 0. Collective."""
     part, comm = model.layout.part, model.comm
     numbers = np.array([model.cells.named_materials(int(k))[0] for k in part.materials], dtype=np.int64)
