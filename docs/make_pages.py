@@ -27,7 +27,7 @@ from sbfem_petsc.record.about import About
 from sbfem_petsc.record.record import Record, entries, record_class
 from sbfem_petsc.study.case.analyses import KINDS
 from sbfem_petsc.study.case.body import BODIES, BodyContact, BodyPoint
-from sbfem_petsc.study.case.case import CaseTables
+from sbfem_petsc.study.case.case_tables import CaseTables, Output
 from sbfem_petsc.study.case.geometry import (
     GEOMETRIES,
     BeamGeometry,
@@ -38,7 +38,6 @@ from sbfem_petsc.study.case.geometry import (
     PlateGeometry,
     RayleighBand,
 )
-from sbfem_petsc.study.case.given import Output
 from sbfem_petsc.study.case.parts import (
     LAWS,
     SIGNALS,

@@ -6,8 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from .case.given import Given
-
 # Modes of a reduction, steps of a period, and points of a curve, where a case does not say.
 FEWEST_MODES, STEPS, CURVE_POINTS = 80, 512, 60
 # Directions of contact that the derivative keeps at an instant.
@@ -20,7 +18,7 @@ class Size:
     the case for its loads; of a Model `expected`, see `motion.preparation`.
     """
 
-    case: Given
+    case: Any
     unknowns: int
     pairs: int
     points: int

@@ -14,7 +14,8 @@ import numpy as np
 from ..record.about import About
 from ..record.layout import bare, put, text, text_of, value_of
 from ..writing import write_table
-from .case.case import Case, CaseTables
+from .case.case import Case
+from .case.case_tables import CaseTables
 from .case.locations import parse
 from .case.sweep import unit_of, words_of
 from .folder import case_in, new_results

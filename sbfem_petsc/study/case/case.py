@@ -6,40 +6,57 @@ import hashlib
 import json
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Annotated, Any
+from dataclasses import dataclass, replace
+from typing import Any
 
-from pydantic import Field, ValidationError
+from pydantic import ValidationError
 
 from meshing.whole_file import require_regular
 
-from ...options import item
-from .analyses import Analysis
+from .case_tables import CaseTables
 from .contradictions import contradictions
-from .given import Given, Tables
 from .locations import parse, read_text
 from .problems import CaseError, from_validation
 from .sweep import STRUCTURE, SweepTable, parameter_problems, replaced_in
-from .tables import FileName, Path, Problem
-
-
-class CaseTables(Tables):
-    """The tables of a case file."""
-
-    analyses: Annotated[dict[FileName, Analysis], Field(min_length=1)] = item(
-        text="analyses by name, [analyses.NAME], run in this order"
-    )
-
+from .tables import Path, Problem, within
 
 # Tables on which the results of an analysis depend.
 _DECISIVE = (*STRUCTURE, "loads", "analyses", "output")
 
 
 @dataclass(frozen=True, eq=False)
-class Case(Given):
-    """A checked case."""
+class Case:
+    """A checked case.
+
+    Attributes
+    ----------
+    tables : CaseTables
+    data : dict
+        The tables as the user wrote them.
+    text : str
+        The file's text.
+    file : str
+        Its path, for messages.
+    folder : str
+        Folder that the paths in the case are relative to.
+    lines : dict of tuple to int
+        Line of each path of the case.
+    """
 
     tables: CaseTables
+    data: dict[str, Any]
+    text: str
+    file: str
+    folder: str
+    lines: Mapping[Path, int]
+
+    def problem(self, path: Path, text: str) -> CaseError:
+        """The error that something is wrong at a path of the case."""
+        return CaseError(self.file, [Problem(path, text)], self.lines)
+
+    def resolve(self, file: str) -> str:
+        """Path of a file that the case names."""
+        return os.path.join(self.folder, file)
 
     def _fingerprint(self) -> object:
         """What tells it from others."""
@@ -70,14 +87,7 @@ class Case(Given):
 
     def with_data(self, data: dict[str, Any]) -> Case:
         """The case with other tables, checked again; errors name the lines of this one."""
-        return Case(
-            _checked(data, self.file, self.folder, self.lines),
-            data,
-            self.text,
-            self.file,
-            self.folder,
-            self.lines,
-        )
+        return replace(self, tables=_checked(data, self.file, self.folder, self.lines), data=data)
 
     @property
     def key(self) -> str:
@@ -252,17 +262,9 @@ def _left_by_rows(problems: list[Problem], data: dict[str, Any], sweep: SweepTab
 
 def _files(data: dict[str, Any]) -> dict[Path, str]:
     """Paths in the case of the keys that name files, and what they name."""
-    found: dict[Path, str] = {}
-
-    def visit(value: Any, path: Path) -> None:
-        if isinstance(value, dict):
-            for key, entry in value.items():
-                if key == "file" and value.get("kind") in ("gmsh", "samples") and isinstance(entry, str):
-                    found[(*path, key)] = entry
-                visit(entry, (*path, key))
-        elif isinstance(value, list):
-            for k, entry in enumerate(value):
-                visit(entry, (*path, k))
-
-    visit(data, ())
-    return found
+    tables = ((path, table) for path, table in within(data) if isinstance(table, dict))
+    return {
+        (*path, "file"): table["file"]
+        for path, table in tables
+        if table.get("kind") in ("gmsh", "samples") and isinstance(table.get("file"), str)
+    }

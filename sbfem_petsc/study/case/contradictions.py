@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from ...options import one_of
-from .tables import Path, Problem, Table
+from .tables import Path, Problem, Table, within
 
 # Names that the summary of a run uses itself.
 RESERVED = ("run",)
@@ -24,22 +24,14 @@ def contradictions(case: Any) -> list[Problem]:
         *(_geometry(case) if case.body is None else _body(case)),
         *(_model(case) if case.body is None else ()),
         *_loads(case),
-        *_within(case, ()),
+        *(
+            Problem((*path, *problem.path), problem.text)
+            for path, table in within(case)
+            if isinstance(table, Table)
+            for problem in table.problems()
+        ),
         *_analyses(case),
     ]
-
-
-def _within(value: Any, path: Path) -> Iterator[Problem]:
-    """What each table says of itself."""
-    if isinstance(value, Table):
-        for problem in value.problems():
-            yield Problem((*path, *problem.path), problem.text)
-        value = {name: getattr(value, name) for name in type(value).model_fields}
-    entries = (
-        value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    )
-    for key, entry in entries:
-        yield from _within(entry, (*path, key))
 
 
 def _geometry(case: Any) -> Iterator[Problem]:

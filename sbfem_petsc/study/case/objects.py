@@ -15,13 +15,12 @@ from ...errors import on_all_ranks
 from ...loads import separate
 from ...options import one_of
 from ...signals.signal import as_signal
-from .given import Given
 from .problems import CaseError
 from .tables import Path, Table
 
 
 @contextlib.contextmanager
-def located(case: Given, *path: str | int) -> Iterator[None]:
+def located(case: Any, *path: str | int) -> Iterator[None]:
     """Errors of user input within become a `CaseError` at a path of the case.
 
     The path is continued by a key, or by the number of a notch or hole, that the sentence begins with.
@@ -36,7 +35,7 @@ def located(case: Given, *path: str | int) -> Iterator[None]:
         raise on_all_ranks(found) if getattr(error, "on_all_ranks", False) else found from None
 
 
-def _continued(case: Given, path: Path, text: str) -> Path:
+def _continued(case: Any, path: Path, text: str) -> Path:
     part = re.match(r"(notch|hole|crack) (\d+)\b(?:: (\w+))?", text)
     if part is not None:
         tables = {"notch": "notches", "hole": "holes", "crack": "cracks"}
@@ -50,13 +49,13 @@ def _continued(case: Given, path: Path, text: str) -> Path:
     return path
 
 
-def made(case: Given, value: Any, *path: str | int, **given: Any) -> Any:
+def made(case: Any, value: Any, *path: str | int, **given: Any) -> Any:
     """What a table of a case stands for, made after that of the tables in it; those of a list or dict of
     tables; other values as they are.
 
     Parameters
     ----------
-    case : Given
+    case : Case
     value
         Of a key.
     *path : str or int
@@ -78,7 +77,7 @@ def made(case: Given, value: Any, *path: str | int, **given: Any) -> Any:
         return type(value).made(**given)
 
 
-def mesh(case: Given) -> BoundaryMesh:
+def mesh(case: Any) -> BoundaryMesh:
     """The boundary mesh of a case, with the names that the case uses checked against it. On one rank.
 
     Raises
@@ -104,7 +103,7 @@ def mesh(case: Given) -> BoundaryMesh:
     return found
 
 
-def _check_names(case: Given, found: BoundaryMesh) -> None:
+def _check_names(case: Any, found: BoundaryMesh) -> None:
     points, sets, regions = tuple(found.points), tuple(found.edge_sets), tuple(found.material_names)
     valid = {"neither an edge set nor a point": (*sets, *points), "no point": points, "no edge set": sets}
     for path, name, what in case.tables.named_places():
@@ -119,18 +118,18 @@ def _check_names(case: Given, found: BoundaryMesh) -> None:
         raise case.problem(("materials",), f"has no table for the region {missing[0]!r}; add it")
 
 
-def materials(case: Given) -> Any:
+def materials(case: Any) -> Any:
     """One material, or a dict of them by region."""
     tables = case.tables
     return made(case, tables.material, "material") or made(case, tables.materials, "materials")
 
 
-def model(case: Given, comm: Any, found: Any = None) -> sb.Model:
+def model(case: Any, comm: Any, found: Any = None) -> sb.Model:
     """The model of a case; the mesh is made on rank 0. Collective.
 
     Parameters
     ----------
-    case : Given
+    case : Case
     comm : mpi4py communicator
     found : BoundaryMesh, optional
         The mesh, on rank 0 at least. Default: made here.
@@ -141,13 +140,13 @@ def model(case: Given, comm: Any, found: Any = None) -> sb.Model:
         return sb.Model(body, materials(case), **given, comm=comm)
 
 
-def _said(case: Given, *keys: str) -> dict[str, Any]:
+def _said(case: Any, *keys: str) -> dict[str, Any]:
     """Arguments for what keys of [model] say."""
     values = {key: getattr(case.tables.model, key) for key in keys}
     return {key: made(case, value, "model", key) for key, value in values.items() if value is not None}
 
 
-def body(case: Given) -> dict[str, Any]:
+def body(case: Any) -> dict[str, Any]:
     """The body of a case, not reduced yet, with its contact, loads and points by name: arguments of `reduce`.
 
     Raises
@@ -183,7 +182,7 @@ def body(case: Given) -> dict[str, Any]:
     return {"model": found, "contact": contact, "loads": loads or points, "points": points}
 
 
-def reduced(case: Given, parts: dict[str, Any], comm: Any) -> sb.ReducedModel:
+def reduced(case: Any, parts: dict[str, Any], comm: Any) -> sb.ReducedModel:
     """The reduced model of a body. Collective."""
     output, table = case.tables.output, case.tables.body
     assert table is not None
@@ -197,7 +196,7 @@ def reduced(case: Given, parts: dict[str, Any], comm: Any) -> sb.ReducedModel:
         )
 
 
-def _unit_loads(case: Given) -> Iterator[tuple[str, str]]:
+def _unit_loads(case: Any) -> Iterator[tuple[str, str]]:
     """Load and component of each unit load of a body's model: those that the case gives."""
     for name, table in case.tables.loads.items():
         yield from ((name, key) for key in table.components if key in table.model_fields_set)
@@ -217,43 +216,37 @@ def signals_of(found: list[Any]) -> list[Any]:
     return separate(found)[1]
 
 
-def units(case: Given, found: list[Any]) -> list[Any]:
+def units(case: Any, found: list[Any]) -> list[Any]:
     """Unit loads, in their order, of loads as `load` gives them; of a body all that its model has."""
     return list(_unit_loads(case)) if isinstance(found, Amplitudes) else separate(found)[0]
 
 
-def load(case: Given, names: Sequence[str], factor: float = 1.0, frequency: float | None = None) -> list[Any]:
+def load(case: Any, names: Sequence[str], factor: float = 1.0, frequency: float | None = None) -> list[Any]:
     """Named loads, which act together; of a body the amplitudes of all its unit loads.
 
     Parameters
     ----------
-    case : Given
+    case : Case
     names : sequence of str
     factor : float
         On all components.
     frequency : float, optional
         Numbers become harmonics of this frequency, Hz.
     """
-    if case.tables.body is not None:
-        tables, given = case.tables.loads, list(_unit_loads(case))
-        return Amplitudes(
-            _amplitude(case, ("loads", name, key), tables[name].components[key], factor, frequency)
-            if name in names
-            else 0.0
-            for name, key in given
-        )
-    parts = []
-    for name in names:
-        table = case.tables.loads[name]
-        values = {
+    tables = case.tables.loads
+    values = {
+        name: {
             key: _amplitude(case, ("loads", name, key), value, factor, frequency)
-            for key, value in table.components.items()
+            for key, value in tables[name].components.items()
         }
-        parts.append(made(case, table, "loads", name, **values))
-    return parts
+        for name in names
+    }
+    if case.tables.body is not None:
+        return Amplitudes(values.get(name, {}).get(key, 0.0) for name, key in _unit_loads(case))
+    return [made(case, tables[name], "loads", name, **values[name]) for name in names]
 
 
-def _amplitude(case: Given, path: Path, value: Any, factor: float, frequency: float | None) -> Any:
+def _amplitude(case: Any, path: Path, value: Any, factor: float, frequency: float | None) -> Any:
     """A component of a load: a number or a signal."""
     if not isinstance(value, Table):
         number = factor * value

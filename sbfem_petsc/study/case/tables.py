@@ -74,6 +74,14 @@ class Table(Options):
         }
 
 
+def within(value: Any, path: Path = ()) -> Iterator[tuple[Path, Any]]:
+    """A value and all that is in it, with the path of each."""
+    yield path, value
+    entries = dict(value).items() if isinstance(value, (dict, Table)) else ()
+    for key, entry in enumerate(value) if isinstance(value, list) else entries:
+        yield from within(entry, (*path, key))
+
+
 def _printable(name: str) -> str:
     if not name.isprintable():
         raise ValueError(f"= {name!r} holds control characters; use letters, digits, '-' and '_'")

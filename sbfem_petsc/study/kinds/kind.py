@@ -24,7 +24,6 @@ from ...record.about import Quantity
 from ...record.found import Found
 from ...record.record import Record
 from ..case import objects
-from ..case.given import Given, Tables
 from ..case.tables import Names, Path, Problem, Table
 from ..costs import Cost, Size
 
@@ -60,7 +59,7 @@ class Wanted:
 
     Attributes
     ----------
-    case : Given
+    case : Case
         That of the row.
     points : sequence of str
     noisy : callable or None
@@ -71,7 +70,7 @@ class Wanted:
         Gives the result of the structure without faults, or None where there is none. Collective.
     """
 
-    case: Given
+    case: Any
     points: Sequence[str]
     noisy: Callable[[np.ndarray], np.ndarray] | None
     histories: bool
@@ -171,7 +170,7 @@ class Kind(Table):
     details: ClassVar[tuple[str, ...]] = ()
     captions: ClassVar[dict[str, str]] = {}
 
-    def solve(self, case: Given, model: Any, run: Run) -> Any:
+    def solve(self, case: Any, model: Any, run: Run) -> Any:
         """The result, on the case's model: of a public function, whose arguments are what is given and keys
         of the table. Collective.
         """
@@ -180,11 +179,11 @@ class Kind(Table):
         known = inspect.signature(function).parameters
         return function(model, **{name: value for name, value in arguments.items() if name in known})
 
-    def given(self, case: Given) -> dict[str, Any]:
+    def given(self, case: Any) -> dict[str, Any]:
         """Arguments of the function that the table's keys do not give as they are."""
         return {"load": self.acting(case)} if self.loads_in else {}
 
-    def acting(self, case: Given, frequency: float | None = None) -> Any:
+    def acting(self, case: Any, frequency: float | None = None) -> Any:
         """Its loads; numbers are amplitudes at the frequency of their key, KEY_frequency, or at one that is
         given, Hz, if there is any.
         """
@@ -202,7 +201,7 @@ class Kind(Table):
         """Which of it knows no friction, in words behind its name; None if it takes faces that rub."""
         return None if self.rubs else ""
 
-    def against(self, case: Tables) -> Iterator[Problem]:
+    def against(self, case: Any) -> Iterator[Problem]:
         """What contradicts the rest of the case, at paths within the table."""
         if not self.free and case.model.clamped == [] and not case.model.supports:
             yield Problem(
@@ -256,18 +255,18 @@ class Kind(Table):
         """Points that must exist, by their paths within the table."""
         return iter(())
 
-    def asked(self, case: Given, model: Any) -> Iterator[tuple[str, int]]:
+    def asked(self, case: Any, model: Any) -> Iterator[tuple[str, int]]:
         """Keys that ask for modes of the structure, and for how many; those of a body, without a model, are
         kept already. Collective.
         """
         yield "modes", getattr(self, "modes", None) or 0
 
-    def lacking(self, case: Given, model: Any, most: int, words: str) -> Iterator[Problem]:
+    def lacking(self, case: Any, model: Any, most: int, words: str) -> Iterator[Problem]:
         """What a structure has not that is asked of it, before anything is solved. Collective.
 
         Parameters
         ----------
-        case : Given
+        case : Case
         model : Model or None
             None: a body, which is not reduced yet.
         most : int
@@ -287,13 +286,13 @@ class Kind(Table):
         if model is not None and self.loads_in:
             model.checked_loads(self.acting(case), constant=False)
 
-    def tones(self, case: Given, path: Path) -> None:
+    def tones(self, case: Any, path: Path) -> None:
         """Refuse loads without the common period or the tones that the analysis needs, which a run would come
         to refuse behind the analyses before it.
 
         Parameters
         ----------
-        case : Given
+        case : Case
         path : tuple
             Of the table.
 
@@ -396,7 +395,7 @@ class Forced(UnderLoad):
 
     signals = PERIODIC
 
-    def tones(self, case: Given, path: Path) -> None:
+    def tones(self, case: Any, path: Path) -> None:
         keys = vars(self)
         found = self.acting(case, keys["frequency"])
         common_period(case, (*path, "load"), found, keys["frequency"], keys.get("periods"))
@@ -414,7 +413,7 @@ class Reducible(OfEither, Kind):
     reduced: bool = item(True, text="false: the unreduced model")
     settles: ClassVar[bool] = False
 
-    def given(self, case: Given) -> dict[str, Any]:
+    def given(self, case: Any) -> dict[str, Any]:
         return super().given(case) | {"reduction": "modes" if self.reduced else None}
 
     @property
@@ -431,7 +430,7 @@ class Reducible(OfEither, Kind):
                 words = f"= {json.dumps(value)} is for the reduced model; leave out reduced = false or {name}"
                 yield name, words
 
-    def against(self, case: Tables) -> Iterator[Problem]:
+    def against(self, case: Any) -> Iterator[Problem]:
         """Motions of the unreduced model that never settle, too."""
         yield from super().against(case)
         given = case.model.rayleigh
@@ -454,7 +453,7 @@ class TwoTones(Kind):
 
 
 def common_period(
-    case: Given, path: Path, loads: Any, frequency: float, periods: int | None, longest: int | None = None
+    case: Any, path: Path, loads: Any, frequency: float, periods: int | None, longest: int | None = None
 ) -> int:
     """Forcing periods, at most `longest` where that is told, in the common period of loads and a
     frequency, Hz.

@@ -1,19 +1,19 @@
-"""A case as a user's file gives it: its tables, and where they stand in the file."""
+"""The tables of a case file, together."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Iterator
+from typing import Annotated
+
+from pydantic import Field
 
 from ...options import Pair, item
+from .analyses import Analysis
 from .body import Body
 from .geometry import Geometry, Material, Mesh, ModelTable
 from .parts import Load
-from .problems import CaseError
 from .sweep import SweepTable
-from .tables import Name, Path, Problem, Table
+from .tables import FileName, Name, Path, Table
 
 
 class Output(Table):
@@ -30,8 +30,8 @@ class Output(Table):
     csv: bool = item(False, text="write tables as CSV files into the folder's tables/")
 
 
-class Tables(Table):
-    """The tables of a case file; of what kinds its analyses are, `CaseTables` says."""
+class CaseTables(Table):
+    """The tables of a case file."""
 
     title: str = item("", text="what the case is about")
     geometry: Geometry | None = item(None, text="what is drawn and meshed; or [body]")
@@ -42,7 +42,9 @@ class Tables(Table):
     materials: dict[Name, Material] = item({}, text="materials by region (a gmsh model's surfaces)")
     model: ModelTable = item(ModelTable(), text="supports, damping, thickness")
     loads: dict[Name, Load] = item({}, text="loads by name, [loads.NAME]")
-    analyses: dict[Name, Any] = item(text="analyses by name")
+    analyses: Annotated[dict[FileName, Analysis], Field(min_length=1)] = item(
+        text="analyses by name, [analyses.NAME], run in this order"
+    )
     output: Output = item(Output(), text="what is kept and drawn")
     sweep: SweepTable | None = item(None, text="many values of the case's keys")
 
@@ -73,38 +75,3 @@ class Tables(Table):
         yield from ((("output", "points"), name, "no point") for name in self.output.points or ())
         for name, analysis in self.analyses.items():
             yield from ((("analyses", name, *path), point, "no point") for path, point in analysis.places())
-
-
-@dataclass(frozen=True, eq=False)
-class Given:
-    """What a case consists of.
-
-    Attributes
-    ----------
-    tables : Tables
-    data : dict
-        The tables as the user wrote them.
-    text : str
-        The file's text.
-    file : str
-        Its path, for messages.
-    folder : str
-        Folder that the paths in the case are relative to.
-    lines : dict of tuple to int
-        Line of each path of the case.
-    """
-
-    tables: Tables
-    data: dict[str, Any]
-    text: str
-    file: str
-    folder: str
-    lines: Mapping[Path, int] = field(repr=False, default_factory=dict)
-
-    def problem(self, path: Path, text: str) -> CaseError:
-        """The error that something is wrong at a path of the case."""
-        return CaseError(self.file, [Problem(path, text)], self.lines)
-
-    def resolve(self, file: str) -> str:
-        """Path of a file that the case names."""
-        return os.path.join(self.folder, file)
