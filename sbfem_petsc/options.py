@@ -13,11 +13,14 @@ from typing import Annotated, Any, TypeVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from .checks import shown
 
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Own = TypeVar("Own", bound="Options")
+Place = tuple[Any, ...]  # keys and positions
+_LISTS = (list, tuple, np.ndarray)
 
 
 def item(default: Any = ..., *, text: str, unit: str = "", **bounds: Any) -> Any:
@@ -30,11 +33,49 @@ class Options(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 
-    @model_validator(mode="before")
+    @staticmethod
+    def spelt(value: Any) -> str:
+        """A value in sentences."""
+        return shown(value)
+
+    @model_validator(mode="wrap")
     @classmethod
-    def _plain(cls, data: Any) -> Any:
-        """NumPy's numbers as Python's, tuples and arrays as lists, in dicts too."""
-        return _plain(data)
+    def _checked(cls, values: Any, check: Any) -> Any:
+        """NumPy's numbers are taken as Python's, tuples and arrays as lists, in dicts too; what is wrong is
+        told in words.
+        """
+        found: dict[Place, list[Any]] = {}
+        try:
+            return check(_plain(values))
+        except ValidationError as error:
+            for fault in error.errors(include_url=False):
+                found.setdefault(_place(fault, values), []).append(fault)
+        # of an option that may be of several types, what is wrong within one of them says more than its type
+        faults = [
+            cls._told(place, alike, values)
+            for place, alike in found.items()
+            if not all(fault["type"] in TYPES for fault in alike)
+            or not any(other[: len(place)] == place and other != place for other in found)
+        ]
+        raise ValidationError.from_exception_data(cls.__name__, faults)
+
+    @classmethod
+    def _told(cls, place: Place, faults: list[Any], values: Any) -> InitErrorDetails:
+        """What is wrong at a place."""
+        fault, kind = faults[0], faults[0]["type"]
+        if not place:  # no options at all, which is told where they should be
+            return {"type": kind, "loc": (), "input": fault["input"], "ctx": fault.get("ctx", {})}
+        if kind == "told":
+            return told(place, fault["ctx"]["text"], fault["ctx"]["is_type"])
+        field = cls.model_fields.get(place[0])
+        unit = unit_of(field) if field is not None else ""
+        if kind == "extra_forbidden":
+            return told(place, f"is no key of this table; {one_of(cls.model_fields, place[0])}")
+        if field is not None and kind == "missing":
+            return told(place, f"is missing ({field.description}{f', in {unit}' if unit else ''}); add it")
+        if len(place) == 1:
+            faults = [{**one, "input": values[place[0]]} for one in faults]
+        return told(place, wrong(faults, unit, cls.spelt), kind in TYPES and kind != "finite_number")
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """What single options cannot tell: the name of one, or "", and what is wrong with it."""
@@ -59,28 +100,30 @@ class Options(BaseModel):
         except ValidationError as error:
             faults = error.errors(include_url=False)
         for fault in faults:  # out of what pydantic raises, which would be printed too
-            name, *within = place = _place(fault["loc"], values)
-            kind = TypeError if fault["type"] in TYPES and fault["type"] != "finite_number" else ValueError
-            alike = [one for one in faults if _place(one["loc"], values) == place]  # of a union's members
-            given = alike if within else [{**one, "input": values[name]} for one in alike]
-            text = wrong(given, unit_of(cls.model_fields[name]))
-            raise kind(f"{owner}: {name}{''.join(f'[{k}]' for k in within)} {text}")
+            name, *within = fault["loc"]
+            kind = TypeError if fault["ctx"]["is_type"] else ValueError
+            raise kind(f"{owner}: {name}{''.join(f'[{k}]' for k in within)} {fault['ctx']['text']}")
         for name, text in found.contradictions():
             raise ValueError(f"{owner}: {f'{name} ' if name else ''}{text}")
         return found
 
 
-def _place(loc: tuple[Any, ...], values: Any) -> list[Any]:
+def told(place: Place, text: str, is_type: bool = False) -> InitErrorDetails:
+    """A fault for pydantic, in words behind its place; `is_type`: its type is wrong."""
+    fault = PydanticCustomError("told", "{text}", {"text": text, "is_type": is_type, "place": place})
+    return {"type": fault, "loc": place, "input": None}
+
+
+def _place(fault: Any, values: Any) -> Place:
     """Where in given values a fault is: without the marks that tell the members of a union apart."""
-    place = []
-    for k, part in enumerate(loc):
-        number, table = isinstance(part, int), isinstance(values, Mapping)
-        if part in values if table else number and isinstance(values, (list, tuple, np.ndarray)):
+    place, loc = [], fault["loc"]
+    own = loc if fault["type"] == "missing" else fault.get("ctx", {}).get("place", ())
+    for part in loc[: len(loc) - len(own)]:
+        number = isinstance(part, int)
+        if part in values if isinstance(values, Mapping) else number and isinstance(values, _LISTS):
             values = values[part]
-        elif not number and not (table and k == len(loc) - 1):
-            continue  # a mark; the last may be a key that is missing
-        place.append(part)
-    return place
+            place.append(part)
+    return (*place, *own)
 
 
 def unit_of(field: FieldInfo) -> str:

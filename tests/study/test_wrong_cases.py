@@ -59,6 +59,19 @@ WRONG = [
     ('[geometry]\nkind = "beam"\n', "[geometry]\n", "geometry", "has no kind; valid are 'beam'"),
     ('[analyses.burst]\nkind = "transient"\n', "[analyses.burst]\n", "analyses.burst", "has no kind"),
     ("duration = 0.003\n", "", "analyses.burst.duration", "is missing", "[analyses.burst]"),
+    # an analysis that is called as a kind is
+    (
+        '[analyses.burst]\nkind = "transient"',
+        '[analyses.transient]\nkind = "transiant"' + NEW,
+        "analyses.transient.kind = 'transiant'",
+        "did you mean 'transient'?",
+    ),
+    (
+        '[analyses.push]\nkind = "static"\nload',
+        '[analyses.sweep]\nkind = "static"\nlaod' + NEW,
+        "analyses.sweep.laod",
+        "did you mean 'load'?",
+    ),
     ("density = 2700\n", "", "material.density", "density, in kg/m^3", "[material]"),
     (
         '[analyses.push]\nkind = "static"\nload = "push"',

@@ -229,7 +229,7 @@ def _checked(data: dict[str, Any], file: str, folder: str, lines: Mapping[Path, 
     try:
         tables = CaseTables.model_validate(data)
     except ValidationError as error:
-        raise CaseError(file, from_validation(error, data, CaseTables), lines) from None
+        raise CaseError(file, from_validation(error), lines) from None
     problems = contradictions(tables)
     if tables.sweep is not None:
         problems = _left_by_rows(problems, data, tables.sweep)

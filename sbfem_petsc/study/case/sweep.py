@@ -237,7 +237,7 @@ def parameter_problems(data: dict[str, Any], sweep: SweepTable, tables: Any) -> 
                 changed = replaced_in(bare, {name: value})
                 tables.model_validate(changed)
             except ValidationError as error:
-                first = from_validation(error, changed, tables)[0]
+                first = from_validation(error)[0]
                 yield Problem(here, f"is refused: {written(first.path)} {first.text}")
                 break
             except ValueError as error:

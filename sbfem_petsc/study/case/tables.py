@@ -6,13 +6,23 @@ import dataclasses
 import inspect
 import re
 import typing
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, Discriminator, Field, Tag, create_model
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationError,
+    create_model,
+)
 
-from ...options import Options, item
+from ...checks import shown
+from ...options import Options, item, one_of, told
 
 Path = tuple[str | int, ...]
 
@@ -43,6 +53,11 @@ class Table(Options):
     """
 
     made: ClassVar[Any] = None
+
+    @staticmethod
+    def spelt(value: Any) -> str:
+        """A value in sentences, as TOML has it."""
+        return str(value).lower() if isinstance(value, bool) else shown(value)
 
     def problems(self) -> Iterator[Problem]:
         """What single keys cannot tell, at paths within the table."""
@@ -159,30 +174,33 @@ def by_kind(*tables: type[Table], number: bool = False, default: str | None = No
     """Union of tables told apart by their key `kind`, the default where that is left out, and of numbers
     where these may stand for one.
     """
-    members: tuple[Any, ...] = tuple(Annotated[table, Tag(kind_name(table))] for table in tables)
+    names = [kind_name(table) for table in tables]
+    # no marks that keys of tables are called as, as some kinds are
+    members: list[Any] = [Annotated[table, Tag(f"kind {name}")] for table, name in zip(tables, names)]
     if number:
-        members = (Annotated[float, Tag("number")], *members)
+        members.insert(0, Annotated[float, Tag("kind number")])
 
-    def told(value: Any) -> Any:
-        if isinstance(value, dict):
-            return value.get("kind", default)
-        return getattr(value, "kind", "number" if number else None)
+    def mark(value: Any) -> str:
+        kind = value.get("kind", default) if isinstance(value, dict) else getattr(value, "kind", "number")
+        return f"kind {kind}"
 
-    return Annotated[typing.Union[members], Discriminator(told)]  # noqa: UP007 - made at run time
+    def known(value: Any) -> Any:
+        table = isinstance(value, dict)
+        kind = value.get("kind", default) if table else None
+        if table and kind is None:
+            fault = told((), f"has no kind; {one_of(names)}")
+        elif table and kind not in names:
+            fault = told(("kind",), f"= {Table.spelt(kind)} is unknown; {one_of(names, kind)}")
+        elif not (table or number or isinstance(value, tables)):
+            fault = told((), f"= {Table.spelt(value)} must be a table")
+        else:
+            return value
+        raise ValidationError.from_exception_data("", [fault])
+
+    union: Any = typing.Union[tuple(members)]  # noqa: UP007 - made at run time
+    return Annotated[union, Discriminator(mark), BeforeValidator(known)]
 
 
 def kind_name(table: type[BaseModel]) -> str:
     """Kind of a table that has one."""
     return str(typing.get_args(table.model_fields["kind"].annotation)[0])
-
-
-def members(annotation: Any) -> list[type[BaseModel]]:
-    """Tables in an annotation, however deep."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [table for part in typing.get_args(annotation) for table in members(part)]
-
-
-def kind_names(tables: Iterable[type[BaseModel]]) -> list[str]:
-    """Kinds of tables, of those that have one."""
-    return [kind_name(table) for table in tables if "kind" in table.model_fields]
