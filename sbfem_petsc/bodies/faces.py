@@ -44,7 +44,7 @@ Common = tuple[list[int], list[int], list[int], np.ndarray, np.ndarray]
 
 
 def partners(labels: np.ndarray, x: np.ndarray, y: np.ndarray, normal: np.ndarray) -> sparse.csr_matrix:
-    """(left, right): 1 for the right node that faces each left one along the normal."""
+    """(left, left + right): 1 for the right node that faces each left one along the normal, -1 for itself."""
     flat = np.eye(3) - np.outer(normal, normal)
     x, y = x @ flat, y @ flat
     (far, second), (nearest, _) = (found.T for found in tree_of(y).query(x, 2))
@@ -62,7 +62,8 @@ def partners(labels: np.ndarray, x: np.ndarray, y: np.ndarray, normal: np.ndarra
         )
     if len(set(nearest)) < len(x):
         raise ValueError("contact: two left nodes share a right one; the faces' meshes must match")
-    return sparse.csr_matrix((np.ones(len(x)), (np.arange(len(x)), nearest)), (len(x), len(y)))
+    share = sparse.csr_matrix((np.ones(len(x)), (np.arange(len(x)), nearest)), (len(x), len(y)))
+    return sparse.hstack([-sparse.identity(len(x)), share]).tocsr()
 
 
 def between(
@@ -70,8 +71,8 @@ def between(
     normal: np.ndarray,
     faces: tuple[Faces, Faces],
     apart: Callable[[sparse.csr_matrix], np.ndarray],
-) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
-    """(left, left) and (left, right): means of displacements before each other about left nodes.
+) -> sparse.csr_matrix:
+    """(left, left + right): means of what is before each other about left nodes, less those of themselves.
 
     Weights are hat functions, linear on triangles between the left nodes, over what is common to both faces,
     so that a constant or linear pressure has on each side the forces that its elements give it. Nodes of
@@ -86,8 +87,8 @@ def between(
         Nodes by their places in these arrays, corners first; without any, triangles that fill the nodes'
         convex hull.
     apart : function
-        Which left nodes come apart, (left,) array of bool, from (left, right) weights of what is before each
-        by itself; hats of others, such as a crack's front, are shared out to their neighbours.
+        Which left nodes come apart, (left,) array of bool, from such a matrix of what is before each by
+        itself; hats of others, such as a crack's front, are shared out to their neighbours.
 
     Raises
     ------
@@ -101,47 +102,48 @@ def between(
     """
     import shapely
 
-    labels, *places = nodes
-    along = np.linalg.svd(normal[None])[2][1:].T
-    x, y = flat = tuple(part @ along for part in places)
-    own, other = (given or _hull(part) for given, part in zip(faces, flat))
-    right = np.array([shapely.Polygon(y[face[: corners(face)]]) for face in other], dtype=object)
+    labels, x, y = nodes
+    flat, count = np.vstack([x, y]) @ np.linalg.svd(normal[None])[2][1:].T, len(x)
+    own, other = (given or _hull(part) for given, part in zip(faces, np.split(flat, [count])))
+    other = [[count + k for k in face] for face in other]
+    right = np.array([shapely.Polygon(flat[face[: corners(face)]]) for face in other], dtype=object)
     across = np.flatnonzero(shapely.area(right) > ALONG * shapely.length(right) ** 2)
     if not len(across):
         raise ValueError(f"contact: {len(y)} right nodes span no surface across the normal; give a face")
-    other, tree, points = [other[k] for k in across], shapely.STRtree(right[across]), shapely.points(x)
-    nearest = tree.geometries[before := tree.nearest(points)]
-    lines = shapely.shortest_line(nearest, points)
-    met = np.flatnonzero(shapely.length(lines) < BESIDE * np.sqrt(shapely.area(nearest)))
+    other, tree, points = [other[k] for k in across], shapely.STRtree(right[across]), shapely.points(flat)
+    nearest = tree.geometries[before := tree.nearest(points[:count])]
+    lines = shapely.shortest_line(nearest, points[:count])
+    met = shapely.length(lines) < BESIDE * np.sqrt(shapely.area(nearest))
     ends, one = shapely.get_coordinates(lines)[::2, None], np.ones(1)
-    alone: list[Common] = [([k], [k], other[before[k]], ends[k], one) for k in met.tolist()]
-    moves = apart(_means(alone, flat, np.ones(len(x), dtype=bool))[1])
-    bound = np.isin(np.arange(len(x)), [k for face in own for k in face])
-    commons = [common for common in alone if not bound[common[0]]] + list(_common(x, own, other, tree))
-    weights, share = _means(commons, flat, moves)
-    paired = np.diff(weights.indptr) > 0
+    alone: list[Common] = [([k], [k], other[before[k]], ends[k], one) for k in np.flatnonzero(met).tolist()]
+    beside = sparse.diags((~met).astype(float), 0, (count, len(flat)))
+    moves = apart(_means(alone, flat, np.ones(count, dtype=bool)) - beside)
+    bound = np.isin(np.arange(count), [k for face in own for k in face])
+    commons = [common for common in alone if not bound[common[0]]] + list(_common(flat, own, other, tree))
+    means = _means(commons, flat, moves)
+    paired = means.getnnz(axis=1) > 0
     for some, what in (
         (moves & ~paired, "beside the right face and make no pairs"),
         (paired & ~bound & bool(faces[0]), "on no outer face of their set, and are paired alone"),
     ):
         if some.any():
             label = labels[some.argmax()]
-            said = f"contact: {some.sum()} of {len(x)} left nodes, node {label} say, lie {what}"
+            said = f"contact: {some.sum()} of {count} left nodes, node {label} say, lie {what}"
             if not paired.any():
                 raise ValueError(f"{said}; do these faces meet along this normal?")
             warn(f"{said}; are both sets right?", MeshWarning)
-    return weights, share
+    return means
 
 
-def _common(x: np.ndarray, own: Faces, other: Faces, tree: Any) -> Iterator[Common]:
+def _common(places: np.ndarray, own: Faces, other: Faces, tree: Any) -> Iterator[Common]:
     """What the hats of faces have in common with the other's, whose polygons stand in a tree."""
     import shapely
 
     hats = [([face[k] for k in hat], face) for face in own for hat in HATS[len(face)]]
-    left = np.array([shapely.Polygon(x[nodes]) for nodes, _ in hats], dtype=object)
+    left = np.array([shapely.Polygon(places[nodes]) for nodes, _ in hats], dtype=object)
     one, two = tree.query(left, predicate="intersects")
     # on a grid, for sides that lie on each other but for rounding give whole faces, or none, without one
-    parts = shapely.intersection(left[one], tree.geometries[two], grid_size=GRID * np.abs(x).max())
+    parts = shapely.intersection(left[one], tree.geometries[two], grid_size=GRID * np.abs(places).max())
     area, whole = shapely.area(parts), shapely.area(left)
     if (np.bincount(one, area, len(left)) > (1.0 + APART) * whole).any():
         raise ValueError("contact: right nodes lie behind each other; give those of one face")
@@ -149,23 +151,18 @@ def _common(x: np.ndarray, own: Faces, other: Faces, tree: Any) -> Iterator[Comm
         yield (*hats[one[k]], other[two[k]], *_quadrature(shapely.get_coordinates(parts[k])[:-1]))
 
 
-def _means(
-    commons: list[Common], places: tuple[np.ndarray, ...], moves: np.ndarray
-) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
+def _means(commons: list[Common], places: np.ndarray, moves: np.ndarray) -> sparse.csr_matrix:
     """See `between`."""
-    x, parts = places[0], [np.zeros((len(places[0]), len(at))) for at in places]
-    for nodes, *cells, points, weights in commons:
-        kept, hats = moves[nodes], (weights[:, None] * _shapes(x[nodes], points)).T
-        hats, own = hats[kept] + hats[~kept].sum(axis=0) / max(kept.sum(), 1), np.array(nodes)[kept]
-        for part, cell, at in zip(parts, cells, places):
-            part[np.ix_(own, cell)] += hats @ _shapes(at[cell], points)
-    shared = parts[0].sum(axis=1)
-    shared[shared <= 0.0] = 1.0
-    one, two = (sparse.csr_matrix(part / shared[:, None]) for part in parts)
-    for part in (one, two):
-        part.data[np.abs(part.data) <= LITTLE] = 0.0
-        part.eliminate_zeros()
-    return one, two
+    means = np.zeros((len(moves), len(places)))
+    for nodes, own, other, points, weights in commons:
+        kept, hats = moves[nodes], (weights[:, None] * _shapes(places[nodes], points)).T
+        hats, rows = hats[kept] + hats[~kept].sum(axis=0) / max(kept.sum(), 1), np.array(nodes)[kept]
+        means[np.ix_(rows, own)] -= hats @ _shapes(places[own], points)
+        means[np.ix_(rows, other)] += hats @ _shapes(places[other], points)
+    shared = -means[:, : len(moves)].sum(axis=1, keepdims=True)
+    means /= np.where(shared > 0.0, shared, 1.0)
+    means[np.abs(means) <= LITTLE] = 0.0
+    return sparse.csr_matrix(means)
 
 
 def _hull(places: np.ndarray) -> Faces:

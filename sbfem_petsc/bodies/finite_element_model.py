@@ -234,13 +234,13 @@ class FiniteElementModel:
             )
         one = self._face("left", left)
         other = one if right is None else self._face("right", right)
-        x, y = self.places[one], self.places[other]
+        x, y, nodes = self.places[one], self.places[other], np.append(one, other)
+        means = -sparse.eye(len(x), len(nodes), format="csr")
         if matching:
             self._warn_of_corners(one)
         normal = normal_of(x, y) if normal is None else _vector("contact", "normal", normal)
         self._require_outward(one, normal)
-        slip = self._slip_direction(law, np.append(one, other), normal) if law.rubs else np.zeros(3)
-        weights, share = sparse.identity(len(one), format="csr"), sparse.csr_matrix((len(one), len(other)))
+        slip = self._slip_direction(law, nodes, normal) if law.rubs else np.zeros(3)
         if right is None and gap is None:
             if (off := np.ptp(x @ normal)) > LEVEL * self._sides.max():
                 raise ValueError(
@@ -249,17 +249,16 @@ class FiniteElementModel:
                 )
             gap = 0.0
         elif right is not None and matching:
-            share = partners(self.labels[one], x, y, normal)
+            means = partners(self.labels[one], x, y, normal)
         elif right is not None:
-            own, faces = self._along(normal, weights, one), (self._faces(one), self._faces(other))
-            at = self.labels[one], x, y
-            weights, share = between(at, normal, faces, lambda s: moved(self._along(normal, s, other) - own))
-        rows, slips = (self._along(v, share, other) - self._along(v, weights, one) for v in (normal, slip))
+            at, faces = (self.labels[one], x, y), (self._faces(one), self._faces(other))
+            means = between(at, normal, faces, lambda alone: moved(self._along(normal, alone, nodes)))
+        rows, slips = (self._along(v, means, nodes) for v in (normal, slip))
         if gap is None:
-            distance = share @ (y @ normal) - weights @ (x @ normal) - weights @ np.full(len(x), offset)
+            distance = means @ np.append(x @ normal, y @ normal) - offset * (means.getnnz(axis=1) > 0)
             distance[np.abs(distance) < TOGETHER * self._sides.max()] = 0.0
         else:
-            distance = weights @ given_gap(gap, x)
+            distance = means @ np.append(-given_gap(gap, x), np.zeros(len(y)))
         if (least := distance.min()) < 0.0 and not interference:
             why = f", with offset = {offset:g} m between nodes {least + offset:g} m apart" if offset else ""
             raise ValueError(

@@ -464,11 +464,12 @@ def test_nested_faces_have_the_same_means(fine_to_coarse):
         nodes = np.arange(len(left[0])), left[0] * size @ turn.T, right[0] * size @ turn.T
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", sb.MeshWarning)  # of the nodes beside a part
-            own, other = between(
+            means = between(
                 nodes,
                 normal / np.linalg.norm(normal),
                 (left[1], right[1]),
                 lambda s: np.ones(s.shape[0], bool),
             )
+        own, other = -means[:, : len(left[0])], means[:, len(left[0]) :]
         apart = own @ spread - other if fine_to_coarse else own - other @ spread
         assert own.nnz and np.abs(apart).max() < 1e-8, seed
