@@ -41,7 +41,7 @@ class PetscFailure(SolverFailure):
     """PETSc refuses an option of the command line, or cannot do what it is asked for."""
 
 
-def called(own: str = "periodic") -> str:
+def called(own: str = "steady state") -> str:
     """The analysis that a user has called, for sentences of what several of them do; `own` beside any."""
     return ANALYSIS.get() or own
 

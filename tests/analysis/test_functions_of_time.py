@@ -194,7 +194,7 @@ def test_a_band_that_cannot_be_checked():
     says = (
         "changes between 1,048,576 samples of 1 s; 320 in a period of its highest_frequency do not follow it"
     )
-    with pytest.raises(ValueError, match=f"periodic: .*{says}"):
+    with pytest.raises(ValueError, match=f"steady state: .*{says}"):
         Excitation.of([low], 1.0, None, 8)
     with pytest.raises(ValueError, match=f"transient: .*{says}"):
         sb.transient(stop(), low, 1.0)

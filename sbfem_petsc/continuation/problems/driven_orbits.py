@@ -67,7 +67,7 @@ class ParameterRange:
     @property
     def owner(self) -> str:
         """The analysis that follows motions over it, for messages."""
-        return "frequency_response" if self.name == "frequency" else "load_response"
+        return f"{'frequency' if self.name == 'frequency' else 'load'}_response"
 
     def reached(self, value: float) -> bool:
         """Whether a value is at `stop` or beyond it."""
