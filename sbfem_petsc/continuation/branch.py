@@ -190,8 +190,11 @@ class Branch(OfOrbits, OverParameter, ToldError):
         """The curve's highest resonance at a point."""
         return find_peak(self.value, self.amplitude(point))
 
-    def orbit(self, k: int) -> Orbit:
-        """The k-th point as an `Orbit`, integrated again from its state."""
+    def orbit(self, k: int | Bifurcation) -> Orbit:
+        """The k-th point as an `Orbit`, or one of its bifurcations, integrated again from its state."""
+        if isinstance(k, Bifurcation):
+            there = run_again(self.over.at(self.period, k.own_value), k.state)
+            return make_orbit(there, np.zeros(0, dtype=complex), math.nan, "bifurcation of a curve")
         k = index_of("orbit", "k", k, len(self.value))
         fixed = run_again(self.over.at(self.period, float(self.value[k])), self.states[k])
         values, error = self.multipliers[k], float(self.multiplier_error[k])

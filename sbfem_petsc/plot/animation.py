@@ -5,30 +5,31 @@ from __future__ import annotations
 import os
 import subprocess
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
+from matplotlib.axes import Axes
 
 from meshing.whole_file import destination, replaced
 
-from ..checks import Bounds, integer, numbers_of, real
+from ..checks import numbers_of
 from ..continuation.orbit import Orbit
 from ..errors import SolveError
 from ..motion.history import Motion, model_with_fields
 from ..petsc import MPI
-from ..ranks.parallel import agreed, collective, on_root, ranks_of
+from ..ranks.parallel import collective, on_root, ranks_of
 from ..system.model import Model
-from .drawing import BLUE, STYLE, VERMILION, Scale, Sheet, crack_title, curves
+from .drawing import BLUE, VERMILION, Scale, Sheet, crack_title, curves
 from .outlines import gather_outline, gather_region
-from .picture import CHECKS, require_crack
+from .picture import number, picture, require_crack, whole
 from .views import Solid, Window, magnification_of, plain
 
 DOTS = 100  # per inch
 
 
-@agreed()
+@picture(frames=whole(2, 1000), seconds=number("s", least=0.1, most=600.0))
 def animate_crack(
     motion: Motion,
     path: str,
@@ -77,43 +78,32 @@ def animate_crack(
         If the motion keeps no fields, or, for an MP4, if there is no ffmpeg or it fails.
     """
     model = model_with_fields("animate_crack", motion)
-    with collective(ranks_of(model) or MPI.COMM_SELF):
-        frames = integer("animate_crack", "frames", frames, least=2, most=1000)
-        real("animate_crack", "seconds", seconds, "s", within=Bounds(least=0.1, most=600.0))
-        for name, value in (("magnification", magnification), ("crack", crack), ("colour", colour)):
-            CHECKS[name]("animate_crack", name, value)
+    comm = ranks_of(model) or MPI.COMM_SELF
+    with collective(comm):
         require_crack("animate_crack", crack, len(model.cracks) if isinstance(model, Model) else 1)
         if not isinstance(model, Model) and not model.elements:
             raise ValueError("animate_crack: the body has no elements to draw; give elements= with its nodes")
         instants = _instants(motion, between, frames)
         writer = _writer(path, len(instants) / seconds)
     fields = [motion.field(float(motion.time[instant])) for instant in instants]
-    view, states, outline, rows, title = _content(motion, model, fields, crack, colour)
-
-    def work() -> str:
-        with rc_context(STYLE):
-            film = _Film(view, states, outline, motion, rows)
-            film.write(path, writer, instants, title, magnification)
-        return os.fspath(path)
-
-    return on_root(model.comm, work) if isinstance(model, Model) else work()
+    film = _film(motion, model, fields, crack, colour)
+    return on_root(comm, lambda: film.write(path, writer, instants, magnification))
 
 
-def _content(
-    motion: Motion, model: Any, fields: list[Any], crack: int, colour: str
-) -> tuple[Window | Solid, list[Any], Any, np.ndarray, str]:
-    """What is drawn, its states and outline, contact rows, the mouth's last, and a title. Collective."""
+def _film(motion: Motion, model: Any, fields: list[Any], crack: int, colour: str) -> _Film:
+    """Of a model's crack, or of the contact of a body. Collective."""
     if not isinstance(model, Model):
         contact = motion.reduced.contact if motion.reduced else None
         widest = np.argsort(np.ptp(motion.gap, axis=0))
-        return Solid(model, contact), [field.nodal for field in fields], [], widest, "contact"
+        states = [field.nodal for field in fields]
+        return _Film(motion, Solid(model, contact), states, [], widest, "contact")
     facts = model.cracks[crack]
     half = 1.1 * facts.length
     regions = [gather_region(model, field, np.array(facts.tip), half) for field in fields]
-    outline = gather_outline(model, fields, max(2 * model.order, 8))
     rows = np.flatnonzero(model.pairs.crack == crack)
     rows = rows[np.argsort(model.pairs.position[rows], kind="stable")]
-    return Window(facts, half, colour), regions, outline, rows, crack_title(facts)
+    outline, title = gather_outline(model, fields), crack_title(facts)
+    return _Film(motion, Window(facts, half, colour), regions, outline, rows, title)
 
 
 def _instants(motion: Motion, between: Sequence[float] | None, frames: int) -> np.ndarray:
@@ -155,65 +145,55 @@ def _said(output: bytes | str | None) -> str:
     return f" ({lines[-1][:200]})" if lines else ""
 
 
+@dataclass(frozen=True, eq=False)
 class _Film:
-    """One figure whose states follow one another: the crack on the left, its gap and force on the right;
-    `rows` are those of its contact, the mouth's last.
+    """What an animation shows: states of a motion in a view, with an outline; the rows of its contact, the
+    mouth's last.
     """
 
-    def __init__(
-        self, view: Window | Solid, states: list[Any], outline: Any, motion: Motion, rows: np.ndarray
-    ):
-        self.view, self.states, self.outline, self.motion, self.rows = view, states, outline, motion, rows
-        sheet, time = Sheet("animate_crack", None), motion.time
-        layout = [["crack", "gap"], ["crack", "resultant"]]
-        self.axes, *panels = sheet.panels(layout, 3.3, width_ratios=(1.35, 1.0))
-        self.figure, self.clock, self.marks = sheet.figure, Scale.of("time", "s", time), []
-        gap = motion.gap[:, rows[-1]] if len(rows) else np.zeros(len(time))
-        drawn = ((view.gap, "m", gap), ("contact resultant", "N", motion.contact_resultant))
-        for axes, (words, unit, values), colour in zip(panels, drawn, (BLUE, VERMILION)):
-            up = Scale.of(words, unit, values)
-            curves(axes, {"": (time, values)}, self.clock, up, color=colour, linewidth=1.0)
-            axes.set_xlim(self.clock(time[[0, -1]]))
-            axes.grid()
-            (mark,) = axes.plot([], [], "o", color="black", markersize=4, clip_on=False, zorder=5)
-            self.marks.append((mark, up(values)))
-        panels[0].set_xlabel("")
-        self.figure.align_ylabels()
-        view.frame(self.axes)
-        sheet.finished(self.axes, "")
+    motion: Motion
+    view: Window | Solid
+    states: list[Any]
+    outline: Any
+    rows: np.ndarray
+    title: str
 
     def write(
-        self,
-        path: str,
-        writer: AbstractMovieWriter,
-        instants: np.ndarray,
-        title: str,
-        magnification: float | None,
-    ) -> None:
-        """Draw and write the states, which are those of some instants."""
-        factor, colours = (
-            magnification or magnification_of(self.view, self.states),
-            self.view.colours(self.states),
-        )
-        closed = (self.motion.contact_force[:, self.rows] > 0.0).sum(axis=1)
+        self, path: str, writer: AbstractMovieWriter, instants: np.ndarray, magnification: float | None
+    ) -> str:
+        """Draw and write the states, which are those of some instants, on the left of one figure, the gap and
+        the force over time on its right.
+        """
+        motion, view, sheet = self.motion, self.view, Sheet("animate_crack", None)
+        clock = Scale.of("time", "s", motion.time)
+        layout = [["crack", "gap"], ["crack", "resultant"]]
+        axes, *panels = sheet.panels(layout, 3.3, width_ratios=(1.35, 1.0))
+        marks = self._beside(panels, clock)
+        view.frame(axes)
+        sheet.finished(axes, "")
+        factor, colours = magnification or magnification_of(view, self.states), view.colours(self.states)
+        closed = (motion.contact_force[:, self.rows] > 0.0).sum(axis=1)
+
+        def draw(number: int) -> list[Any]:
+            instant = instants[number]
+            at = clock(motion.time[instant])
+            for mark, values in marks:
+                mark.set_data([at], [values[instant]])
+            axes.set_title(
+                f"{self.title}, {view.magnified} × {plain(factor)}\n{at:.4g} {clock.unit}, "
+                f"{closed[instant]} of {len(self.rows)} pairs closed"
+            )
+            return view.paint(axes, self.states[number], self.outline, number, factor=factor, colours=colours)
+
         with replaced(path, "animation") as temporary:
             try:
-                with writer.saving(self.figure, temporary, DOTS):
-                    for number, (instant, state) in enumerate(zip(instants, self.states)):
-                        painted = self.view.paint(
-                            self.axes, state, self.outline, number, factor=factor, colours=colours
-                        )
-                        at = self.clock(self.motion.time[instant])
-                        for mark, values in self.marks:
-                            mark.set_data([at], [values[instant]])
-                        self.axes.set_title(
-                            f"{title}, {self.view.magnified} × {plain(factor)}\n{at:.4g} {self.clock.unit}, "
-                            f"{closed[instant]} of {len(self.rows)} pairs closed"
-                        )
+                with writer.saving(sheet.figure, temporary, DOTS):
+                    for number in range(len(instants)):
+                        painted = draw(number)
                         if number == 0:  # the layout of the first is that of all
-                            colours.bar(painted[0], self.axes)
-                            self.figure.draw_without_rendering()
-                            self.figure.set_layout_engine(None)  # which would draw every state twice
+                            colours.bar(painted[0], axes)
+                            sheet.figure.draw_without_rendering()
+                            sheet.figure.set_layout_engine(None)  # which would draw every state twice
                         writer.grab_frame()
                         for artist in painted:
                             artist.remove()
@@ -222,3 +202,20 @@ class _Film:
                     f"animation {path!r}: the program ffmpeg ended with code {error.returncode}"
                     f"{_said(error.stderr)}; write a .gif, or mend its installation"
                 ) from None
+        return os.fspath(path)
+
+    def _beside(self, panels: list[Axes], clock: Scale) -> list[tuple[Any, np.ndarray]]:
+        """Draw gap and contact resultant over time; the mark that is to move over each, and its heights."""
+        time, marks = self.motion.time, []
+        gap = self.motion.gap[:, self.rows[-1]] if len(self.rows) else np.zeros(len(time))
+        drawn = ((self.view.gap, "m", gap), ("contact resultant", "N", self.motion.contact_resultant))
+        for axes, (words, unit, values), colour in zip(panels, drawn, (BLUE, VERMILION)):
+            up = Scale.of(words, unit, values)
+            curves(axes, {"": (time, values)}, clock, up, color=colour, linewidth=1.0)
+            axes.set_xlim(clock(time[[0, -1]]))
+            axes.grid()
+            (mark,) = axes.plot([], [], "o", color="black", markersize=4, clip_on=False, zorder=5)
+            marks.append((mark, up(values)))
+        panels[0].set_xlabel("")
+        panels[0].figure.align_ylabels()
+        return marks

@@ -4,9 +4,9 @@ their energy; stable and unstable parts, bifurcations.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import cycle
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from scipy.interpolate import PchipInterpolator
 from ..checks import instance
 from ..continuation.bifurcations import Bifurcation
 from ..continuation.branch import Branch
+from ..continuation.orbit import Orbit
 from ..continuation.problems.curve_branch import QuasiPeriodicBranch
 from ..continuation.problems.free_branch import Backbone
 from ..motion.states import Point
@@ -46,25 +47,11 @@ class Height:
     direction: str = "y"
     harmonic: int | None = None
 
-    def along(self, motions: Branch | Backbone) -> np.ndarray:
-        """(n,) of the points of a branch, m."""
+    def of(self, motions: Branch | Backbone | Orbit) -> Any:
+        """(n,) of the points of a branch, or of one motion, m."""
         if self.harmonic is None:
             return motions.amplitude(self.point, self.direction)
-        return np.abs(motions.harmonics(self.point, self.direction)[:, self.harmonic])
-
-    def at(self, curve: Branch, item: Bifurcation) -> float:
-        """At a bifurcation of a branch, integrated from its state, m."""
-        alone = replace(
-            curve,
-            value=np.array([item.own_value]),
-            states=item.state[None],
-            multipliers=np.zeros((1, 0), dtype=complex),
-            multiplier_error=np.zeros(1),
-        )
-        orbit = alone.orbit(0)
-        if self.harmonic is None:
-            return orbit.amplitude(self.point, self.direction)
-        return float(np.abs(orbit.harmonics(self.point, self.direction)[self.harmonic]))
+        return np.abs(motions.harmonics(self.point, self.direction)[..., self.harmonic])
 
     def label(self, curves: Mapping[str, Branch]) -> str:
         """In words, for an axis."""
@@ -134,11 +121,11 @@ def plot_branches(
                 "amplitudes are not divided by forces; leave it out"
             )
     height, divisor = Height(point, direction, harmonic), divisors("plot_branches", curves, forces)
-    heights = {name: height.along(curve) / divisor[name] for name, curve in curves.items()}
+    heights = {name: height.of(curve) / divisor[name] for name, curve in curves.items()}
     words, per = height.label(curves), "" if forces is None else "/N"
     up = Scale.of(words + (" / force" if per else ""), "m", *heights.values(), per=per)
     (axes,) = ax.panels((1, 1), 3.6)
-    shades, kinds = cycle(CYCLE), set[str]()
+    shades, kinds = itertools.cycle(CYCLE), set[str]()
     for name, curve in curves.items():
         x, y = along(curve.value), up(heights[name])
         if not curve.contact:
@@ -152,7 +139,7 @@ def plot_branches(
                 kinds.add(item.kind)
     top = axes.get_ylim()[1]
     if backbone is not None:
-        _, *free = smooth([(True, along(backbone.frequency), up(height.along(backbone)))])[0]
+        _, *free = smooth([(True, along(backbone.frequency), up(height.of(backbone)))])[0]
         axes.plot(*free, color=BLACK, linewidth=1.1, linestyle=":", zorder=1.6, label="free motion")
     name_verdicts(axes, (curve for curve in curves.values() if curve.contact))
     for kind in filter(kinds.__contains__, KINDS):
@@ -169,7 +156,8 @@ def marks_of(
 ) -> list[tuple[int, float, float]]:
     """The bifurcations of a curve for `split`, in order; parameter and height as they are drawn."""
     return [
-        (item.after, along(item.own_value), up(height.at(curve, item) / divisor)) for item in in_order(curve)
+        (item.after, along(item.own_value), up(height.of(curve.orbit(item)) / divisor))
+        for item in in_order(curve)
     ]
 
 
@@ -204,23 +192,16 @@ def split(
     -------
     list of (stable, value, height)
     """
-    parts, x, y = [], [float(value[0])], [float(height[0])]
-    for k in range(1, len(value)):
-        between = [(v, h) for after, v, h in marks if after == k]
-        changes = bool(stable[k]) != bool(stable[k - 1])
-        if changes and not between:
-            between = [(0.5 * (value[k - 1] + value[k]), 0.5 * (height[k - 1] + height[k]))]
-        for number, (v, h) in enumerate(between):
-            x.append(float(v))
-            y.append(float(h))
-            # of several the verdict changes at the first where it is lost, at the last where it is won
-            if changes and number == (0 if stable[k - 1] else len(between) - 1):
-                parts.append((bool(stable[k - 1]), np.array(x), np.array(y)))
-                x, y = x[-1:], y[-1:]
-        x.append(float(value[k]))
-        y.append(float(height[k]))
-    parts.append((bool(stable[-1]), np.array(x), np.array(y)))
-    return parts
+    points, changes = np.column_stack([value, height]), np.flatnonzero(np.diff(stable)) + 1
+    half_way = [(k, *points[k - 1 : k + 1].mean(axis=0)) for k in {*changes} - {k for k, *_ in marks}]
+    vertices = np.array(sorted([*marks, *half_way], key=lambda mark: mark[0])).reshape(-1, 3)
+    after = vertices[:, 0].astype(int)
+    points = np.insert(points, after, vertices[:, 1:], axis=0)
+    # of several the verdict changes at the first where it is lost, at the last where it is won
+    first, last = np.searchsorted(after, changes), np.searchsorted(after, changes, side="right") - 1
+    ends = changes + np.where(stable[changes - 1], first, last)
+    spans = itertools.pairwise([0, *ends, len(points) - 1])
+    return [(bool(stable[k]), *points[begin : end + 1].T) for k, (begin, end) in zip([0, *changes], spans)]
 
 
 def in_order(curve: Branch) -> list[Bifurcation]:
@@ -291,10 +272,8 @@ def draw_growth(axes: Axes, curve: Branch) -> None:
         draw_parts(axes, [part], BLUE if part[0] else VERMILION)
     for rows, colour, marker in ((curve.stable, BLUE, "."), (~curve.stable, VERMILION, "^")):
         dots(axes, (x[rows], largest[rows]), marker, 3, colour)
-    for kind in KINDS:
-        chosen = [place for item, place in zip(marked, at) if item.kind == kind]
-        if chosen:
-            _mark(axes, (chosen, np.zeros(len(chosen))), kind, GREEN, kind)
+    for item, place in sorted(zip(marked, at), key=lambda found: [*KINDS].index(found[0].kind)):
+        _mark(axes, (place, 0.0), item.kind, GREEN, item.kind)
     axes.set_xlabel(across.label)
     above(axes, handletextpad=0.2)
 
@@ -332,7 +311,7 @@ def plot_backbone(
     up = Scale.of("frequency of free vibration", "Hz", *(backbone.frequency for backbone in curves.values()))
     damped = any(backbone.damped for backbone in curves.values())
     panels = ax.panels((1 + damped, 1), 4.6 if damped else 3.0, sharex=True)
-    for colour, (name, backbone) in zip(cycle(CYCLE), curves.items()):
+    for colour, (name, backbone) in zip(itertools.cycle(CYCLE), curves.items()):
         drawn = [up(backbone.frequency)] + [backbone.damping_ratio] * backbone.damped
         for panel, values in zip(panels, drawn):
             parts = smooth(split(np.log10(backbone.energy), values, ~backbone.unstable))
@@ -392,7 +371,7 @@ def plot_quasi_periodic(
     heights, tones = zip(*found.values())
     scales = Scale.of(label, "m", *heights), Scale.of("its frequency", "Hz", *tones)
     panels = ax.panels((2, 1), 4.6, sharex=True)
-    for colour, (name, branch) in zip(cycle(CYCLE), curves.items()):
+    for colour, (name, branch) in zip(itertools.cycle(CYCLE), curves.items()):
         x = along(branch.value)
         for axes, scale, values in zip(panels, scales, found[name]):
             draw_parts(axes, smooth(split(x, scale(values), ~branch.unstable)), colour, name, 1.2)

@@ -28,16 +28,8 @@ from ..checks import shown
 from ..record.units import suited
 
 # Okabe and Ito's palette: told apart by colour-blind readers.
-BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE, BLACK = (
-    "#0072B2",
-    "#D55E00",
-    "#009E73",
-    "#E69F00",
-    "#56B4E9",
-    "#CC79A7",
-    "#000000",
-)
-CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
+CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK = CYCLE
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 MATERIAL, GRID, GREY = "#E8EDF2", "#DDDDDD", "#8A8A8A"
 DASHED: Any = (0, (3.0, 1.6))
@@ -83,7 +75,7 @@ class Sheet:
         self.given: list[Axes] = []
         if target is None or self.figure is not None:
             return
-        self.given = list(np.ravel(np.array(target, dtype=object)))
+        self.given = each(target)
         if not self.given or not all(isinstance(axes, Axes) for axes in self.given):
             raise TypeError(f"{owner}: ax = {shown(target)} must be axes of Matplotlib, several, or a figure")
 
@@ -98,16 +90,16 @@ class Sheet:
         **options
             Of `subplot_mosaic`.
         """
+        names: Any = layout
         if isinstance(layout, tuple):
-            rows, columns = layout
-            layout = [[f"{row} {column}" for column in range(columns)] for row in range(rows)]
+            names = np.arange(np.prod(layout)).reshape(layout).tolist()
         drawing: Any = self.figure or figure(height, width)
-        made = list(drawing.subplot_mosaic(layout, **options).values())
+        made = list(drawing.subplot_mosaic(names, **options).values())
         if len(self.given) > len(made):
             raise ValueError(
                 f"{self.owner}: ax has {len(self.given)} axes, and the picture {len(made)}; give {len(made)}"
             )
-        self.shared, self.columns = "sharex" in options, len(layout[0])
+        self.shared, self.columns = "sharex" in options, len(names[0])
         if not self.given:
             self.figure, self.own = drawing, made
         return [*self.given, *made[len(self.given) :]]
@@ -123,12 +115,16 @@ class Sheet:
                 self.figure.suptitle(title, x=0.01, horizontalalignment="left")
             else:
                 (self.own or self.given)[0].set_title(title, loc="left")
-        if self.given:
-            return [axes for axes in drawn if axes in self.given] if isinstance(drawn, list) else drawn
-        # a figure that no display of Matplotlib knows of
-        if self.alone and isinstance(drawn, Axes):
-            drawn._repr_png_ = functools.partial(png, drawn)  # type: ignore[attr-defined]
-        return Panels(drawn) if self.alone and isinstance(drawn, list) else drawn
+        if isinstance(drawn, list):
+            return Panels(drawn) if self.alone else drawn[: len(self.given) or None]
+        if self.alone and drawn is not None:  # a figure that no display of Matplotlib knows of
+            drawn._repr_png_ = functools.partial(png, drawn)
+        return drawn
+
+
+def each(drawn: Any) -> list[Any]:
+    """One or several, in arrays too, as a list."""
+    return list(np.ravel(np.array(drawn, dtype=object)))
 
 
 class Panels(list[Axes]):
@@ -173,8 +169,7 @@ def save_picture(drawing: Axes | Figure | Sequence[Axes] | None, path: str) -> s
     checked_path("save_picture", "path", path)
     if drawing is None:
         return None
-    several: Any = drawing
-    first = drawing if isinstance(drawing, (Axes, Figure)) else next(iter(np.ravel(several)), None)
+    first = next(iter(each(drawing)), None)
     picture = first.figure if isinstance(first, Axes) else first
     if not isinstance(picture, Figure):
         raise TypeError(f"save_picture: {drawing!r} is neither axes nor a figure")
@@ -219,12 +214,14 @@ def style(axes) -> None:
             formatter.set_useOffset(False)  # values are read off as they are
 
 
-def legend(axes: Axes, **options) -> None:
-    """A legend of what has names in the axes, each once; none where there are no names."""
-    handles, labels = axes.get_legend_handles_labels()
-    each = dict(zip(labels, handles))
-    if each:
-        axes.legend(each.values(), each.keys(), **options)
+def legend(axes: Axes | Sequence[Axes], on: Any = None, **options) -> None:
+    """A legend of what has names in one or several axes, each once, in the first of them or on a figure; none
+    where there are no names.
+    """
+    several = each(axes)
+    named = {name: item for one in several for item, name in zip(*one.get_legend_handles_labels())}
+    if named:
+        (on or several[0]).legend(named.values(), named.keys(), **options)
 
 
 def above(axes: Axes, **options) -> None:

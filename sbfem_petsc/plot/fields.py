@@ -54,14 +54,15 @@ def plot_modes(
     with collective(model.comm):
         count = len(modal.frequencies)
         chosen = chosen_modes("plot_modes", range(min(12, count)) if modes is None else modes, count)
-    pieces = gather_outline(model, [modal.nodal(m) for m in chosen], max(2 * model.order, 8))
-    return on_root(model.comm, lambda: _draw_modes(ax, pieces, modal.frequencies, chosen, columns))
+    pieces: Any = gather_outline(model, [modal.nodal(m) for m in chosen])
+    tones = [(mode, float(modal.frequencies[mode])) for mode in chosen]
+    return on_root(model.comm, lambda: _draw_modes(ax, pieces, tones, columns))
 
 
 def _draw_modes(
-    sheet: Sheet, pieces: list[Piece] | None, frequencies: np.ndarray, modes: list[int], columns: int
+    sheet: Sheet, pieces: list[Piece], tones: Sequence[tuple[int, float]], columns: int
 ) -> list[Axes]:
-    assert pieces is not None  # on rank 0
+    """Modes and their frequencies, Hz."""
     points = np.concatenate([p.positions for p in pieces])
     lower, upper = points.min(axis=0), points.max(axis=0)
     extent = upper - lower
@@ -69,30 +70,30 @@ def _draw_modes(
     # that the sections' rotation stays legible.
     size, slender = extent.max(), extent.max() > 8.0 * extent.min()
     amplitude = (0.08 if slender else 0.1) * size
-    rows = -(-len(modes) // columns)
-    aside, margin = 0.04 * size if slender else 1.15 * amplitude, 1.15 * amplitude
-    width, tall = extent[0] + 2.0 * aside, extent[1] + 2.0 * margin
+    rows = -(-len(tones) // columns)
+    margin = np.array([0.04 * size if slender else 1.15 * amplitude, 1.15 * amplitude])
+    width, tall = extent + 2.0 * margin
     height = (WIDTH - 0.7) / columns * tall / width + 0.26
     panels = sheet.panels((rows, columns), rows * height + 0.35, sharex=True, sharey=True)
     order = loops(pieces)
     units, unit = place_unit(float(size))
+    window = np.transpose([lower - margin, upper + margin]) * units
+    frame = {"xlim": window[0], "ylim": window[1], "xlabel": f"x ({unit})", "ylabel": f"y ({unit})"}
     at_rest: dict[str, Any] = {"facecolor": "none", "edgecolor": "#999999", "linestyle": (0, (3, 2))}
-    for axes, (k, mode) in zip(panels, enumerate(modes)):
+    for k, (axes, (mode, frequency)) in enumerate(zip(panels, tones)):
         scale = _magnification(pieces, k, extent, amplitude)
         rest = [[pieces[i].positions for i in loop] for loop in order]
         moved = [[pieces[i].positions + scale * pieces[i].displacements[k] for i in loop] for loop in order]
         fill(axes, rest, units, linewidth=0.4, **at_rest)
         fill(axes, moved, units, facecolor=SKY, edgecolor=BLUE, linewidth=0.6)
-        tone, tone_unit = frequency_unit(float(frequencies[mode]))
-        value = f"{frequencies[mode] * tone:#.5g}".rstrip(".")
+        tone, tone_unit = frequency_unit(frequency)
+        value = f"{frequency * tone:#.5g}".rstrip(".")
         axes.set_title(f"mode {mode + 1}:  {value} {tone_unit}", pad=2)
-        axes.set(aspect="equal", xlabel=f"x ({unit})", ylabel=f"y ({unit})")
-        axes.set_xlim((lower[0] - aside) * units, (upper[0] + aside) * units)
-        axes.set_ylim((lower[1] - margin) * units, (upper[1] + margin) * units)
+        axes.set(aspect="equal", **frame)
         axes.yaxis.set_major_locator(MaxNLocator(3))
-    for axes in panels[len(modes) :]:
+    for axes in panels[len(tones) :]:
         axes.set_axis_off()
-    return panels[: len(modes)]
+    return panels[: len(tones)]
 
 
 def _magnification(pieces: list[Piece], field: int, extent: np.ndarray, amplitude: float) -> float:
@@ -167,7 +168,7 @@ def plot_crack(
     facts = model.cracks[crack]
     tip, half = np.array(facts.tip), np.array([1.1, 0.11]) * facts.length
     regions = {name: [gather_region(model, field, tip, h) for h in half] for name, field in fields.items()}
-    outline = gather_outline(model, list(fields.values()), max(2 * model.order, 8))
+    outline = gather_outline(model, fields.values())
 
     def draw() -> list[Axes]:
         panels = ax.panels((len(regions), 2), 3.15 * len(regions) + 0.15)
@@ -223,7 +224,7 @@ def plot_field(
         name: gather_region(model, field, view.tip, 2.0 * view.half, subdivisions=model.order, refine=1)
         for name, field in fields.items()
     }
-    outline = gather_outline(model, list(fields.values()), max(2 * model.order, 8))
+    outline = gather_outline(model, fields.values())
 
     def draw() -> list[Axes]:
         width, height = view.extent

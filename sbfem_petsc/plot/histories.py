@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, MaxNLocator
 
 from ..analysis.load_history import LoadHistory
-from ..checks import flag, instances, real, shown
+from ..checks import flag, instances, real
 from ..continuation.orbit import component
 from ..motion.history import Motion
 from ..motion.states import Point
@@ -51,10 +51,7 @@ class Panel:
             CHECKS[name]("Panel", name, getattr(self, name))
         real("Panel", "scale", self.scale)
         flag("Panel", "zero", self.zero)
-        if not table_of(curve)("Panel", "curves", self.curves):
-            raise TypeError(
-                f"Panel: curves = {shown(self.curves)} must be a dict of at least one curve by name"
-            )
+        table_of(curve, "curve")("Panel", "curves", self.curves)
         start, stop = self.window or (-np.inf, np.inf)
         for name, (time, _) in self.curves.items():
             if not ((np.asarray(time) >= start) & (np.asarray(time) <= stop)).any():
@@ -239,9 +236,7 @@ def plot_spectra(
     -------
     Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
     """
-    spectra = table_of(curve)("plot_spectra", "spectra", spectra)
-    if not spectra:
-        raise ValueError("plot_spectra: no spectrum is given")
+    spectra = table_of(curve, "spectrum")("plot_spectra", "spectra", spectra)
     low, high = window
     lines, harmonics = lines or {}, harmonics or {}
     height, along = 1.9 * len(spectra) + 0.45, Scale.of("frequency", "Hz", high)

@@ -3,24 +3,32 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
 from typing import Any
 
-from matplotlib.axes import Axes
-
 from ..petsc import MPI
-from .drawing import png
+from .drawing import each, png
 
+plot: Any = importlib.import_module(__package__)  # which loads what is drawn alone
 # Modes that are shown.
 _MODES = 4
-# Pictures by the names of the results' classes: of all there is, and of the first named point.
-_WHOLE = {"Backbone": "plot_backbone", "Basins": "plot_basins", "Locus": "plot_loci"}
-_OF_POINT = {
-    "Branch": "plot_branches",
-    "History": "plot_history",
-    "LoadHistory": "plot_load_history",
-    "Orbit": "plot_orbit",
-    "QuasiPeriodic": "plot_lines",
-    "QuasiPeriodicBranch": "plot_quasi_periodic",
+# Pictures by the names of the results' classes, of the first named point; a static solution's of the first
+# crack, or of the body where there is none.
+_PICTURES: dict[str, Callable[[Any], Any]] = {
+    "Backbone": lambda result: plot.plot_backbone(result),
+    "Basins": lambda result: plot.plot_basins(result),
+    "Branch": lambda result: plot.plot_branches(result, result.points[0]),
+    "History": lambda result: plot.plot_history(result, result.points[0]),
+    "LoadHistory": lambda result: plot.plot_load_history(result, result.points[0]),
+    "Locus": lambda result: plot.plot_loci(result),
+    "Modal": lambda result: plot.plot_modes(result, range(min(_MODES, len(result.frequencies)))),
+    "Orbit": lambda result: plot.plot_orbit(result, result.points[0]),
+    "QuasiPeriodic": lambda result: plot.plot_lines(result, result.points[0]),
+    "QuasiPeriodicBranch": lambda result: plot.plot_quasi_periodic(result, result.points[0]),
+    "Static": lambda result: (plot.plot_crack if result.model and result.model.cracks else plot.plot_field)(
+        result.model, {"": result}
+    ),
+    "SweptResponse": lambda result: plot.plot_swept(None, result, result.points[0]),
 }
 
 
@@ -28,27 +36,10 @@ def small_picture(result: Any) -> bytes | None:
     """PNG of what a result is mostly drawn as; None where nothing is, and on several ranks, which would have
     to draw together.
     """
-    if MPI.COMM_WORLD.size > 1:
+    draw = _PICTURES.get(type(result).__name__)
+    if draw is None or MPI.COMM_WORLD.size > 1:
         return None
     try:
-        drawn = _drawn(type(result).__name__, result)
-    except (KeyError, TypeError, ValueError, RuntimeError):  # read from a file without what it shows
-        return None
-    first = drawn if isinstance(drawn, Axes) else next(iter(drawn or ()), None)
-    return None if first is None else png(first)
-
-
-def _drawn(name: str, result: Any) -> Any:
-    """Axes of a result of a class."""
-    plot = importlib.import_module(__package__)  # which loads what is drawn alone
-    if name in _WHOLE:
-        return getattr(plot, _WHOLE[name])(result)
-    if name in _OF_POINT and result.points:
-        return getattr(plot, _OF_POINT[name])(result, result.points[0])
-    if name == "SweptResponse" and result.points:
-        return plot.plot_swept(None, result, result.points[0])
-    if name == "Modal":
-        return plot.plot_modes(result, range(min(_MODES, len(result.frequencies))))
-    if name == "Static" and result.model is not None:  # the first crack, or the body where there is none
-        return (plot.plot_crack if result.model.cracks else plot.plot_field)(result.model, {"": result})
-    return None
+        return png(each(draw(result))[0])
+    except (LookupError, TypeError, ValueError, RuntimeError):
+        return None  # read from a file without what it shows

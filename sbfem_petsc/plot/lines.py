@@ -25,16 +25,12 @@ Line = tuple[float, float, str]
 Lines = Mapping[str, list[Line]]
 
 
-def _highest(found: Lines, still: str) -> float:
-    """Height of the highest line; ValueError, in these words, where nothing moves."""
+def _above(found: Lines, share: float, still: str) -> dict[str, list[Line]]:
+    """Lines higher than a share of the highest; ValueError, in these words, where nothing moves."""
     top = max((height for lines in found.values() for _, height, _ in lines), default=0.0)
     if not top > 0.0:
         raise ValueError(still)
-    return top
-
-
-def _above(found: Lines, least: float) -> dict[str, list[Line]]:
-    return {name: [line for line in lines if line[1] > least] for name, lines in found.items()}
+    return {name: [line for line in lines if line[1] > share * top] for name, lines in found.items()}
 
 
 def _floor(seen: Lines) -> float:
@@ -108,8 +104,9 @@ def plot_harmonics(
         places = np.arange(len(heights)) + apart * (k - 0.5 * (len(divisor) - 1))
         kept = heights > ROUND_OFF * heights.max()  # rounding is no harmonic
         found[name] = [(float(at), float(height), "") for at, height in zip(places[kept], heights[kept])]
-    top = _highest(found, f"plot_harmonics: point {point!r} does not move in {direction}")
-    seen = _above(found, _floor(_above(found, top * 10.0**-decades)) / 0.7)
+    still = f"plot_harmonics: point {point!r} does not move in {direction}"
+    least = _floor(_above(found, 10.0**-decades, still)) / 0.7
+    seen = {name: [line for line in lines if line[1] > least] for name, lines in found.items()}
     label = f"$|{symbol(orbits, direction, point)}|$({place_name(point)})"
     label += " (m)" if forces is None else " / force (m/N)"
     (axes,) = ax.panels((1, 1), 2.9)
@@ -152,8 +149,8 @@ def plot_lines(
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
     found = {name: _lines(motion, point, direction, order) for name, motion in named(motions).items()}
-    top = _highest(found, f"plot_lines: point {point!r} does not move in {direction}")
-    seen = _above(found, max(ROUND_OFF, 10.0**-decades) * top)
+    still = f"plot_lines: point {point!r} does not move in {direction}"
+    seen = _above(found, max(ROUND_OFF, 10.0**-decades), still)
     label = f"$|{symbol(motions, direction, point)}|$({place_name(point)})"
     (axes,) = ax.panels((1, 1), 3.2)
     _stems(axes, seen, ("frequency", "Hz"), (label, "m"), 40.0, lift=4.0, rotation=90, fontsize=6)
@@ -207,8 +204,8 @@ def plot_sidebands(
     for name, s in named(sidebands).items():
         heights = enumerate(np.abs([*s.lower[::-1], s.centre, *s.upper]), -len(s.lower))
         found[name] = [(s.carrier + n * s.modulation, float(height), _side_name(n)) for n, height in heights]
-    top = _highest(found, "plot_sidebands: there is neither a carrier nor a sideband")
-    (axes,), seen = ax.panels((1, 1), 2.9), _above(found, ROUND_OFF * top)
+    seen = _above(found, ROUND_OFF, "plot_sidebands: there is neither a carrier nor a sideband")
+    (axes,) = ax.panels((1, 1), 2.9)
     _stems(axes, seen, ("frequency", "Hz"), ("amplitude", "m"), 8.0, lift=5.0, va="baseline")
     return axes
 

@@ -21,8 +21,10 @@ from ..checks import real_array
 from ..continuation.basins import Basins, StartAxis
 from ..record.units import suited
 from .drawing import BLACK, CYCLE, MARKED, STYLE, Scale, Sheet, bar, curves, dots, legend, save_picture
-from .picture import Comm, picture
+from .picture import Comm, picture, table_of
 
+# Rows of equal values of the parameters that are no axes, with these values in words.
+Families = Sequence[tuple[str, list[int]]]
 # Quantities that are drawn without being asked for: indicators of damage.
 _INDICATORS = re.compile(
     r"(frequency_shift|A[2-6]_A1(_noisy)?|modulation_index(_noisy)?|peak_frequency|contact_resultant)(/|$)"
@@ -38,7 +40,7 @@ UNSETTLED = "#BBBBBB"
 LIGHT = 0.55
 
 
-def draw_sweep(sweep: Any, folder: str) -> list[str]:
+def draw_sweep(sweep: Any, folder: str) -> None:
     """Draw the indicators of a sweep (frequency shifts, ratios of harmonics, modulation indices), one picture
     a quantity with a panel for each point or entry, with and without noise: maps over two numeric parameters
     with several values, curves over one.
@@ -48,11 +50,6 @@ def draw_sweep(sweep: Any, folder: str) -> list[str]:
     sweep : Sweep
     folder : str
         Made if it is missing.
-
-    Returns
-    -------
-    list of str
-        Pictures.
 
     Raises
     ------
@@ -64,10 +61,8 @@ def draw_sweep(sweep: Any, folder: str) -> list[str]:
     for name in filter(_INDICATORS.search, sweep.values):
         _, columns = groups.setdefault(sweep.picture_name(name), (sweep.units.get(name, "1"), {}))
         columns |= _columns(sweep, name)
-    return [
-        str(save_picture(indicator_figure(sweep, columns, unit), os.path.join(folder, f"{name}.png")))
-        for name, (unit, columns) in groups.items()
-    ]
+    for name, (unit, columns) in groups.items():
+        save_picture(indicator_figure(sweep, columns, unit), os.path.join(folder, f"{name}.png"))
 
 
 def _columns(sweep: Any, name: str) -> dict[str, np.ndarray]:
@@ -90,35 +85,37 @@ def indicator_figure(sweep: Any, columns: Mapping[str, np.ndarray], unit: str) -
         A row each, by what they are: a panel each.
     unit : str
     """
-    axes = _axes(sweep)
+    counts = {n: len(np.unique(c)) for n, c in sweep.inputs.items() if c.dtype.kind in "fi"}
+    axes = sorted((n for n in counts if counts[n] > 1), key=lambda n: -counts[n])
     if not axes:
         raise ValueError("no parameter of the sweep has two numeric values to draw over")
     table = np.stack(list(columns.values()))
-    scale, unit = suited(unit, table)
-    unit = "" if unit == "1" else unit
-    table = table * scale
-    if not unit:  # smaller ratios are rounding
-        table = np.where(table > 0.0, np.maximum(table, ROUND_OFF), table)
-    grid = len(axes) >= 2 and all(len(np.unique(sweep.inputs[a])) > 2 for a in axes[:2])
+    if unit == "1":  # smaller ratios are rounding
+        unit, table = "", np.where(table > 0.0, np.maximum(table, ROUND_OFF), table)
+    scales = [Scale.of(words, unit, table) for words in columns]
+    grid = len(axes) >= 2 and counts[axes[1]] > 2
     over = axes[: 2 if grid else 1]
     others = [name for name in sweep.inputs if name not in over and _matters(sweep, name, table)]
+    families = [
+        (", ".join(_value(sweep, name, value) for name, value in zip(others, key)), rows)
+        for key, rows in _alike(sweep, others).items()
+    ]
     sheet = Sheet("draw_sweep", None)
-    labels = (textwrap.fill(f"{words} ({unit})" if unit else words, 28) for words in columns)
+    drawn = {textwrap.fill(scale.label, 28): scale(values) for scale, values in zip(scales, table)}
     with rc_context(STYLE):
-        (_maps if grid else _curves)(sheet, sweep, over, others, dict(zip(labels, table)))
-        count = len(_alike(sweep, others))
-        if count > _CURVES:
-            sheet.figure.suptitle(f"the first {_CURVES} of {count} combinations of the other parameters")
-        sheet.finished(None, "")
+        (_maps if grid else _curves)(sheet, sweep, over, families[:_CURVES], drawn)
+        if len(families) > _CURVES:
+            words = f"the first {_CURVES} of {len(families)} combinations of the other parameters"
+            sheet.figure.suptitle(words)
+        sheet.finished(sheet.own, "")
     return sheet.figure
 
 
 def _alike(sweep: Any, names: Sequence[str]) -> dict[tuple, list[int]]:
     """Rows with the same values of some parameters, by these."""
     alike: dict[tuple, list[int]] = {}
-    values = zip(*(sweep.inputs[name].tolist() for name in names)) if names else [()] * len(sweep)
-    for row, key in enumerate(values):
-        alike.setdefault(key, []).append(row)
+    for row, *key in zip(range(len(sweep)), *(sweep.inputs[name].tolist() for name in names)):
+        alike.setdefault(tuple(key), []).append(row)
     return alike
 
 
@@ -136,18 +133,6 @@ def _scale(sweep: Any, name: str) -> Scale:
     return Scale.of(sweep.input_words[name], sweep.input_units.get(name, ""), sweep.inputs[name])
 
 
-def _axes(sweep: Any) -> list[str]:
-    """Numeric parameters with several values, those with the most first."""
-    numeric = [n for n, c in sweep.inputs.items() if c.dtype.kind in "fi" and len(np.unique(c)) > 1]
-    return sorted(numeric, key=lambda n: -len(np.unique(sweep.inputs[n])))
-
-
-def _families(sweep: Any, names: Sequence[str]) -> list[tuple[str, list[int]]]:
-    """Rows of equal values of the other parameters, with a label each; nothing but the first eight."""
-    alike = list(_alike(sweep, names).items())[:_CURVES]
-    return [(", ".join(_value(sweep, n, v) for n, v in zip(names, key)), rows) for key, rows in alike]
-
-
 def _value(sweep: Any, name: str, value: Any) -> str:
     """A parameter's value, "force of drive along y = 300 N"."""
     if not isinstance(value, (int, float)) or isinstance(value, bool):
@@ -157,19 +142,19 @@ def _value(sweep: Any, name: str, value: Any) -> str:
 
 
 def _curves(
-    sheet: Sheet, sweep: Any, over: Sequence[str], others: Sequence[str], columns: Mapping[str, np.ndarray]
+    sheet: Sheet, sweep: Any, over: Sequence[str], families: Families, columns: Mapping[str, np.ndarray]
 ) -> None:
     """Curves over one parameter, one each combination of the others, below one another."""
     panels = sheet.panels((len(columns), 1), 0.6 + 2.1 * len(columns), NARROW, sharex=True)
     along, places = _scale(sweep, over[0]), sweep.inputs[over[0]]
-    families = {text: sorted(rows, key=places.__getitem__) for text, rows in _families(sweep, others)}
+    ordered = {text: sorted(rows, key=places.__getitem__) for text, rows in families}
     for panel, (label, values) in zip(panels, columns.items()):
-        drawn = {text: (places[rows], values[rows]) for text, rows in families.items()}
+        drawn = {text: (places[rows], values[rows]) for text, rows in ordered.items()}
         curves(panel, drawn, along, Scale(1.0, label), MARKED, markersize=3, linewidth=1)
         if _logarithmic(values):
             panel.set_yscale("log")
-    if others:
-        sheet.figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left")
+    if any(ordered):
+        legend(panels[0], sheet.figure, loc="outside lower left")
 
 
 def _logarithmic(values: np.ndarray) -> bool:
@@ -178,18 +163,17 @@ def _logarithmic(values: np.ndarray) -> bool:
 
 
 def _maps(
-    sheet: Sheet, sweep: Any, over: Sequence[str], others: Sequence[str], columns: Mapping[str, np.ndarray]
+    sheet: Sheet, sweep: Any, over: Sequence[str], families: Families, columns: Mapping[str, np.ndarray]
 ) -> None:
     """Maps over two parameters, one each combination of the others, with one bar for each column."""
     across, up = (_scale(sweep, name) for name in over)
     x, y = (sweep.inputs[name] for name in over)
-    families = _families(sweep, others)
     wide = min(2, len(families))
-    lines = -(-len(families) // wide)
-    rows_in_all = lines * len(columns)
-    panels = sheet.panels((rows_in_all, wide), 0.4 + 2.2 * rows_in_all, NARROW + 1.4 * (wide - 1))
+    each = -(-len(families) // wide) * wide  # panels of a column
+    lines = each // wide * len(columns)
+    panels = sheet.panels((lines, wide), 0.4 + 2.2 * lines, NARROW + 1.4 * (wide - 1))
     for number, (label, values) in enumerate(columns.items()):
-        own = panels[number * lines * wide : (number + 1) * lines * wide]
+        own = panels[number * each : (number + 1) * each]
         finite = values[np.isfinite(values)]
         low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
         norm = LogNorm(low, high) if _logarithmic(values) else Normalize(low, high)
@@ -245,15 +229,9 @@ def plot_detection(
     """
     owner = "plot_detection"
     depths = real_array(owner, "depth", depth, 1, "m")
-    places = real_array(owner, "place", place, 1, "m")
-    if not isinstance(probability, Mapping) or not probability:
-        raise TypeError(f"{owner}: probability must be a dict of names to arrays with at least one entry")
-    chances = {name: real_array(owner, f"probability[{name!r}]", p, 1) for name, p in probability.items()}
-    for name, values in {"place": places, **chances}.items():
-        if len(values) != len(depths):
-            raise ValueError(
-                f"{owner}: {name} has {len(values)} values for {len(depths)} depths; give one each"
-            )
+    places = real_array(owner, "place", place, depths.shape, "m")
+    each = table_of(lambda owner, name, item: real_array(owner, name, item, depths.shape), "array")
+    chances = each(owner, "probability", probability)
     steps, along = np.unique(depths), np.unique(places)
     if not len(steps) * len(along) == len(set(zip(depths, places))) == len(depths):
         raise ValueError(

@@ -15,7 +15,7 @@ from meshing.boundary_mesh import BoundaryMesh
 from meshing.gll import shape_functions
 
 from ..record.units import place_unit
-from .drawing import BLACK, BLUE, GREEN, MATERIAL, PURPLE, VERMILION, WIDTH, Sheet, crack_title, dots, note
+from .drawing import BLACK, BLUE, GREEN, MATERIAL, PURPLE, VERMILION, WIDTH, crack_title, dots, legend, note
 from .picture import Comm, picture
 
 OPEN, EDGE = "#FBE3C0", "#7F8C9A"
@@ -56,7 +56,12 @@ def plot_discretisation(mesh: BoundaryMesh | None, *, ax: Any = None, comm: Comm
     whole.set_title(facts + (f"; y stretched {stretch:.2g} times" if stretch > 1 else ""))
     for crack, around, at_tip in zip(zoomed, zooms[::2], zooms[1::2]):
         _draw_zooms(around, at_tip, mesh, crack)
-    _add_legend(ax, panels)
+    style: Any = {"markerscale": 1.6}
+    if ax.figure is None:  # in the axes that were given
+        legend(panels, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4, **style)
+    else:
+        style |= {"handletextpad": 0.3, "columnspacing": 1.2, "handlelength": 1.6}
+        legend(panels, ax.figure, loc="outside lower center", ncols=7, **style)
     return panels
 
 
@@ -66,29 +71,15 @@ def _draw_zooms(around: Axes, at_tip: Axes, mesh: BoundaryMesh, crack: Any) -> N
     wide = 1.15 * crack.length
     # The element on the tip of a coarse mesh may be as large as the crack.
     near = min(4.5 * _tip_size(mesh, crack), 0.5 * wide)
-    for axes, half, text in (
-        (around, wide, crack_title(crack)),
-        (at_tip, near, f"tip of {crack_title(crack)}"),
-    ):
-        _panel(axes, mesh, tip - half, tip + half, nodes=True)
-        axes.set_title(text)
-    scale = place_unit(float(np.ptp(mesh.nodes, axis=0).max()))[0]
-    corner = float(tip[0] - near) * scale, float(tip[1] - near) * scale
-    side = 2.0 * near * scale
+    _panel(around, mesh, tip - wide, tip + wide, nodes=True)
+    _panel(at_tip, mesh, tip - near, tip + near, nodes=True)
+    around.set_title(crack_title(crack))
+    at_tip.set_title(f"tip of {crack_title(crack)}")
+    (left, right), (low, _) = at_tip.get_xlim(), at_tip.get_ylim()
+    corner, side = (left, low), right - left
     around.add_patch(Rectangle(corner, side, side, fill=False, edgecolor=PURPLE, linewidth=0.8))
     for edge in at_tip.spines.values():
         edge.set_color(PURPLE)
-
-
-def _add_legend(sheet: Sheet, panels: list[Axes]) -> None:
-    """Below the figure, or in the axes that were given: what is drawn in any panel."""
-    drawn = {label: line for axes in panels for line, label in zip(*axes.get_legend_handles_labels())}
-    style: Any = {"handles": drawn.values(), "labels": drawn.keys(), "markerscale": 1.6}
-    if sheet.figure is None:
-        panels[0].legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4, **style)
-    else:
-        style |= {"handletextpad": 0.3, "columnspacing": 1.2, "handlelength": 1.6}
-        sheet.figure.legend(loc="outside lower center", ncols=7, **style)
 
 
 def _tip_size(mesh, crack) -> float:
@@ -104,22 +95,17 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
     values, _ = shape_functions(mesh.order, np.linspace(-1.0, 1.0, max(2 * mesh.order, 8) + 1))
     lines = values @ mesh.nodes[mesh.edges]
     seen = ((lines.max(axis=1) >= lower) & (lines.min(axis=1) <= upper)).all(axis=1)
-    outer = np.bincount(mesh.element_edges, minlength=len(mesh.edges)) == 1
+    outer = np.isin(np.arange(len(seen)), mesh.outline_edges())
+    sides = lines[mesh.element_edges]
+    sides[mesh.element_reversed] = sides[mesh.element_reversed, ::-1]
     fills: dict[bool, list[np.ndarray]] = {True: [], False: []}
     faces = []
-    for element in range(mesh.elements):
-        part = slice(mesh.element_start[element], mesh.element_start[element + 1])
-        if not seen[mesh.element_edges[part]].any():
-            continue
-        ring = [
-            lines[e, ::-1] if back else lines[e]
-            for e, back in zip(mesh.element_edges[part], mesh.element_reversed[part])
-        ]
-        centre = mesh.scaling_centres[element]
+    for element in np.flatnonzero(np.logical_or.reduceat(seen[mesh.element_edges], mesh.element_start[:-1])):
+        ring = sides[mesh.element_start[element] : mesh.element_start[element + 1]].reshape(-1, 2) * scale
         if not mesh.closed[element]:
-            faces += [np.array([ring[0][0], centre]), np.array([ring[-1][-1], centre])]
-            ring.append(centre[None])
-        fills[bool(mesh.closed[element])].append(np.concatenate(ring) * scale)
+            ring = np.vstack([ring, mesh.scaling_centres[element] * scale])
+            faces += [ring[[0, -1]], ring[[-2, -1]]]
+        fills[bool(mesh.closed[element])].append(ring)
     for rings, colour, label in ((fills[True], MATERIAL, None), (fills[False], OPEN, "open S-elements")):
         if rings:
             axes.add_collection(PolyCollection(rings, facecolors=colour, edgecolors="none", label=label))
@@ -127,8 +113,7 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
     axes.add_collection(LineCollection(lines[seen & ~outer] * scale, **edges))
     edges |= {"colors": BLACK, "linewidths": 0.9, "label": "outline"}
     axes.add_collection(LineCollection(lines[seen & outer] * scale, **edges))
-    ends = list(np.array(faces).reshape(-1, 2, 2) * scale)
-    axes.add_collection(LineCollection(ends, colors=BLACK, linewidths=0.9, linestyles=(0, (2, 1))))
+    axes.add_collection(LineCollection(faces, colors=BLACK, linewidths=0.9, linestyles=(0, (2, 1))))
     if nodes:
         size = 2.2 if stretch == 1.0 else 1.2
         dots(axes, mesh.nodes.T * scale, ".", size, BLUE, markeredgewidth=0, label="nodes")
@@ -164,18 +149,14 @@ def _label_points(axes: Axes, mesh: BoundaryMesh, lower: np.ndarray, upper: np.n
     """Named points; those that nearly coincide in the window share one label, above or below the point, where
     the material is not.
     """
-    groups: list[tuple[np.ndarray, list[str]]] = []
+    groups: dict[int, list[str]] = {}
     for name, node in mesh.points.items():
         at = mesh.nodes[node]
-        if not ((at >= lower) & (at <= upper)).all():
-            continue
-        for place, names in groups:
-            if (np.abs(at - place) < 0.03 * (upper - lower)).all():
-                names.append(name)
-                break
-        else:
-            groups.append((at, [name]))
-    for at, names in groups:
+        if ((at >= lower) & (at <= upper)).all():
+            near = (k for k in groups if (np.abs(at - mesh.nodes[k]) < 0.03 * (upper - lower)).all())
+            groups.setdefault(next(near, node), []).append(name)
+    for node, names in groups.items():
+        at = mesh.nodes[node]
         style: Any = {"markerfacecolor": "white", "markeredgewidth": 0.8, "label": "named points"}
         dots(axes, at * scale, "o", 3.5, BLACK, **style)
         centred = at[0] < lower[0] + 0.9 * (upper[0] - lower[0])

@@ -132,11 +132,11 @@ def plot_multipliers(
             "with contact"
         )
     panels = plane, growth = ax.panels((1, 2), 3.2, width_ratios=(1.0, 1.25))
-    values = np.ravel(subject.multipliers)
-    outside = np.abs(values) > 1.0 + np.repeat(
-        np.nan_to_num(np.atleast_1d(subject.multiplier_error), nan=1e-9), np.shape(subject.multipliers)[-1]
-    )
-    _draw_plane(plane, subject, values, outside)
+    values, error = np.atleast_2d(subject.multipliers), np.atleast_1d(subject.multiplier_error)[:, None]
+    outside = np.abs(values) > 1.0 + np.nan_to_num(error, nan=1e-9)
+    # of a whole curve the outermost ones: all together fill a ring
+    most = OUTERMOST if isinstance(subject, Branch) else values.shape[1]
+    _draw_plane(plane, values, outside, outside | (np.arange(values.shape[1]) < most))
     growth.axhline(0.0, color=GREY, linewidth=0.8)
     growth.set_yscale("symlog", linthresh=LINEAR, linscale=0.6)
     if isinstance(subject, Orbit):
@@ -152,15 +152,9 @@ def plot_multipliers(
     return panels
 
 
-def _draw_plane(plane: Axes, subject: Orbit | Branch, values: np.ndarray, outside: np.ndarray) -> None:
+def _draw_plane(plane: Axes, values: np.ndarray, outside: np.ndarray, shown: np.ndarray) -> None:
     """Multipliers in the complex plane, with the unit circle."""
     plane.add_patch(Circle((0.0, 0.0), 1.0, fill=False, edgecolor=GREY, linewidth=0.8, zorder=2.5))
-    # of a whole curve the outermost ones: all together fill a ring
-    shown = (
-        np.ones(len(values), dtype=bool)
-        if isinstance(subject, Orbit)
-        else np.tile(np.arange(np.shape(subject.multipliers)[1]) < OUTERMOST, len(subject.value)) | outside
-    )
     for beyond, marker, colour, name in SIDES:
         chosen = values[shown & (outside == beyond)]
         if len(chosen):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,23 +37,21 @@ class Piece:
     displacements: np.ndarray
 
 
-def gather_outline(model: Model, fields: list[Any], subdivisions: int | None = None) -> list[Piece] | None:
+def gather_outline(model: Model, fields: Collection[Any]) -> list[Piece] | None:
     """Outline of the structure, crack faces included, with displacement fields, on rank 0. Collective.
 
     Parameters
     ----------
     model : Model
-    fields : list of Static, Field or (m, 2) array
+    fields : Static, Field or (m, 2) array of each
         Displacements of this rank's nodes.
-    subdivisions : int, optional
-        Straight pieces an edge; default: the order.
 
     Returns
     -------
     list of Piece on rank 0, None elsewhere
     """
     part = model.layout.part
-    at = np.linspace(-1.0, 1.0, (model.order if subdivisions is None else subdivisions) + 1)
+    at = np.linspace(-1.0, 1.0, max(2 * model.order, 8) + 1)
     values, _ = shape_functions(model.order, at)
     stacked = np.stack([part.coordinates, *(as_field(state).nodal for state in fields)])
 
@@ -77,7 +75,7 @@ def _outer(pieces: Iterable[Piece]) -> list[Piece]:
     return list(outer.values())
 
 
-def _open_faces(model: Model, fields: list[Any]) -> list[Piece]:
+def _open_faces(model: Model, fields: Collection[Any]) -> list[Piece]:
     """The two faces of each open S-element, from the end of its chain over the scaling centre to the
     start.
     """

@@ -60,22 +60,21 @@ def picture(
                 raise TypeError(f"{owner}: {error}") from None
             bound.apply_defaults()
             given = bound.arguments
-            if gathers:
-                given[subject] = _subject(owner, subject, given[subject], kinds, several)
-                comm = ranks_of(given[subject]) or MPI.COMM_SELF
-            else:
-                comm = checked_communicator(owner, given["comm"])
+            sharing = (ranks_of(given[subject]) or MPI.COMM_SELF) if gathers else given["comm"]
+            comm = checked_communicator(owner, sharing)
             with collective(comm):
                 for name, check in table.items():
                     given[name] = check(owner, name, given[name])
                 together = gathers or isinstance(given.get("point"), tuple)
-                if not gathers and (together or comm.rank == 0):
+                if together or comm.rank == 0:
                     given[subject] = _subject(owner, subject, given[subject], kinds, several)
-                given["ax"] = sheet = Sheet(owner, given["ax"] if comm.rank == 0 else None)
+                sheet = Sheet(owner, given.get("ax") if comm.rank == 0 else None)
+                given |= {"ax": sheet} if "ax" in given else {}
 
             def work() -> Any:
                 with rc_context(STYLE):
-                    return sheet.finished(function(*bound.args, **bound.kwargs), given.get("title", ""))
+                    drawn = function(*bound.args, **bound.kwargs)
+                    return sheet.finished(drawn, given.get("title", "")) if "ax" in given else drawn
 
             found = work() if together else on_root(comm, work)
             return found if comm.rank == 0 else None  # type: ignore[return-value]
@@ -169,6 +168,11 @@ def whole(least: int | None = None, most: int | None = None) -> Check:
     return lambda owner, name, value: integer(owner, name, value, least=least, most=most)
 
 
+def number(unit: str = "", **bounds: float) -> Check:
+    """A check of a number within `Bounds`."""
+    return lambda owner, name, value: real(owner, name, value, unit, within=Bounds(**bounds))
+
+
 def two_numbers(owner: str, name: str, value: Any) -> tuple[float, float]:
     """Two numbers, the lower one first."""
     start, stop = numbers_of(owner, name, value, 2, "two numbers, the lower one first")
@@ -177,23 +181,21 @@ def two_numbers(owner: str, name: str, value: Any) -> tuple[float, float]:
     return start, stop
 
 
-def table_of(check: Check) -> Check:
-    """A check of a dict by name, each entry by another check."""
+def table_of(check: Check, one: str = "") -> Check:
+    """A check of a dict by name, each entry by another check; of one `one` at least, in words."""
 
     def checked(owner: str, name: str, value: Any) -> dict[str, Any]:
         if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
             raise TypeError(f"{owner}: {name} = {shown(value)} must be a dict by name")
+        if one and not value:
+            raise ValueError(f"{owner}: {name} is empty; give one {one} at least")
         return {key: check(owner, f"{name}[{key!r}]", item) for key, item in value.items()}
 
     return checked
 
 
-def fields_by_name(owner: str, name: str, value: Any) -> Mapping[str, Any]:
-    """Displacement fields of a model."""
-    found: dict[str, Any] = table_of(lambda owner, name, item: item)(owner, name, value)
-    if not found:
-        raise ValueError(f"{owner}: {name} is empty; give one field at least")
-    return found
+# Displacement fields of a model.
+fields_by_name = table_of(lambda owner, name, item: item, "field")
 
 
 def curve(owner: str, name: str, value: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -224,8 +226,8 @@ CHECKS: dict[str, Check] = {
     "order": whole(1, 1000),
     "columns": whole(1, 100),
     "crack": whole(0),
-    "decades": lambda owner, name, value: real(owner, name, value, within=Bounds(above=0.0, most=300.0)),
-    "magnification": optional(lambda *given: real(*given, within=Bounds(above=0.0))),
+    "decades": number(above=0.0, most=300.0),
+    "magnification": optional(number(above=0.0)),
     "least": positive,
     "unit": optional(positive),
     "window": optional(two_numbers),

@@ -58,7 +58,7 @@ def plot_slips(
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
     along, place, pairs, _ = _along("plot_slips", motion, crack)
-    _, slip, _ = _rubbed("plot_slips", motion)
+    _, slip, *_ = _rubbed("plot_slips", motion)
     chosen = np.flatnonzero(_within("plot_slips", motion, window))
     chosen = chosen[:: -(-len(chosen) // _COLUMNS)]
     moved = np.diff(slip[chosen], axis=0)
@@ -103,12 +103,11 @@ def plot_hysteresis(
     """
     each: Mapping[str, Rubbing] = named(motions)
     found = {name: _rubbed("plot_hysteresis", motion, window) for name, motion in each.items()}
-    first = next(iter(found.values()))
     if pair is None:
-        pair = int(np.argmax(friction_power(*first)))
-    if pair >= (least := min(slip.shape[1] for _, slip, _ in found.values())):
+        pair = int(np.argmax(friction_power(*next(iter(found.values())))))
+    if pair >= (least := min(slip.shape[1] for _, slip, *_ in found.values())):
         raise ValueError(f"plot_hysteresis: pair = {pair} does not exist; there are {least}")
-    drawn = {name: (slip[:, pair], along[:, pair]) for name, (_, slip, along) in found.items()}
+    drawn = {name: (slip[:, pair], along[:, pair]) for name, (_, slip, along, *_) in found.items()}
     slips, forces = zip(*drawn.values())
     (axes,) = ax.panels((1, 1), 2.9, width=3.6)
     across = Scale.of(f"slip of pair {pair}", "m", *slips)
@@ -148,9 +147,7 @@ def plot_friction_power(
     for name, motion in each.items():
         along, place, pairs, length = _along("plot_friction_power", motion, crack)
         numbered.add(along.label == "pair")
-        slid = motion.slid if isinstance(motion, LoadHistory) else None
-        ways = None if slid is None else slid[_within("plot_friction_power", motion, window)]
-        power = friction_power(*_rubbed("plot_friction_power", motion, window), ways)
+        power = friction_power(*_rubbed("plot_friction_power", motion, window))
         drawn[name] = place, power[pairs] / length
     if len(numbered) > 1:
         raise ValueError(
@@ -234,30 +231,29 @@ def _within(owner: str, motion: Rubbing, window: tuple[float, float] | None) -> 
 
 def _rubbed(
     owner: str, motion: Rubbing, window: tuple[float, float] | None = None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times, and slips and friction of (n, pairs) each."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
+    """Times, and of (n, pairs) each slips, friction, and ways where they are known."""
     slip, along = motion.slip, motion.friction_force
     if slip is None or along is None or not slip.shape[1]:
         raise ValueError(
             f"{owner}: nothing rubs in {shown(motion)}; give a motion of a model with contact_laws of Coulomb"
         )
-    seen = _within(owner, motion, window)
-    return motion.time[seen], slip[seen], along[seen]
+    seen, slid = _within(owner, motion, window), motion.slid if isinstance(motion, LoadHistory) else None
+    return motion.time[seen], slip[seen], along[seen], None if slid is None else slid[seen]
 
 
 def _along(owner: str, motion: Rubbing, crack: str | None) -> tuple[Scale, np.ndarray, np.ndarray, Any]:
     """Scale of the places of a crack's pairs, these in the order in which they are met, m, the pairs' numbers
     and the length of face of each, m; without a model the numbers themselves, and 1.
     """
-    _, slip, _ = _rubbed(owner, motion)
-    if isinstance(motion, Motion):
-        model = None if motion.reduced is None else motion.reduced.model
-    else:
-        model = motion.states[0].model if isinstance(motion, LoadHistory) else None
+    _, slip, *_ = _rubbed(owner, motion)
+    of = motion.states[0] if isinstance(motion, LoadHistory) else motion.reduced
+    model = None if of is None else of.model
     if model is None:
         if crack is not None:
             raise ValueError(f"{owner}: crack = {crack!r}, and the motion does not know which pairs it has")
-        return Scale(1.0, "pair"), np.arange(slip.shape[1]), np.arange(slip.shape[1]), 1.0
+        pairs = np.arange(slip.shape[1])
+        return Scale(1.0, "pair"), pairs, pairs, 1.0
     names = [item.name for item in model.cracks]
     if crack is not None and crack not in names:
         raise ValueError(f"{owner}: crack = {crack!r} does not exist; the model has {', '.join(names)}")

@@ -80,7 +80,7 @@ def plot_swept(
     if branch is not None:
         height = Height(point, direction)
         marks = marks_of(branch, height, along, up)
-        parts = split(along(branch.value), up(height.along(branch)), ~branch.unstable, marks)
+        parts = split(along(branch.value), up(height.of(branch)), ~branch.unstable, marks)
         draw_parts(axes, smooth(parts), BLACK, width=1.3)
         name_verdicts(axes, [branch])
     for item in sweeps:

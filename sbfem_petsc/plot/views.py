@@ -68,9 +68,8 @@ class Colours:
     def bar(self, painted: Any, axes: Axes | Sequence[Axes]) -> None:
         """A colour bar beside the axes."""
         extend = "neither" if not self.more else "both" if self.signed else "max"
-        drawn = bar(painted, axes, self.scale.label, extend=extend, shrink=0.85, pad=0.02)
-        drawn.locator = MaxNLocator(5)
-        drawn.update_ticks()
+        look: Any = {"extend": extend, "shrink": 0.85, "pad": 0.02, "ticks": MaxNLocator(5)}
+        bar(painted, axes, self.scale.label, **look)
 
 
 def magnification_of(view: Window | Solid, states: Sequence[Any]) -> float:
@@ -122,12 +121,27 @@ class Window:
     def __init__(self, crack: Any, half: float, colour: str):
         self.tip, self.half, self.colour = np.array(crack.tip), float(half), colour
         self.origin = self.tip  # of the axes
-        self.notches = [Notch(crack, self.half)]
-        self.magnified = self.notches[0].magnified
+        self._fades = [(crack, self.half)]
+
+    @property
+    def magnified(self) -> str:
+        """In words."""
+        return (
+            "displacement and opening" if any(_slope(crack) for crack, _ in self._fades) else "displacement"
+        )
 
     def _opening(self, places: np.ndarray) -> np.ndarray:
-        """See `Notch`."""
-        return sum((notch.opening(places) for notch in self.notches), np.zeros(places.shape))
+        """(n, 2): displacement from closed slits to the narrow notches, fading away from their faces: one
+        magnification serves gap and displacement as if they had opened from these.
+        """
+        found = np.zeros(places.shape)
+        for crack, reach in self._fades:
+            axis, arms = np.array(crack.axis), places - np.array(crack.tip)
+            across = np.array([axis[1], -axis[0]])
+            side, amount = arms @ across, _slope(crack) * np.maximum(arms @ axis, 0.0)
+            fade = np.clip(1.0 - (np.abs(side) - amount) / reach, 0.0, 1.0)
+            found += (np.sign(side) * amount * fade)[:, None] * across
+        return found
 
     def largest(self, states: Sequence[Region]) -> float:
         """In the window without its rigid-body motion, opening included."""
@@ -192,25 +206,10 @@ class Window:
         return np.linalg.norm(self._relative(region)[2], axis=1)
 
 
-class Notch:
-    """Draws a narrow V-notch as if it had opened from a closed slit, so that one magnification serves gap and
-    displacement.
-    """
-
-    def __init__(self, crack, half: float):
-        self.tip, self.axis, self.half = np.array(crack.tip), np.array(crack.axis), half
-        self.slope = np.tan(0.5 * crack.opening)
-        if self.slope > 0.02:
-            self.slope = 0.0  # wide enough to be seen: left as it is
-        self.magnified = "displacement and opening" if self.slope else "displacement"
-
-    def opening(self, positions: np.ndarray) -> np.ndarray:
-        """(n, 2): displacement from the slit to the notch, fading away from the faces."""
-        across = np.array([self.axis[1], -self.axis[0]])
-        along, side = (positions - self.tip) @ self.axis, (positions - self.tip) @ across
-        amount = self.slope * np.maximum(along, 0.0)
-        fade = np.clip(1.0 - (np.abs(side) - amount) / self.half, 0.0, 1.0)
-        return (np.sign(side) * amount * fade)[:, None] * across
+def _slope(crack: Any) -> float:
+    """Of the faces of a narrow V-notch; 0 of one wide enough to be seen, which is left as it is."""
+    slope = float(np.tan(0.5 * crack.opening))
+    return slope if slope <= 0.02 else 0.0
 
 
 def _rigid_motion(arms: np.ndarray, displacements: np.ndarray):
@@ -248,8 +247,7 @@ class Whole(Window):
         lower, upper = model.extent
         self.extent, self.tip, self.colour = upper - lower, 0.5 * (lower + upper), colour
         self.half, self.origin = 0.5 * float(self.extent.max()), np.zeros(2)
-        self.notches = [Notch(crack, crack.length) for crack in model.cracks]
-        self.magnified = self.notches[0].magnified if self.notches else "displacement"
+        self._fades = [(crack, crack.length) for crack in model.cracks]
 
     def frame(self, axes: Axes) -> None:
         """In coordinates."""
@@ -318,10 +316,8 @@ class Solid:
     def frame(self, axes: Axes) -> None:
         """Axes without a scale, but for the length that is said."""
         scale, unit = place_unit(2.0 * self.half)
-        axes.set_aspect("equal")
+        axes.set(aspect="equal", xticks=[], yticks=[], xlabel=f"{2.0 * self.half * scale:.4g} {unit} long")
         axes.margins(0.15)
-        axes.set(xticks=[], yticks=[])
-        axes.set_xlabel(f"{2.0 * self.half * scale:.4g} {unit} long")
         axes.update_datalim(self.places[self.drawn] @ self.view[:2].T)
         axes.autoscale_view()
 
@@ -333,8 +329,7 @@ class Solid:
         points = (self.places + factor * state) @ self.view.T
         values = colours.scale(np.linalg.norm(state, axis=1))
         faces = sorted(self.faces, key=lambda face: points[face, 2].mean())
-        painted = PolyCollection([points[face, :2] for face in faces], **colours.look)
-        painted.set(array=np.array([values[face].mean() for face in faces]))
-        painted.set(edgecolor="#00000055", linewidth=0.2)
+        look = colours.look | {"array": [values[face].mean() for face in faces], "linewidth": 0.2}
+        painted = PolyCollection([points[face, :2] for face in faces], edgecolor="#00000055", **look)
         axes.add_collection(painted)
         return [painted]

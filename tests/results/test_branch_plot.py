@@ -159,7 +159,7 @@ def test_amplitude_at_a_fold(curves):
     for item in curve.bifurcations:
         if item.kind == "fold":
             beside = curve.amplitude("two")[item.after - 1 : item.after + 1]
-            assert beside.min() * (1.0 - 1e-2) <= Height("two").at(curve, item) <= beside.max() * (1.0 + 1e-2)
+            assert beside.min() * (1.0 - 1e-2) <= Height("two").of(curve.orbit(item)) <= beside.max() * (1.0 + 1e-2)
     assert [item.after for item in in_order(curve)] == sorted(item.after for item in curve.bifurcations)
 
 
