@@ -125,17 +125,15 @@ def _instants(motion: Motion, between: Sequence[float] | None, frames: int) -> n
 def _writer(path: Any, rate: float) -> AbstractMovieWriter:
     """Who writes a file of this ending."""
     ending = os.path.splitext(destination(path, "animation"))[1].lower()
-    frames_a_second: Any = rate  # any number, though the writers' annotations know whole ones alone
-    if ending == ".gif":
-        return PillowWriter(fps=frames_a_second)
-    if ending != ".mp4":
+    kinds: dict[str, Any] = {".gif": PillowWriter, ".mp4": FFMpegWriter}
+    if ending not in kinds:
         raise ValueError(f"animation {os.fspath(path)!r} must end in .gif or .mp4")
-    if not FFMpegWriter.isAvailable():
+    if not kinds[ending].isAvailable():
         raise SolveError(
             f"animation {os.fspath(path)!r} needs the program ffmpeg, which is not on PATH; install it, or "
             "write a .gif"
         )
-    return FFMpegWriter(fps=frames_a_second)
+    return kinds[ending](fps=rate)
 
 
 def _said(output: bytes | str | None) -> str:

@@ -30,6 +30,7 @@ BETWEEN = 12
 FLAT = 1e-5
 
 Part = tuple[bool, np.ndarray, np.ndarray]
+Mark = tuple[int, float, float]
 
 
 @dataclass(frozen=True)
@@ -132,14 +133,14 @@ def plot_branches(
             axes.plot(x, y, color=GREY, linewidth=1.6, zorder=1.5, label=name)
             continue
         shade, marks = next(shades), marks_of(curve, height, along, up, divisor[name])
-        draw_parts(axes, smooth(split(x, y, ~curve.unstable, marks)), shade, name)
+        draw_parts(axes, split(x, y, ~curve.unstable, marks), shade, name)
         for item, (_, *at) in zip(in_order(curve), marks):
             if every or _decides(curve, item):
                 _mark(axes, at, item.kind, shade)
                 kinds.add(item.kind)
     top = axes.get_ylim()[1]
     if backbone is not None:
-        _, *free = smooth([(True, along(backbone.frequency), up(height.of(backbone)))])[0]
+        free = smooth(along(backbone.frequency), up(height.of(backbone)))
         axes.plot(*free, color=BLACK, linewidth=1.1, linestyle=":", zorder=1.6, label="free motion")
     name_verdicts(axes, (curve for curve in curves.values() if curve.contact))
     for kind in filter(kinds.__contains__, KINDS):
@@ -151,9 +152,7 @@ def plot_branches(
     return axes
 
 
-def marks_of(
-    curve: Branch, height: Height, along: Scale, up: Scale, divisor: float = 1.0
-) -> list[tuple[int, float, float]]:
+def marks_of(curve: Branch, height: Height, along: Scale, up: Scale, divisor: float = 1.0) -> list[Mark]:
     """The bifurcations of a curve for `split`, in order; parameter and height as they are drawn."""
     return [
         (item.after, along(item.own_value), up(height.of(curve.orbit(item)) / divisor))
@@ -176,7 +175,11 @@ def name_verdicts(axes: Axes, curves: Iterable[Any]) -> None:
 
 
 def split(
-    value: np.ndarray, height: np.ndarray, stable: np.ndarray, marks: Sequence[tuple[int, float, float]] = ()
+    value: np.ndarray,
+    height: np.ndarray,
+    stable: np.ndarray,
+    marks: Sequence[Mark] = (),
+    between: int = BETWEEN,
 ) -> list[Part]:
     """Stable and unstable parts of a curve, each beginning where the one before it ends.
 
@@ -187,6 +190,8 @@ def split(
     marks : sequence of (after, value, height)
         Bifurcations between the points after - 1 and after, in order: vertices of the curve, and ends of
         parts where the verdict changes. Without one the verdict changes half-way between two points.
+    between : int
+        See `smooth`.
 
     Returns
     -------
@@ -200,8 +205,9 @@ def split(
     # of several the verdict changes at the first where it is lost, at the last where it is won
     first, last = np.searchsorted(after, changes), np.searchsorted(after, changes, side="right") - 1
     ends = changes + np.where(stable[changes - 1], first, last)
-    spans = itertools.pairwise([0, *ends, len(points) - 1])
-    return [(bool(stable[k]), *points[begin : end + 1].T) for k, (begin, end) in zip([0, *changes], spans)]
+    spans = itertools.pairwise(between * np.array([0, *ends, len(points) - 1]))
+    line = points if between == 1 else smooth(points[:, 0], points[:, 1], between).T
+    return [(bool(stable[k]), *line[begin : end + 1].T) for k, (begin, end) in zip([0, *changes], spans)]
 
 
 def in_order(curve: Branch) -> list[Bifurcation]:
@@ -216,27 +222,20 @@ def in_order(curve: Branch) -> list[Bifurcation]:
     return sorted(curve.bifurcations, key=place)
 
 
-def smooth(parts: Sequence[Part]) -> Sequence[Part]:
-    """The parts of a curve with points between theirs: monotone cubics of the arc length, without
-    overshoot. Results keep no tangents: points stand so near to each other that these cubics are within 2e-4
-    to 1.2e-3 of a picture's size of curves with many more, a third of the line's width.
+def smooth(x: np.ndarray, y: np.ndarray, between: int = BETWEEN) -> np.ndarray:
+    """(2, m): a curve through some points, with so many lines between two of them: monotone cubics of the arc
+    length, without overshoot. Results keep no tangents: points stand so near to each other that these cubics
+    are within 2e-4 to 1.2e-3 of a picture's size of curves with many more, a third of the line's width.
     """
-    points = [np.column_stack(at) for _, *at in parts]
-    whole = np.concatenate([points[0][:1], *(some[1:] for some in points)])
-    size = np.ptp(whole, axis=0)
-    lengths = np.linalg.norm(np.diff(whole / np.where(size > 0.0, size, 1.0), axis=0), axis=1)
+    points = np.column_stack([x, y])
+    size = np.ptp(points, axis=0)
+    lengths = np.linalg.norm(np.diff(points / np.where(size > 0.0, size, 1.0), axis=0), axis=1)
     arc = np.concatenate([[0.0], np.cumsum(lengths)])
     apart = np.concatenate([[True], np.diff(arc) > 1e-9 * arc[-1]])
-    if apart.sum() < 3:
-        return parts
-    through = PchipInterpolator(arc[apart], whole[apart])
-    result, begin = [], 0
-    for stable, places, _ in parts:
-        knots = arc[begin : begin + len(places)]
-        begin += len(places) - 1
-        fine = np.unique(np.linspace(knots[:-1], knots[1:], BETWEEN + 1)) if len(knots) > 1 else knots
-        result.append((stable, *through(np.clip(fine, 0.0, arc[apart][-1])).T))
-    return result
+    fine = np.interp(np.arange(between * len(lengths) + 1) / between, np.arange(len(arc)), arc)
+    if apart.sum() < 2:
+        return np.repeat(points[:1], len(fine), axis=0).T
+    return PchipInterpolator(arc[apart], points[apart])(np.clip(fine, 0.0, arc[apart][-1])).T
 
 
 def _decides(curve: Branch, item: Bifurcation) -> bool:
@@ -268,7 +267,7 @@ def draw_growth(axes: Axes, curve: Branch) -> None:
         for item, place in zip(marked, at)
         if curve.stable[item.after] != curve.stable[item.after - 1]
     ]
-    for part in split(x, largest, curve.stable, crossings):
+    for part in split(x, largest, curve.stable, crossings, between=1):
         draw_parts(axes, [part], BLUE if part[0] else VERMILION)
     for rows, colour, marker in ((curve.stable, BLUE, "."), (~curve.stable, VERMILION, "^")):
         dots(axes, (x[rows], largest[rows]), marker, 3, colour)
@@ -314,7 +313,7 @@ def plot_backbone(
     for colour, (name, backbone) in zip(itertools.cycle(CYCLE), curves.items()):
         drawn = [up(backbone.frequency)] + [backbone.damping_ratio] * backbone.damped
         for panel, values in zip(panels, drawn):
-            parts = smooth(split(np.log10(backbone.energy), values, ~backbone.unstable))
+            parts = split(np.log10(backbone.energy), values, ~backbone.unstable)
             drawn_parts = [(stable, 10.0**energy, value) for stable, energy, value in parts]
             draw_parts(panel, drawn_parts, colour, name, 1.2)
     axes = panels[0]
@@ -374,7 +373,7 @@ def plot_quasi_periodic(
     for colour, (name, branch) in zip(itertools.cycle(CYCLE), curves.items()):
         x = along(branch.value)
         for axes, scale, values in zip(panels, scales, found[name]):
-            draw_parts(axes, smooth(split(x, scale(values), ~branch.unstable)), colour, name, 1.2)
+            draw_parts(axes, split(x, scale(values), ~branch.unstable), colour, name, 1.2)
             dots(axes, (x, scale(values)), ".", 3, colour)
             axes.set(xlabel=along.label, ylabel=scale.label)
     name_verdicts(panels[0], curves.values())

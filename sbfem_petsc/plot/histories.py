@@ -115,8 +115,7 @@ def plot_history(
     -------
     Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
     """
-    panels = _moved(motion, point, direction, window)
-    return _draw(ax, panels)
+    return _draw(ax, _moved(motion, point, direction, window))
 
 
 @picture(LoadHistory, crack=optional(a_text), direction=optional(CHECKS["direction"]))

@@ -19,7 +19,6 @@ from matplotlib.colors import ListedColormap, LogNorm, Normalize, to_rgb
 
 from ..checks import real_array
 from ..continuation.basins import Basins, StartAxis
-from ..record.units import suited
 from .drawing import BLACK, CYCLE, MARKED, STYLE, Scale, Sheet, bar, curves, dots, legend, save_picture
 from .picture import Comm, picture, table_of
 
@@ -137,8 +136,8 @@ def _value(sweep: Any, name: str, value: Any) -> str:
     """A parameter's value, "force of drive along y = 300 N"."""
     if not isinstance(value, (int, float)) or isinstance(value, bool):
         return f"{sweep.input_words[name]} = {value}"
-    factor, unit = suited(sweep.input_units.get(name, ""), sweep.inputs[name])
-    return f"{sweep.input_words[name]} = {value * factor:g} {unit}".rstrip()
+    scale = _scale(sweep, name)
+    return f"{sweep.input_words[name]} = {scale(value):g} {scale.unit}".rstrip()
 
 
 def _curves(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -68,29 +69,24 @@ def gather_outline(model: Model, fields: Collection[Any]) -> list[Piece] | None:
 
 def _outer(pieces: Iterable[Piece]) -> list[Piece]:
     """Those that come once: an edge between two S-elements, or two ranks, comes from both."""
-    outer: dict[tuple, Piece] = {}
-    for piece in pieces:
-        if outer.pop(piece.key, None) is None:
-            outer[piece.key] = piece
-    return list(outer.values())
+    several = list(pieces)
+    times = Counter(piece.key for piece in several)
+    return [piece for piece in several if times[piece.key] == 1]
 
 
 def _open_faces(model: Model, fields: Collection[Any]) -> list[Piece]:
     """The two faces of each open S-element, from the end of its chain over the scaling centre to the
     start.
     """
-    pieces = []
-    names = {str(k): field for k, field in enumerate(fields)}
-    for patch in sample(model.tips, names, stress=False, keep=~model.layout.part.closed):
+    pieces, part = [], model.layout.part
+    named = {str(k): field for k, field in enumerate(fields)}
+    for patch in sample(model.tips, named, stress=False, keep=~part.closed):
+        sampled = np.stack([patch.positions, *patch.displacements.values()])
+        lines = np.concatenate([sampled[:, :, :, -1, -1], sampled[:, :, -2::-1, 0, 0]], axis=2)
+        lines[:, patch.mirrored] = lines[:, patch.mirrored, ::-1]
         for row, element in enumerate(patch.elements):
-            chain = model.layout.part.nodes[model.layout.part.chains[element]]
-            arrays = [patch.positions[row]] + [patch.displacements[name][row] for name in names]
-            lines = [np.concatenate([a[:, -1, -1], a[-2::-1, 0, 0]]) for a in arrays]
-            if patch.mirrored[row]:
-                lines = [line[::-1] for line in lines]
-            key = (-1 - int(model.layout.part.elements[element]),)
-            moved = np.array(lines[1:]).reshape(len(fields), -1, 2)
-            pieces.append(Piece(key, int(chain[-1]), int(chain[0]), lines[0], moved))
+            chain, key = part.nodes[part.chains[element]], (-1 - int(part.elements[element]),)
+            pieces.append(Piece(key, int(chain[-1]), int(chain[0]), lines[0, row], lines[1:, row]))
     return pieces
 
 
@@ -142,15 +138,14 @@ def gather_region(
     pieces = []
     pieces_an_edge = subdivisions or max(2 * model.order, 6)
     for patch in sample(model.tips, {"u": field}, keep=keep, subdivisions=pieces_an_edge, refine=refine):
-        quadrilaterals, triangles = (cells.reshape(-1, cells.shape[-1]) for cells in point_grid_cells(patch))
-        cells = np.concatenate([quadrilaterals[:, [0, 1, 2]], quadrilaterals[:, [0, 2, 3]], triangles])
+        quads, triangles = (corners.reshape(-1, corners.shape[-1]) for corners in point_grid_cells(patch))
+        joined = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]], triangles])
         sampled = (patch.positions, patch.displacements["u"], patch.stresses["u"])
-        pieces.append([*(array.reshape(-1, array.shape[-1]) for array in sampled), cells])
+        pieces.append([*(array.reshape(-1, array.shape[-1]) for array in sampled), joined])
     gathered = model.comm.gather(pieces)
     if gathered is None:
         return None
-    pieces = [piece for several in gathered for piece in several]
-    begin = np.cumsum([0, *(len(piece[0]) for piece in pieces)])
-    positions, displacements, stress = (np.concatenate([piece[k] for piece in pieces]) for k in range(3))
-    triangles = np.concatenate([piece[3] + first for piece, first in zip(pieces, begin)])
-    return Region(positions, displacements, stress, triangles)
+    positions, displacements, stress, cells = zip(*(piece for several in gathered for piece in several))
+    begin = np.cumsum([0, *map(len, positions)])
+    triangles = np.concatenate([some + first for some, first in zip(cells, begin)])
+    return Region(np.concatenate(positions), np.concatenate(displacements), np.concatenate(stress), triangles)

@@ -81,7 +81,7 @@ def plot_swept(
         height = Height(point, direction)
         marks = marks_of(branch, height, along, up)
         parts = split(along(branch.value), up(height.of(branch)), ~branch.unstable, marks)
-        draw_parts(axes, smooth(parts), BLACK, width=1.3)
+        draw_parts(axes, parts, BLACK, width=1.3)
         name_verdicts(axes, [branch])
     for item in sweeps:
         colour, label = (VERMILION, "swept up") if item.upwards else (BLUE, "swept down")
@@ -141,7 +141,7 @@ def plot_loci(
     (axes,) = ax.panels((1, 1), 3.2, 5.0)
     for line in sorted(lines, key=lambda line: KINDS.index(line.kind)):
         colour, dashes = STYLES[line.kind]
-        _, *at = smooth([(True, line.frequency, factor * line.value)])[0]
+        at = smooth(line.frequency, factor * line.value)
         axes.plot(*at, color=colour, linestyle=dashes, linewidth=1.2, label=line.kind)
     axes.set(xlabel="forcing frequency (Hz)", ylabel=label or f"factor on the {names.pop()}")
     legend(axes)

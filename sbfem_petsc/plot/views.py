@@ -19,6 +19,8 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 from scipy.spatial.transform import Rotation
 
+from meshing.vectors import cross, polygon_area
+
 from ..bodies.cells import corners, outer_faces
 from ..bodies.finite_element_model import FiniteElementModel
 from ..bodies.rows import Contact
@@ -121,21 +123,20 @@ class Window:
     def __init__(self, crack: Any, half: float, colour: str):
         self.tip, self.half, self.colour = np.array(crack.tip), float(half), colour
         self.origin = self.tip  # of the axes
-        self._fades = [(crack, self.half)]
+        self.cracks: Sequence[Any] = (crack,)
+        self.fades = [self.half]
 
     @property
     def magnified(self) -> str:
         """In words."""
-        return (
-            "displacement and opening" if any(_slope(crack) for crack, _ in self._fades) else "displacement"
-        )
+        return "displacement and opening" if any(map(_slope, self.cracks)) else "displacement"
 
     def _opening(self, places: np.ndarray) -> np.ndarray:
         """(n, 2): displacement from closed slits to the narrow notches, fading away from their faces: one
         magnification serves gap and displacement as if they had opened from these.
         """
         found = np.zeros(places.shape)
-        for crack, reach in self._fades:
+        for crack, reach in zip(self.cracks, self.fades):
             axis, arms = np.array(crack.axis), places - np.array(crack.tip)
             across = np.array([axis[1], -axis[0]])
             side, amount = arms @ across, _slope(crack) * np.maximum(arms @ axis, 0.0)
@@ -216,8 +217,8 @@ def _rigid_motion(arms: np.ndarray, displacements: np.ndarray):
     """Best translation and small rotation of displaced points, as a function of the arms (n, 2)."""
     mean_arm, mean = arms.mean(axis=0), displacements.mean(axis=0)
     a, d = arms - mean_arm, displacements - mean
-    turn = float((a[:, 0] * d[:, 1] - a[:, 1] * d[:, 0]).sum() / (a**2).sum())
-    return lambda at: mean + turn * np.stack([-(at - mean_arm)[:, 1], (at - mean_arm)[:, 0]], axis=1)
+    turn = float(cross(a, d).sum() / (a**2).sum())
+    return lambda at: mean + turn * (at - mean_arm)[:, ::-1] * [-1.0, 1.0]
 
 
 def area_quantile(region: Region, values: np.ndarray, inside: np.ndarray, share: float) -> float:
@@ -225,8 +226,7 @@ def area_quantile(region: Region, values: np.ndarray, inside: np.ndarray, share:
     bound.
     """
     triangles = region.triangles[inside[region.triangles].all(axis=1)]
-    a, b, c = (region.positions[triangles[:, k]] for k in range(3))
-    area = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    area = np.abs(polygon_area(region.positions[triangles]))
     mean = values[triangles].mean(axis=1)
     order = np.argsort(mean)
     share_below = np.cumsum(area[order]) / area.sum()
@@ -247,7 +247,7 @@ class Whole(Window):
         lower, upper = model.extent
         self.extent, self.tip, self.colour = upper - lower, 0.5 * (lower + upper), colour
         self.half, self.origin = 0.5 * float(self.extent.max()), np.zeros(2)
-        self._fades = [(crack, crack.length) for crack in model.cracks]
+        self.cracks, self.fades = model.cracks, [crack.length for crack in model.cracks]
 
     def frame(self, axes: Axes) -> None:
         """In coordinates."""

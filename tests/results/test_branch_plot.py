@@ -21,7 +21,7 @@ from sbfem_petsc.plot import (
     plot_orbit,
     save_picture,
 )
-from sbfem_petsc.plot.branches import Height, abscissa, in_order, smooth, split
+from sbfem_petsc.plot.branches import BETWEEN, Height, abscissa, in_order, smooth, split
 from sbfem_petsc.plot.drawing import GREY
 
 
@@ -72,7 +72,7 @@ VALUE, HEIGHT = np.arange(6.0), np.array([1.0, 3.0, 4.0, 3.5, 2.0, 1.0])
 
 
 def test_without_bifurcations_the_verdict_changes_half_way():
-    parts = split(VALUE, HEIGHT, np.array([True, True, False, False, True, True]))
+    parts = split(VALUE, HEIGHT, np.array([True, True, False, False, True, True]), between=1)
     assert [stable for stable, _, _ in parts] == [True, False, True]
     np.testing.assert_array_equal(parts[0][1], [0.0, 1.0, 1.5])
     np.testing.assert_array_equal(parts[1][1], [1.5, 2.0, 3.0, 3.5])
@@ -82,7 +82,7 @@ def test_without_bifurcations_the_verdict_changes_half_way():
 
 def test_the_verdict_changes_at_bifurcations():
     parts = split(
-        VALUE, HEIGHT, np.array([True, True, False, False, True, True]), [(2, 1.8, 3.9), (4, 3.1, 3.3)]
+        VALUE, HEIGHT, np.array([True, True, False, False, True, True]), [(2, 1.8, 3.9), (4, 3.1, 3.3)], 1
     )
     assert [list(part[1]) for part in parts] == [[0.0, 1.0, 1.8], [1.8, 2.0, 3.0, 3.1], [3.1, 4.0, 5.0]]
     assert parts[0][2][-1] == parts[1][2][0] == 3.9 and parts[1][2][-1] == parts[2][2][0] == 3.3
@@ -90,7 +90,7 @@ def test_the_verdict_changes_at_bifurcations():
 
 def test_bifurcations_of_unstable_parts_are_vertices_only():
     stable = np.array([False, False, False, True, True, True])
-    parts = split(VALUE, HEIGHT, stable, [(1, 0.4, 2.2), (3, 2.2, 4.1), (3, 2.6, 3.9)])
+    parts = split(VALUE, HEIGHT, stable, [(1, 0.4, 2.2), (3, 2.2, 4.1), (3, 2.6, 3.9)], 1)
     assert [part[0] for part in parts] == [False, True]
     # of two between the same points stability is won at the second
     assert list(parts[0][1]) == [0.0, 0.4, 1.0, 2.0, 2.2, 2.6] and list(parts[1][1]) == [2.6, 3.0, 4.0, 5.0]
@@ -98,14 +98,14 @@ def test_bifurcations_of_unstable_parts_are_vertices_only():
 
 def test_one_verdict_is_one_part():
     for verdict in (True, False):
-        (part,) = split(VALUE, HEIGHT, np.full(6, verdict))
+        (part,) = split(VALUE, HEIGHT, np.full(6, verdict), between=1)
         assert part[0] is verdict
         np.testing.assert_array_equal(part[1], VALUE)
 
 
 def test_smooth_lines_pass_through_the_points_without_overshoot():
-    parts = split(VALUE, HEIGHT, np.array([True, True, True, False, False, False]), [(3, 2.4, 3.9)])
-    lines = smooth(parts)
+    stable = np.array([True, True, True, False, False, False])
+    parts, lines = (split(VALUE, HEIGHT, stable, [(3, 2.4, 3.9)], between) for between in (1, BETWEEN))
     assert [line[0] for line in lines] == [True, False]
     for (_, x, y), (_, fine_x, fine_y) in zip(parts, lines):
         assert len(fine_x) > 5 * len(x)
@@ -117,7 +117,7 @@ def test_smooth_lines_pass_through_the_points_without_overshoot():
 
 def test_smooth_lines_through_equal_points():
     """A bifurcation on a point of the curve."""
-    (line,) = smooth(split(VALUE, HEIGHT, np.ones(6, dtype=bool), [(2, 2.0, 4.0)]))
+    (line,) = split(VALUE, HEIGHT, np.ones(6, dtype=bool), [(2, 2.0, 4.0)])
     assert np.isfinite(line[1]).all() and np.isfinite(line[2]).all() and line[1][-1] == 5.0
 
 
@@ -159,7 +159,11 @@ def test_amplitude_at_a_fold(curves):
     for item in curve.bifurcations:
         if item.kind == "fold":
             beside = curve.amplitude("two")[item.after - 1 : item.after + 1]
-            assert beside.min() * (1.0 - 1e-2) <= Height("two").of(curve.orbit(item)) <= beside.max() * (1.0 + 1e-2)
+            assert (
+                beside.min() * (1.0 - 1e-2)
+                <= Height("two").of(curve.orbit(item))
+                <= beside.max() * (1.0 + 1e-2)
+            )
     assert [item.after for item in in_order(curve)] == sorted(item.after for item in curve.bifurcations)
 
 
@@ -265,5 +269,5 @@ def test_smooth_lines_are_the_curve():
         share = np.clip((apart * way).sum(axis=2) / (way**2).sum(axis=1), 0.0, 1.0)
         return np.linalg.norm(apart - share[..., None] * way, axis=2).min(axis=1).max()
 
-    ((_, *drawn),) = smooth([(True, curve.value, curve.amplitude("A"))])
+    drawn = smooth(curve.value, curve.amplitude("A"))
     assert furthest(*drawn) < 3e-4 < furthest(curve.value, curve.amplitude("A"))
