@@ -1,4 +1,4 @@
-"""What each command does; all return an exit code."""
+"""What each command does; an exit code where it is not 0."""
 
 from __future__ import annotations
 
@@ -38,28 +38,24 @@ def _case(options: Options, comm: Any) -> Case:
     return read_case(options.case)
 
 
-def new(options: Options, comm: Any) -> int:
+def new(options: Options, comm: Any) -> None:
     """Write a starter case."""
     from ..study.starter import write_starter
 
     written = on_root(comm, lambda: write_starter(options.kind, options.file, replace=options.replace))
-    if written is not None:  # on rank 0
-        _say(options, comm, f"written: {', '.join(written)}")
-        _say(options, comm, f"next:  sbfem check {options.file}")
-    return 0
+    _say(options, comm, f"written: {', '.join(written or ())}\nnext:  sbfem check {options.file}")
 
 
-def check(options: Options, comm: Any) -> int:
+def check(options: Options, comm: Any) -> None:
     """Validate a case and say what it takes."""
     from ..study.estimates import as_text, estimate
 
     case = _case(options, comm)
     facts = estimate(case, comm)
     _answer(options, comm, facts, as_text(case, facts))
-    return 0
 
 
-def mesh(options: Options, comm: Any) -> int:
+def mesh(options: Options, comm: Any) -> None:
     """Draw the discretisation, or show it in gmsh's window."""
     from meshing.gmsh.window import show_mesh
 
@@ -75,9 +71,8 @@ def mesh(options: Options, comm: Any) -> int:
             pictures.draw_mesh(found, path, comm)
     if options.gui:
         on_root(comm, lambda: show_mesh(found) if found else None)
-        return 0
-    _say(options, comm, f"{found!r}\nwritten: {path}")
-    return 0
+    else:
+        _say(options, comm, f"{found!r}\nwritten: {path}")
 
 
 def run(options: Options, comm: Any) -> int:
@@ -114,26 +109,24 @@ def sweep(options: Options, comm: Any) -> int:
     return FAILED_ROWS if failed else 0
 
 
-def plot(options: Options, comm: Any) -> int:
+def plot(options: Options, comm: Any) -> None:
     """Draw the pictures again."""
     from ..study.revive import draw_again
 
     with watch_for(comm, options.quiet) as watch:
         folder = draw_again(options.results, options.output, comm, watch, animation=options.animation)
     _say(options, comm, f"pictures are in {folder}")
-    return 0
 
 
-def report(options: Options, comm: Any) -> int:
+def report(options: Options, comm: Any) -> None:
     """Write a report."""
     from ..study.report import write_report
 
     path = on_root(comm, lambda: write_report(options.results, options.output))
     _say(options, comm, f"written: {path}")
-    return 0
 
 
-def info(options: Options, comm: Any) -> int:
+def info(options: Options, comm: Any) -> None:
     """Say what a results file holds."""
     from ..study.revive import described, read_any
 
@@ -143,10 +136,9 @@ def info(options: Options, comm: Any) -> int:
             tell(results.text, end="")
         else:
             _answer(options, comm, results.facts(), described(results))
-    return 0
 
 
-def export(options: Options, comm: Any) -> int:
+def export(options: Options, comm: Any) -> None:
     """Write results in other formats."""
     from ..study.revive import export_results
 
@@ -156,7 +148,6 @@ def export(options: Options, comm: Any) -> int:
     with watch_for(comm, options.quiet) as watch:
         written = export_results(options.results, wanted, options.output, comm, watch)
     _say(options, comm, "\n".join(f"written: {path}" for path in written))
-    return 0
 
 
 def doctor(options: Options, comm: Any) -> int:

@@ -111,7 +111,7 @@ def _guarded(options) -> int:
 
         with warnings.catch_warnings():
             warnings.showwarning = warn
-            return int(getattr(commands, options.command)(options, comm))
+            return int(getattr(commands, options.command)(options, comm) or 0)
     except KeyboardInterrupt:
         return ended("interrupted; the same command goes on where it was", INTERRUPTED)
     except _Terminated:

@@ -136,11 +136,6 @@ class Quantity:
         """In files and tables."""
         return self.about.called
 
-    @property
-    def titled(self) -> str:
-        """Unit as it stands behind a name in the head of a column."""
-        return "" if self.unit == "1" else f" [{self.unit}]"
-
     def of_points(self, rows: bool) -> Quantity:
         """Of rows of a body, which have a direction each: without an axis of x and y and the word u_y."""
         if "xy" in self.dims and self.value.shape[k := self.dims.index("xy")] == 1:

@@ -85,7 +85,7 @@ class Found(Views):
         """What a record says of some of its points and more, but for details that are not named."""
         own = [
             q.among("place", points).annotated(detail=q.name in details)
-            for q in record._presented(lambda about: not about.distributed)
+            for q in record._presented()
             if q.name in details or (q.about.stored and not q.about.detail)
         ]
         parts = {}

@@ -47,8 +47,8 @@ class Views:
         """Records inside this one, alone or in tuples."""
         raise NotImplementedError
 
-    def _presented(self, wanted: Callable[[About], bool]) -> Iterator[Quantity]:
-        """As `quantities`; displacements of rows as the one number that they are."""
+    def _presented(self, wanted: Callable[[About], bool] = lambda about: True) -> Iterator[Quantity]:
+        """As `quantities`, and the directions of points that have one each."""
         yield from self.quantities(wanted)
         if self.point_directions and wanted(DIRECTION):
             names = {"place": tuple(self.point_directions)}
@@ -84,14 +84,14 @@ class Views:
                     for column, entry in zip(single.values(), (name, item, q.unit)):
                         column.append(entry)
                 continue
-            axis = q.dims[0]
+            axis, unit = q.dims[0], "" if q.unit == "1" else f" [{q.unit}]"
             if not len(q.value):
                 continue
             if axis not in found:
                 least = int(axis in FROM_ONE)
                 first = q.names.get(axis, range(least, least + len(q.value)))
                 found[axis] = {} if axis in told and axis not in q.names else {axis: list(first)}
-            found[axis] |= {f"{name}{q.titled}": column for name, column in q.columns()}
+            found[axis] |= {f"{name}{unit}": column for name, column in q.columns()}
         return found
 
     def to_csv(self, path: str) -> list[str]:
@@ -133,7 +133,7 @@ class Views:
 
         found: dict[str, Any] = {}
         names: dict[str, list[str]] = {}
-        for q in self._presented(lambda about: not about.distributed):
+        for q in self._presented():
             names |= {dim: list(entries) for dim, entries in q.names.items()}
             found[q.name] = (q.dims, q.value, {"units": q.unit, "long_name": q.about.text})
         return xarray.Dataset(found, names).set_coords([name for name in self.coordinates if name in found])
@@ -144,7 +144,7 @@ class Views:
         """
         flag("summary", "details", details)
         found: dict[str, Any] = {}
-        for q in self._presented(lambda about: not about.distributed and (details or not about.detail)):
+        for q in self._presented(lambda about: details or not about.detail):
             named = {name: plain(item, math.inf if details else LONGEST) for name, item in q.by_name()}
             found[q.name] = named.get("", named)
         for name, about, part in self.parts():
@@ -161,7 +161,7 @@ class Views:
                 f"<td>{escape(cell)}</td>"
                 for cell in (q.name, _shown(q.value), "" if q.unit == "1" else q.unit, q.about.text)
             )
-            for q in self._presented(lambda about: not (about.distributed or about.detail))
+            for q in self._presented(lambda about: not about.detail)
         ]
         head, table = f"<b>{escape(repr(self))}</b>", f"<table><tr>{'</tr><tr>'.join(lines)}</tr></table>"
         return head + self._picture() + table
