@@ -67,8 +67,8 @@ class Sets(NamedTuple):
     free : (n,) array
         Gaps.
     following : (n,) int8 array
-    swept : (n,) array
-        Forces of Gauss-Seidel.
+    rates : (2, n) array
+        Forces and gaps of all rows a unit of the way of Lemke's method.
     kept : (n,) array
         Gaps before, of tangential rows the slips that they keep.
     landed : (n, 3) array
@@ -95,7 +95,7 @@ class Sets(NamedTuple):
     solved: np.ndarray
     free: np.ndarray
     following: np.ndarray
-    swept: np.ndarray
+    rates: np.ndarray
     kept: np.ndarray
     landed: np.ndarray
     waits: np.ndarray
@@ -135,9 +135,10 @@ def extent_of(rubbing: Rubbing, state: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def rubbing_room(rows: int) -> tuple[np.ndarray, ...]:
     """Room of `Sets` that sets of any step share: from `right` on."""
     following, waits, told = (np.zeros(n, dtype=np.int8) for n in (rows, rows, rows + 1))
-    right, solved, free, swept, kept = (np.empty(n) for n in (rows + 1, *[rows] * 4))
-    seen, landed, aside = np.zeros(MAXIMUM, dtype=np.int64), np.empty((rows, 3)), np.zeros(rows)
-    return right, solved, free, following, swept, kept, landed, waits, told, aside, seen, np.arange(rows)
+    right, solved, free, kept = (np.empty(n) for n in (rows + 1, *[rows] * 3))
+    rates, landed = np.empty((2, rows)), np.empty((rows, 3))
+    seen, aside = np.zeros(MAXIMUM, dtype=np.int64), np.zeros(rows)
+    return right, solved, free, following, rates, kept, landed, waits, told, aside, seen, np.arange(rows)
 
 
 def empty_sets(rows: int) -> Sets:

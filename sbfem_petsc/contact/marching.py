@@ -10,7 +10,6 @@ normal ones, and of the step before their slips count too.
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -20,7 +19,6 @@ from .compiled import compiled_loops, inner_loops, typeof, typeof_impl, types
 from .friction import STICKS
 from .held_rows import NOTHING, Sets, rubbing_room
 from .law import FREE, RowLaws
-from .pivoted_step import pivoted_step
 from .pivoting import add_rows, caught, products
 from .rubbing import Problem, rubbing_forces, smooth_forces
 from .step_data import NEVER, Halving, Marched, StepConstants, StepHistory, StepLoads, StepState
@@ -95,22 +93,7 @@ def march(
     """
     external = loads.external if loads.external.any() else loads.external[:0]
     loads, kept = StepLoads(*map(np.ascontiguousarray, (external, *loads[1:]))), kept or begun(step)
-    total, rubs = Marched(0, 0, 0, 0), step.rubbing.rows.size > 0
-    while True:
-        found = Marched(*_march(step, loads, state, history, *kept))
-        total = Marched(*map(operator.add, total, found))
-        if found.steps == len(history.states) or not rubs:
-            return total
-        # the kernel has left the state alone: to where it ended, over the next step, and on
-        place, behind = slice(found.steps), slice(found.steps, found.steps + 1)
-        _march(step, loads.part(place), state, history.part(place), *kept)
-        if not pivoted_step(step, loads.part(behind), state, history.part(behind, found.taken)):
-            return total
-        total = total._replace(steps=total.steps + 1, taken=total.taken + 1)
-        if found.steps + 1 == len(history.states):
-            return total
-        rest = slice(found.steps + 1, None)
-        loads, history = loads.part(rest), history.part(rest, found.taken + 1)
+    return Marched(*_march(step, loads, state, history, *kept))
 
 
 def begun(step: StepConstants) -> tuple[Room, Address]:
@@ -194,7 +177,7 @@ def _sets(room: Room, level: int) -> Sets:
     of, inverse, known = room.sets, room.inverses[level], room.known[level]
     found = of.sharp, inverse, known, room.members[level], room.places[level], of.right, of.solved, of.free
     return Sets(
-        *found, of.following, of.swept, of.kept, of.landed, of.waits, of.told, of.aside, of.seen, of.every
+        *found, of.following, of.rates, of.kept, of.landed, of.waits, of.told, of.aside, of.seen, of.every
     )
 
 

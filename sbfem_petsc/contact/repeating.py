@@ -7,19 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .compiled import compiled_loops, inner_loops
+from .compiled import compiled_loops
 from .friction import STICKS
 from .law import FREE
-from .marching import Room, _march, _sets, begun, march
-from .pivoted_step import touch
+from .marching import Room, _march, _sets, begun
 from .pivoting import add_rows, caught, products
 from .rubbing import Problem
 from .step_data import StepConstants, StepHistory, StepLoads, StepState
 
 # What a motion has come to; from 0 on the number of a known one.
 UNSOLVED, UNSETTLED, REPEATS = -3, -2, -1
-# To kernels: a step of a period is unsolved, whose contact at t = 0 is not.
-_STOPPED = -4
 
 
 class Patience(NamedTuple):
@@ -79,7 +76,7 @@ def settle(
     known: Known,
     patience: Patience,
 ) -> tuple[int, int, int]:
-    """Repeat a period from a state. Periods that kernels do not solve are taken on the host.
+    """Repeat a period from a state.
 
     Parameters
     ----------
@@ -107,47 +104,39 @@ def settle(
     )
     moving = StepState(*state[:2], np.zeros(pairs), np.zeros(pairs, dtype=np.int8), state[2])
     loads = StepLoads(np.zeros((0, m)), np.ascontiguousarray(free_gap), np.zeros(steps, dtype=np.int8))
-    done = 0
-    while True:
-        until = known, patience, done
-        outcome, done, repeats = _settle(step, loads, moving, until, room, forces_of)
-        if outcome > UNSOLVED:
-            return outcome, done, repeats
-        gap = free_gap[0] + (step.right @ moving.q) @ step.left
-        if outcome == UNSOLVED:  # what kernels have come to in vain is no state before
-            moving.rows[:] = FREE
-        touches = slips and (outcome == _STOPPED or touch(step, gap, moving, stepping.sets))
-        if not touches or march(step, loads, moving, room.history, (stepping, forces_of)).steps < steps:
-            return UNSOLVED, done, 0
-        moving.slip[:], done = room.history.kept, done + 1
+    return _settle(step, loads, moving, (known, patience), room, forces_of)
 
 
-@inner_loops
-def _touch(
+@compiled_loops
+def touch(
     step: StepConstants, free_gap: np.ndarray, state: StepState, room: Room, forces_of: Callable[..., int]
 ) -> bool:
-    """Contact at t = 0, where the modes are and after the slips before; whether it is solved."""
+    """Contact at an instant from which no step leads back, where the modes are, under the free gaps (pairs,),
+    from the slips and states before: forces, states and slips of `state` are written; whether there is a
+    solution.
+    """
     (q, _, force, rows, slip), gap, former = state, room.before.gap, room.after.gap
     pairs, count, m, rank, touches = gap.size, gap.size - slip.size, q.size, room.thin.size, False
     for i in range(pairs):
-        gap[i], force[i] = free_gap[0, i], 0.0
+        gap[i], force[i] = free_gap[i], 0.0
     products(step.right, q, rank, (m, m), room.thin)
     add_rows(step.left, room.sets.every, room.thin, rank, (pairs, pairs), gap)
     for i in range(count):
-        rows[i] = caught(step.laws, i, gap[i])
-        touches |= rows[i] != FREE
         former[i] = 0.0
-    for i in range(count, pairs):
-        rows[i], former[i] = FREE, slip[i - count]
+        if slip.size == 0:
+            rows[i] = caught(step.laws, i, gap[i])
+        touches |= rows[i] != FREE or caught(step.laws, i, gap[i]) != FREE
+    for k in range(slip.size):
+        former[count + k] = slip[k]
     sets = _sets(room, 0)
     if touches:
         sets.members[pairs] = -1
         given = Problem(step.residual, gap, former, step.laws, step.rubbing, rows, sets, force)
         if forces_of(given) < 0:
             return False
-    for i in range(count, pairs):
-        if rows[i] != STICKS:
-            slip[i - count] = sets.free[i] if touches else gap[i]
+    for k in range(slip.size):
+        if rows[count + k] != STICKS:
+            slip[k] = sets.free[count + k] if touches else gap[count + k]
     return True
 
 
@@ -156,15 +145,15 @@ def _settle(
     step: StepConstants,
     loads: StepLoads,
     state: StepState,
-    until: tuple[Known, Patience, int],
+    until: tuple[Known, Patience],
     room: _Repetition,
     forces_of: Callable[..., int],
 ) -> tuple[int, int, int]:
-    """See `settle`; `until` has the periods that are done already."""
-    (q, v, _, _, slip), (known, patience, begin), recent = state, until, room.recent
+    """See `settle`."""
+    (q, v, _, rows, slip), (known, patience), recent = state, until, room.recent
     steps, m, (kept, size) = loads.free_gap.shape[0] - 1, q.size, recent.shape
     change_allowed = (patience.tolerance * known.size) ** 2
-    for done in range(begin, patience.limit + 1):
+    for done in range(patience.limit + 1):
         place = done % kept
         for j in range(m):
             recent[place, j] = known.weights[j] * q[j]
@@ -182,14 +171,16 @@ def _settle(
             for j in range(size):
                 change += (recent[place, j] - recent[other, j]) ** 2
             if change <= change_allowed:
-                return -1, done, n
+                return REPEATS, done, n
         if done == patience.limit:
             break
-        if not _touch(step, loads.free_gap, state, room.steps, forces_of):
-            return -3, done, 0
+        for i in range(rows.size):
+            rows[i] = FREE
+        if not touch(step, loads.free_gap[0], state, room.steps, forces_of):
+            return UNSOLVED, done, 0
         reached, _, _, _ = _march(step, loads, state, room.history, room.steps, forces_of)
         if reached < steps:
-            return -4, done, 0
+            return UNSOLVED, done, 0
         for k in range(slip.size):
             slip[k] = room.history.kept[k]
-    return -2, patience.limit, 0
+    return UNSETTLED, patience.limit, 0

@@ -1,13 +1,16 @@
 """Compiled solve of the contact problem of a step with friction, from the states of the step before.
 
-Exchanges of states, and where sets repeat sweeps of nonsmooth Gauss-Seidel, each row with its tangential one
-exactly under the forces of the others; behind them stands Lemke's method, in `friction_solve`. The inverse of
-a set follows from that of the one before (`held_rows`). What rounding leaves of the gaps is solved for again,
-and where that does not help the inverse is built anew.
+States are exchanged as those of the normal rows are (`complementarity`), each set a linear system that the
+bound's dependence on the pressure makes unsymmetric. Where sets repeat Lemke's method takes over: the problem
+in pressures, friction of either sense and speeds of slip is copositive for every mu >= 0, so that it ends in
+a solution (Stewart and Trinkle 1996) wherever W is positive definite. For large mu there may be several: it
+is then one of them. The inverse of a set follows from that of the one before (`held_rows`). What rounding
+leaves of the gaps is solved for again, and where that does not help the inverse is built anew.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -18,8 +21,10 @@ from .held_rows import MAXIMUM, Rubbing, Sets, follow, pull_of
 from .law import FREE, PRESSED, PULLED, ROUND_OFF, Table
 from .pivoting import Factor, add_rows, caught, contact_forces, products
 
-# Rounding of forces, of the largest. Sweeps of Gauss-Seidel before the next exchanges, and how often.
-ROUNDING, SWEEPS, ROUNDS = 1e-12, 20, 20
+# Rounding of forces, of the largest.
+ROUNDING = 1e-12
+# Way of Lemke's method, relative to all of it, that is rounding.
+_END = 1e-14
 # What may be left of the gaps that are kept, relative to the largest gap without forces or by a row's own
 # force, and how often it is solved for again.
 _LEFT, _REFINED = 1e-13, 4
@@ -56,12 +61,31 @@ class Problem(NamedTuple):
 
 
 @inner_loops
+def _respond(problem: Problem, force: np.ndarray, gap: np.ndarray) -> None:
+    """Add the forces of a set that change its gaps by `sets.right`, and what they do to all gaps."""
+    flexibility, _, _, _, rubbing, state, sets, _ = problem
+    members, solved, n, count = sets.members, sets.solved, state.size, rubbing.beside.size
+    unknowns = members[n]
+    products(sets.inverse, sets.right, unknowns, (unknowns, unknowns), solved)
+    total = unknowns
+    for a in range(unknowns):
+        force[members[a]] += solved[a]
+    for t in range(count, n):
+        pull, normal = pull_of(rubbing, state, t), rubbing.rows[t - count]
+        if pull != 0.0 and sets.place[normal] >= 0:
+            members[total], solved[total] = t, pull * solved[sets.place[normal]]
+            force[t] = pull * force[normal]
+            total += 1
+    add_rows(flexibility, members, solved, total, (n, n), gap)
+
+
+@inner_loops
 def _refined(problem: Problem) -> bool:
     """Forces of a set, and in `sets.free` the gaps of all rows. What rounding leaves of the gaps that are
     kept is solved for again; whether nothing is left.
     """
     flexibility, without, _, laws, rubbing, state, sets, force = problem
-    members, right, free, solved = sets.members, sets.right, sets.free, sets.solved
+    members, right, free = sets.members, sets.right, sets.free
     n, count = without.size, rubbing.beside.size
     unknowns, left = members[n], np.inf
     for i in range(n):
@@ -77,20 +101,7 @@ def _refined(problem: Problem) -> bool:
         if attempt > 0 and not left > _LEFT * size:
             if not sets.sharp or left > 0.5 * last or attempt == _REFINED:
                 return True
-        products(sets.inverse, right, unknowns, (unknowns, unknowns), solved)
-        total = unknowns
-        for a in range(unknowns):
-            force[members[a]] += solved[a]
-        for t in range(count, n):
-            pull = pull_of(rubbing, state, t)
-            if pull != 0.0:
-                normal = rubbing.rows[t - count]
-                if sets.place[normal] < 0:
-                    continue
-                members[total], solved[total] = t, pull * solved[sets.place[normal]]
-                force[t] = pull * force[normal]
-                total += 1
-        add_rows(flexibility, members, solved, total, (n, n), free)
+        _respond(problem, force, free)
     return False
 
 
@@ -146,29 +157,6 @@ def _normal(problem: Problem, row: int) -> int:
 
 
 @inner_loops
-def _alone(problem: Problem, rows: tuple[int, int], rest: tuple[float, float]) -> int:
-    """Pressure and friction, the first entries of `sets.right`, of a pair of rows whose gap and change of
-    slip are `rest` without them; the state of the second.
-    """
-    flexibility, rubbing, right, (i, t) = problem.flexibility, problem.rubbing, problem.sets.right, rows
-    kinetic, static = rubbing.kinetic[t - rubbing.beside.size], rubbing.static[t - rubbing.beside.size]
-    if rest[0] >= 0.0:
-        right[0], right[1] = 0.0, 0.0
-        return FREE
-    a, b, d = flexibility[i, i], flexibility[i, t], flexibility[t, t]
-    determinant = a * d - b * b
-    pressure, along = b * rest[1] - d * rest[0], b * rest[0] - a * rest[1]
-    if determinant > 0.0 and abs(along) <= static * pressure:
-        right[0], right[1] = pressure / determinant, along / determinant
-        return STICKS
-    pull = kinetic if along > 0.0 else -kinetic
-    # beyond the coefficient that a pair alone has one solution for, as if its rows were independent
-    right[0] = -rest[0] / max(a + pull * b, 0.1 * a)
-    right[1] = pull * right[0]
-    return ALONG if along > 0.0 else AGAINST
-
-
-@inner_loops
 def _tangential(problem: Problem, row: int) -> int:
     """State that a tangential row goes on to: of a pair that closes what it would be in alone, but that where
     friction falls as a slip begins it has not begun to. What both sticking and slipping meet by rounding
@@ -181,9 +169,13 @@ def _tangential(problem: Problem, row: int) -> int:
         return FREE
     moved = sets.free[row] - sets.kept[row]
     if now == FREE:
-        if rubbing.static[number] > rubbing.kinetic[number]:
+        flexibility, gap = problem.flexibility, sets.free[normal]
+        pressure = flexibility[normal, row] * moved - flexibility[row, row] * gap
+        along = flexibility[normal, row] * gap - flexibility[normal, normal] * moved
+        falls = rubbing.static[number] > rubbing.kinetic[number]
+        if falls or gap >= 0.0 or abs(along) <= rubbing.static[number] * pressure:
             return STICKS
-        return max(_alone(problem, (normal, row), (sets.free[normal], moved)), STICKS)
+        return ALONG if along > 0.0 else AGAINST
     if now == STICKS:
         bound = rubbing.static[number] * max(force[normal], 0.0) + sets.right[sets.right.size - 1]
         if abs(force[row]) <= bound:
@@ -223,38 +215,100 @@ def _repeats(state: np.ndarray, seen: np.ndarray, done: int) -> bool:
     return False
 
 
+# ---------------------------------------------------------------------- Lemke's method
 @inner_loops
-def _sweep(problem: Problem) -> None:
-    """Go over all rows once, each with its tangential one exactly under the forces of the others; `sets.free`
-    are the gaps under the forces `sets.swept`.
+def _apart(problem: Problem, row: int) -> float:
+    """By how much a normal row's faces stand further apart a unit of the way, m: by no two rows alike."""
+    laws = problem.laws
+    if laws.least[FREE, row] > laws.most[FREE, row]:
+        return 0.0
+    return math.sqrt(problem.flexibility[row, row]) * (1.0 + 0.6180339887 * row % 1.0)
+
+
+@inner_loops
+def _slack(
+    problem: Problem, place: tuple[int, int], of: tuple[np.ndarray, np.ndarray], parts: tuple[float, float]
+) -> float:
+    """What is left of a row to the first or second bound of its state, infinite where it has none, under
+    `parts` of what holds without a way and of a unit of it, for forces and gaps of these.
     """
-    flexibility, _, _, laws, rubbing, state, sets, _ = problem
-    free, swept = sets.free, sets.swept
-    n, count = free.size, rubbing.beside.size
-    for i in range(count):
-        if not flexibility[i, i] > 0.0 or sets.waits[i] != 0:
-            continue
-        t, more = rubbing.beside[i], 0.0
-        if t >= 0 and rubbing.static[t - count] > 0.0:
-            first = free[i] - flexibility[i, i] * swept[i] - flexibility[i, t] * swept[t]
-            second = free[t] - flexibility[i, t] * swept[i] - flexibility[t, t] * swept[t] - sets.kept[t]
-            state[t] = _alone(problem, (i, t), (first, second))
-            state[i] = FREE if state[t] == FREE else PRESSED
-            pressure, more = sets.right[0], sets.right[1] - swept[t]
-            swept[t] = sets.right[1]
-        else:
-            rest = free[i] - flexibility[i, i] * swept[i]
-            state[i] = caught(laws, i, rest)
-            pressure = 0.0
-            if state[i] == PRESSED or state[i] == PULLED:
-                pressure = (laws.place[state[i], i] - rest) / flexibility[i, i]
-        change = pressure - swept[i]
-        swept[i] = pressure
-        for j in range(n):
-            free[j] += change * flexibility[i, j]
-        if more != 0.0:
-            for j in range(n):
-                free[j] += more * flexibility[t, j]
+    laws, rubbing, state, sets = problem.laws, problem.rubbing, problem.state, problem.sets
+    (row, side), (force, gap), (fixed, way) = place, of, parts
+    count, now, sense = rubbing.beside.size, state[row], 1.0 - 2.0 * side
+    if row < count:
+        bound = laws.least[now, row] if side == 0 else laws.most[now, row]
+        if abs(bound) == np.inf or sets.waits[row] != 0 or not problem.flexibility[row, row] > 0.0:
+            return np.inf
+        if now != FREE:
+            return sense * (force[row] - fixed * bound)
+        return sense * (gap[row] - fixed * bound) + way * _apart(problem, row)
+    if now == STICKS:
+        k = row - count
+        return rubbing.kinetic[k] * force[rubbing.rows[k]] - sense * force[row]
+    if now != (ALONG if side == 0 else AGAINST):
+        return np.inf
+    return -sense * (gap[row] - fixed * sets.kept[row])
+
+
+@inner_loops
+def _enter(problem: Problem, place: tuple[int, int], way: float) -> None:
+    """Let a row go over to what is beyond a bound; one that closes slips on."""
+    rubbing, state, sets, (row, side) = problem.rubbing, problem.state, problem.sets, place
+    count = rubbing.beside.size
+    if row >= count:
+        state[row] = (ALONG if side == 0 else AGAINST) if state[row] == STICKS else STICKS
+        return
+    state[row] = FREE if state[row] != FREE else (PRESSED if side == 0 else PULLED)
+    t = rubbing.beside[row]
+    if t >= 0 and rubbing.static[t - count] > 0.0:
+        moved = sets.free[t] + way * sets.rates[1, t] - sets.kept[t]
+        state[t] = FREE if state[row] == FREE else (AGAINST if moved > 0.0 else ALONG)
+
+
+@inner_loops
+def _bound(problem: Problem, sense: float) -> tuple[float, int, int]:
+    """Where on a way of this sense the next bound is met, and by which row: -1 of none."""
+    sets, rates = problem.sets, (problem.sets.rates[0], problem.sets.rates[1])
+    best, row, side = np.inf, -1, 0
+    for i in range(problem.state.size):
+        for s in range(2):
+            left = _slack(problem, (i, s), (problem.force, sets.free), (1.0, 0.0))
+            rate = _slack(problem, (i, s), rates, (0.0, 1.0)) if left < np.inf else 0.0
+            if sense * rate < 0.0 and -sense * left / rate < best:
+                best, row, side = -sense * left / rate, i, s
+    return sense * best, row, side
+
+
+@inner_loops
+def lemke(problem: Problem) -> bool:
+    """States of a solution by Lemke's method; whether it ends. From faces so far apart that none touch it
+    follows the solutions as they come together, row by row; where that turns about, they part for a while.
+    """
+    laws, state, sets = problem.laws, problem.state, problem.sets
+    n, count, rates = state.size, problem.rubbing.beside.size, sets.rates
+    sense, row, side, whole = -1.0, -1, 0, 0.0
+    for i in range(n):
+        held = i < count and laws.least[FREE, i] > laws.most[FREE, i] and problem.flexibility[i, i] > 0.0
+        state[i] = PRESSED if held else FREE
+    for _ in range(100 + 50 * n):
+        if not _solve(problem):
+            return False
+        for a in range(sets.members[n]):
+            i, sets.right[a] = sets.members[a], 0.0
+            if i < count:
+                sets.right[a] = _apart(problem, i) * (1.0 if state[i] == PULLED else -1.0)
+        for i in range(n):
+            rates[0, i], rates[1, i] = 0.0, 0.0
+        _respond(problem, rates[0], rates[1])
+        if row >= 0:
+            into = _slack(problem, (row, side), (rates[0], rates[1]), (0.0, 1.0))
+            sense = 1.0 if into > 0.0 else -1.0
+        way, row, side = _bound(problem, sense)
+        whole = max(whole, way)
+        if row < 0 or not way > _END * whole:
+            return sense < 0.0
+        _enter(problem, (row, side), way)
+    return False
 
 
 @inner_loops
@@ -290,21 +344,13 @@ def _land(problem: Problem) -> int:
 def _settle(problem: Problem) -> int:
     """Forces, gaps and states that fit together; how many exchanges they take, -1 if none are found."""
     flexibility, free, before, laws, rubbing, state, sets, force = problem
-    n, exchanges = free.size, 0
-    slipping = Rubbing(rubbing.rows, rubbing.beside, rubbing.kinetic, rubbing.kinetic)
-    for i in range(n):
-        sets.swept[i] = 0.0
-    for attempt in range(ROUNDS + 1):
+    slipping, exchanges = Rubbing(rubbing.rows, rubbing.beside, rubbing.kinetic, rubbing.kinetic), 0
+    for attempt in range(3):
         # what sticks under what holds a row that slips sticks under more
-        bounds = rubbing if attempt <= ROUNDS // 2 else slipping
+        bounds = slipping if attempt == 1 else rubbing
         bounded = Problem(flexibility, free, before, laws, bounds, state, sets, force)
-        if attempt > 0:
-            for i in range(n):
-                sets.free[i] = free[i]
-                for j in range(n):
-                    sets.free[i] += flexibility[i, j] * sets.swept[j]
-            for _ in range(SWEEPS):
-                _sweep(bounded)
+        if attempt == 2 and not lemke(problem):
+            break
         done = 0
         while done < MAXIMUM and not _repeats(state, sets.seen, done):
             done += 1
@@ -313,6 +359,7 @@ def _settle(problem: Problem) -> int:
             if _exchange(bounded) == 0:
                 return exchanges
             exchanges += 1
+    sets.members[state.size] = -1
     return -1
 
 
@@ -321,25 +368,32 @@ def rubbing_forces(problem: Problem) -> int:
     """Solve a contact problem with friction.
 
     Rows that stick keep their slips of the step before, those that land the slips where they do (of gaps of
-    zero before those of the step before). Rows that stood apart wait until the others have settled.
+    zero before those of the step before). Rows that stood apart wait until the others have settled; where
+    those around a node cannot all be held where they land, all are where they stood.
     `sets.free` is left with gaps and slips, `sets.kept` with the slips that are kept. Returns the exchanges
     of states, -1 if no solution is found.
     """
     _, _, before, laws, rubbing, state, sets, force = problem
-    count, waits, changed, landed = rubbing.beside.size, False, -1, False
+    count, exchanges, changed, waits, landed = rubbing.beside.size, 0, -1, False, False
     for i in range(state.size):
         sets.kept[i] = before[i]
     for i in range(count):
         sets.waits[i] = 1 if state[i] == FREE and before[i] > 0.0 else 0
         waits |= sets.waits[i] != 0
-    exchanges = _settle(problem)
-    if waits and exchanges >= 0:
-        changed = _land(problem)
-    if changed > 0:
+    for stage in range(3):
         more = _settle(problem)
-        exchanges = exchanges + more + 1 if more >= 0 else -1
-    if exchanges < 0:
-        return -1
+        exchanges += max(more, 0) + (stage > 0)
+        if more >= 0:
+            if stage == 0 and waits:
+                changed = _land(problem)
+            if stage > 0 or changed <= 0:
+                break
+        elif stage == 2 or not waits:
+            return -1
+        else:
+            changed = -1
+            for i in range(state.size):
+                sets.kept[i], sets.waits[i] = before[i], 0
     for i in range(count):
         if state[i] != FREE:
             force[i] = min(max(force[i], laws.least[state[i], i]), laws.most[state[i], i])

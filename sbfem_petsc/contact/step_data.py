@@ -80,12 +80,6 @@ class StepLoads(NamedTuple):
     free_gap: np.ndarray
     levels: np.ndarray
 
-    def part(self, steps: slice) -> StepLoads:
-        """Of some steps."""
-        levels = self.levels[steps]
-        ends = slice(steps.start, (steps.start or 0) + len(levels) + 1)
-        return StepLoads(self.external[ends], self.free_gap[ends], levels)
-
 
 class StepState(NamedTuple):
     """A state between two steps, advanced in place.
@@ -145,11 +139,6 @@ class StepHistory(NamedTuple):
     landings: np.ndarray = np.empty((0, 0, 3))
     told: np.ndarray = np.empty((0, 0), dtype=np.int8)
     aside: np.ndarray = np.empty((0, 0))
-
-    def part(self, steps: slice, taken: int = 0) -> StepHistory:
-        """Of some steps, before which so many have been taken."""
-        found = (values[steps] for values in self)
-        return StepHistory(*found)._replace(parts=self.parts[taken:], kept=self.kept)
 
 
 class Marched(NamedTuple):

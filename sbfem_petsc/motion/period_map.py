@@ -20,7 +20,7 @@ from ..contact.closed_sets import exact_contacts, located_contacts
 from ..contact.friction import STICKS
 from ..contact.located_rubbing import located_rubbing
 from ..contact.marching import Address, Room, begun, march
-from ..contact.pivoted_step import touch
+from ..contact.repeating import touch
 from ..contact.rubbing_tangent import LEAST, ROUGH, rubbing_contacts
 from ..contact.step_data import StepConstants, StepHistory, StepLoads, StepState
 from ..contact.tangent import Derivative
@@ -303,9 +303,8 @@ class DrivenPeriod:
         kept = (steps + 1, p.pairs) if len(slip) else (0, 0)
         rows, lost = np.empty(kept, dtype=np.int8), np.empty(max(kept[0] - 1, 0))
         begin = StepState(q, v, forces[0].copy(), former.copy(), slip.copy())
-        gap = self.free_gap[0] + p.left @ (p.right.T @ q)
         room, solves = p.kept(self.constants)
-        reached, touches = 0, touch(self.constants, gap, begin, room.sets)
+        reached, touches = 0, touch(self.constants, self.free_gap[0], begin, room, solves)
         states[0], velocities[0], forces[0] = q, v, begin.force
         rows[:1], left = begin.rows[: rows.shape[1]], np.empty(len(slip))
         landed = np.zeros((len(lost), len(slip), 3)), np.zeros((len(lost), kept[1]), dtype=np.int8)

@@ -13,10 +13,10 @@ from sbfem_petsc.contact import friction_solve
 from sbfem_petsc.contact.compiled import compiled_apart
 from sbfem_petsc.contact.complementarity import Complementarity, solve_complementarity
 from sbfem_petsc.contact.friction import STICKS, Friction, Memory
-from sbfem_petsc.contact.friction_solve import pivoted, solve_friction
+from sbfem_petsc.contact.friction_solve import solve_friction
 from sbfem_petsc.contact.held_rows import empty_sets, rubbing_of
 from sbfem_petsc.contact.law import FREE, RowLaws
-from sbfem_petsc.contact.rubbing import Problem, _sweep
+from sbfem_petsc.contact.rubbing import Problem, lemke
 from tests.validation.contact_cases import ray
 
 SIDE = 0.1
@@ -29,6 +29,20 @@ def problem(rng, count, most):
     root = rng.normal(size=(2 * count, 2 * count + rng.integers(0, 3)))
     coefficients = rng.uniform(0.0, most, count)
     return 1e-9 * root @ root.T, Friction(np.arange(count), coefficients, coefficients)
+
+
+@compiled_apart
+def by_lemke(problem):
+    return lemke(problem)
+
+
+def states_of_lemke(flexibility, free, laws, friction):
+    """After slips of zero."""
+    count, sets, state = len(laws), empty_sets(len(free)), np.zeros(len(free), dtype=np.int8)
+    sets.kept[:] = 0.0
+    rubbing, force = rubbing_of(friction, flexibility, count), np.zeros(len(free))
+    assert by_lemke(Problem(flexibility, free, sets.kept, laws.table, rubbing, state, sets, force))
+    return state
 
 
 def check(flexibility, free, friction, memory, found):
@@ -165,8 +179,7 @@ def test_rows_of_other_laws_beside_those_that_rub(each, draws):
     for _ in range(draws):
         root = rng.normal(size=(total, total + (friction.kinetic.max() < 2.0)))
         flexibility, free = 1e-9 * root @ root.T, 1e-6 * rng.normal(size=total)
-        given = laws, rubbing_of(friction, flexibility, count), memory.slip, np.zeros(count, dtype=bool)
-        states = pivoted(flexibility, free, *given)
+        states = states_of_lemke(flexibility, free, laws, friction)
         begun = memory._replace(normal=states[:count], tangential=states[count:])
         lemke = solve_friction(flexibility, free, laws, friction, begun)
         force, own_rows = lemke.force, Complementarity(lemke.force[own], lemke.gap[own], lemke.state[own], 1)
@@ -192,8 +205,7 @@ def test_states_of_lemkes_method(most):
         count = int(rng.integers(1, 4))
         flexibility, friction = problem(rng, count, most)
         laws, free = RowLaws.unilateral(count), 1e-6 * rng.normal(size=2 * count)
-        memory, rubbing = Memory.none(laws, friction), rubbing_of(friction, flexibility, count)
-        state = pivoted(flexibility, free, laws, rubbing, memory.slip, np.zeros(count, dtype=bool))
+        memory, state = Memory.none(laws, friction), states_of_lemke(flexibility, free, laws, friction)
         begun = memory._replace(normal=state[:count], tangential=state[count:])
         found = solve_friction(flexibility, free, laws, friction, begun)
         assert found.iterations == 1 and (found.state == state).all()
@@ -307,29 +319,36 @@ def test_rows_that_hardly_rub_are_rows_that_do_not():
     assert landed > 50, landed
 
 
-@compiled_apart
-def swept(problem, times):
+def swept(flexibility, free, friction, slip, times):
+    """Forces by nonsmooth Gauss-Seidel: each pair of rows exactly under the forces of others."""
+    count, force = len(slip), np.zeros(len(free))
     for _ in range(times):
-        _sweep(problem)
+        for i in range(count):
+            pair = [i, count + i]
+            own = flexibility[np.ix_(pair, pair)]
+            rest = (free + flexibility @ force)[pair] - own @ force[pair] - [0.0, slip[i]]
+            mu, found = friction.kinetic[i], np.linalg.solve(own, -rest)
+            if abs(found[1]) > mu * found[0]:
+                pull = np.sign(own[0, 1] * rest[0] - own[0, 0] * rest[1]) * mu
+                found = -rest[0] / (own[0, 0] + pull * own[0, 1]) * np.array([1.0, pull])
+            force[pair] = found if rest[0] < 0.0 else 0.0
+    return force
 
 
-def test_sweeps_alone_settle_on_the_solution():
-    """Gauss-Seidel, which leads exchanges of states out of a circle, of rows with friction and without."""
+def test_sweeps_settle_on_the_solution():
+    """Gauss-Seidel as another method, of rows with friction and without."""
     rng = np.random.default_rng(4)
     for _ in range(30):
         count = int(rng.integers(1, 6))
         flexibility, friction = problem(rng, count, 0.5)
         flexibility += 1e-9 * count * np.eye(2 * count)
         friction.kinetic[count // 2 + 1 :] = 0.0  # static is the same array
-        laws, free, sets = RowLaws.unilateral(count), 1e-6 * rng.normal(size=2 * count), empty_sets(2 * count)
-        slip, state = 1e-7 * rng.normal(size=count), np.zeros(2 * count, dtype=np.int8)
-        sets.swept[:], sets.free[:] = 0.0, free
-        sets.kept[:] = np.append(np.zeros(count), slip)
-        rubbing = rubbing_of(friction, flexibility, count)
-        swept(Problem(flexibility, free, sets.kept, laws.table, rubbing, state, sets, sets.swept), 300)
-        found = Complementarity(sets.swept, sets.free, state, 300)
-        check(flexibility, free, friction, Memory.none(laws, friction)._replace(slip=slip), found)
-        assert found.gap == pytest.approx(flexibility @ found.force + free, rel=1e-9, abs=1e-18)
+        laws, free = RowLaws.unilateral(count), 1e-6 * rng.normal(size=2 * count)
+        memory = Memory.none(laws, friction)._replace(slip=1e-7 * rng.normal(size=count))
+        found = solve_friction(flexibility, free, laws, friction, memory)
+        check(flexibility, free, friction, memory, found)
+        expected = swept(flexibility, free, friction, memory.slip, 300)
+        assert found.force == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
 
 
 def test_static_coefficient():
