@@ -62,7 +62,8 @@ class Options(BaseModel):
     @classmethod
     def _told(cls, place: Place, faults: list[Any], values: Any) -> InitErrorDetails:
         """What is wrong at a place."""
-        fault, kind = faults[0], faults[0]["type"]
+        fault = next((one for one in faults if one["type"] == "told"), faults[0])
+        kind = fault["type"]
         if not place:  # no options at all, which is told where they should be
             return {"type": kind, "loc": (), "input": fault["input"], "ctx": fault.get("ctx", {})}
         if kind == "told":

@@ -90,8 +90,8 @@ WRONG = [
     ("count = 5", "band = 100.0", "analyses.frequencies.band", "must be an array"),
     ("[[geometry.notches]]", "[geometry.notches]", "geometry.notches", "must be an array"),
     ("damping = 0.01", 'rayleigh = "low"', "model.rayleigh", "an array, [...] or a table"),
-    ("fy = 200.0", 'fy = "200 N"', "loads.push.fy = '200 N'", "must be a number, in N"),
-    ("fy = 200.0", "fy = [200.0]", "loads.push.fy", "must be a number, in N"),
+    ("fy = 200.0", 'fy = "200 N"', "loads.push.fy = '200 N'", "must be a number or a table, in N"),
+    ("fy = 200.0", "fy = [200.0]", "loads.push.fy", "must be a number or a table, in N"),
     ('title = "small"', "title = 3", "title = 3", "must be a text"),
     # a kind that is called as one of its keys is
     (
@@ -177,7 +177,7 @@ WRONG = [
         "model.rayleigh.high_ratio",
         "must be from 0.005 to 0.02",
     ),
-    ("damping = 0.01", "rayleigh = [-1.0, 0.0]", "model.rayleigh[0]", "must not be negative"),
+    ("damping = 0.01", "rayleigh = [-1.0, 0.0]", "model.rayleigh[0] = -1.0", "must be at least 0"),
     (
         "damping = 0.01",
         "rayleigh = { low = 9.0, low_ratio = 0.01, high = 2.0, high_ratio = 0.01 }",
@@ -490,7 +490,8 @@ ON_THE_MESH = [
     ),
     ("[mesh]", "[points]\nP = [0.5, 0.5]\n[mesh]", "points.P", "move it inside"),
     ("[material]", "[materials.steel]", "materials.steel", "is no region of the mesh; valid are 'material'"),
-    ("order = 3", "order = 3\nsize = 1e-9", "geometry", "size"),
+    ("[mesh]", "[points]\nA = [0.02, 0.005]\n[mesh]", "points.A", "choose another"),
+    ("order = 3", "order = 3\nsize = 1e-9", "mesh.size", "is below 2 %"),
 ]
 
 

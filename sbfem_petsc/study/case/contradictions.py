@@ -22,7 +22,6 @@ def contradictions(case: Any) -> list[Problem]:
         ]
     return [
         *(_geometry(case) if case.body is None else _body(case)),
-        *(_model(case) if case.body is None else ()),
         *_loads(case),
         *(
             Problem((*path, *problem.path), problem.text)
@@ -52,6 +51,12 @@ def _geometry(case: Any) -> Iterator[Problem]:
         )
     if case.material is None and not case.materials:
         yield Problem(("material",), "is missing; add [material] with young, poisson and density")
+    if case.model.clamped is None and not case.model.supports and kind != "beam":
+        yield Problem(
+            ("model", "clamped"),
+            f"is missing, which only a beam has a default for; name an edge set of the {kind}, or write "
+            "clamped = [] for a free structure",
+        )
 
 
 # What a body has not: tables, and keys of [model].
@@ -68,15 +73,6 @@ def _body(case: Any) -> Iterator[Problem]:
     for path, name, _ in case.named_places():
         if name not in case.body.points:
             yield Problem(path, f"= {name!r} is no point of the body; {one_of(case.body.points, name)}")
-
-
-def _model(case: Any) -> Iterator[Problem]:
-    if case.model.clamped is None and not case.model.supports and case.geometry.kind != "beam":
-        yield Problem(
-            ("model", "clamped"),
-            f"is missing, which only a beam has a default for; name an edge set of the {case.geometry.kind}, "
-            "or write clamped = [] for a free structure",
-        )
 
 
 def _loads(case: Any) -> Iterator[Problem]:

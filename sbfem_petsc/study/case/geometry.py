@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
@@ -14,7 +13,7 @@ from meshing.gmsh import reader
 from ... import damping
 from ...options import Pair, item
 from .parts import CrackLine, Hole, Isotropic, Law, Notch, Orthotropic, Support
-from .tables import AnyNames, Name, Problem, Table, by_kind
+from .tables import AnyNames, Name, Table, by_kind
 
 
 class _Geometry(Table):
@@ -117,6 +116,9 @@ Material: Any = by_kind(Isotropic, Orthotropic, default="isotropic")
 Ratio = Annotated[float, Field(ge=0, lt=1)]
 
 
+Factors = Annotated[list[Annotated[float, Field(ge=0)]], Field(min_length=2, max_length=2)]
+
+
 class RayleighBand(Table):
     """Rayleigh damping by its ratios at two frequencies."""
 
@@ -152,16 +154,10 @@ class ModelTable(Table):
         text="modal damping ratio of every dynamic analysis, from 0 to below 1; an array: of the lowest "
         "modes, the last one for all further modes; a table: by frequency, { points }",
     )
-    rayleigh: Pair | RayleighBand | None = item(
+    rayleigh: Factors | RayleighBand | None = item(
         None, text="[a, b] of a damping matrix a M + b K (1/s and s), or { low, low_ratio, high, high_ratio }"
     )
     thickness: float = item(1.0, text="thickness", unit="m", gt=0)
     continued_fraction: int = item(
         1, text="terms of the continued fraction for the inertia of S-elements", ge=0, le=20
     )
-
-    def problems(self) -> Iterator[Problem]:
-        """Damping factors below zero."""
-        for k, value in enumerate(self.rayleigh if isinstance(self.rayleigh, list) else ()):
-            if value < 0.0:
-                yield Problem(("rayleigh", k), f"= {value:g} must not be negative")

@@ -23,7 +23,8 @@ from .tables import Path, Table
 def located(case: Any, *path: str | int) -> Iterator[None]:
     """Errors of user input within become a `CaseError` at a path of the case.
 
-    The path is continued by a key, or by the number of a notch or hole, that the sentence begins with.
+    The path is continued by a key, or by the number of a notch or hole, that the sentence begins with; one
+    that begins with a point, or a key of [mesh], is of that.
     """
     try:
         yield
@@ -36,17 +37,14 @@ def located(case: Any, *path: str | int) -> Iterator[None]:
 
 
 def _continued(case: Any, path: Path, text: str) -> Path:
-    part = re.match(r"(notch|hole|crack) (\d+)\b(?:: (\w+))?", text)
-    if part is not None:
-        tables = {"notch": "notches", "hole": "holes", "crack": "cracks"}
-        longer: Path = (*path, tables[part[1]], int(part[2]) - 1)
-        for found in ((*longer, part[3]), longer):
-            if found in case.lines:
-                return found
-    key = re.match(r"\w+: (\w+)\b", text)
-    if key is not None and (*path, key[1]) in case.lines:
-        return (*path, key[1])
-    return path
+    point = next((name for name in case.tables.points if text.startswith(f"point {name!r}")), None)
+    if point is not None:
+        return "points", point
+    part: Any = re.match(r"(?:(notch|hole|crack) (\d+)|(\w*))(?:: (\w+))?", text)
+    tables = {"notch": "notches", "hole": "holes", "crack": "cracks"}
+    owner = (*path, tables[part[1]], int(part[2]) - 1) if part[1] else path
+    places = (*owner, part[4]), (part[3], part[4]), owner
+    return next((found for found in places if found in case.lines), path)
 
 
 def made(case: Any, value: Any, *path: str | int, **given: Any) -> Any:
@@ -92,13 +90,10 @@ def mesh(case: Any) -> BoundaryMesh:
         found = made(case, geometry, "geometry", "file", **options)
     else:
         body = made(case, geometry, "geometry")
-        points = {name: (x, y) for name, (x, y) in tables.points.items()}
-        for name in points:
-            with located(case, "points", name):
-                if hasattr(body, "check_point"):
-                    body.check_point(name, points[name])
+        if tables.points:
+            options["points"] = {name: (x, y) for name, (x, y) in tables.points.items()}
         with located(case, "geometry"):
-            found = body.mesh(**options, **({"points": points} if points else {}))
+            found = body.mesh(**options)
     _check_names(case, found)
     return found
 

@@ -66,7 +66,7 @@ SIGNALS = (
     table_of(signal.Constant, "ConstantSignal", "constant", "a constant, a preload"),
     SampledSignal,
 )
-Component: Any = by_kind(*SIGNALS, number=True)
+Component: Any = float | by_kind(*SIGNALS)
 
 
 class _Load(Table):

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import AfterValidator, Field, ValidationError
 
 from ... import options
 from ...options import item, one_of
@@ -19,17 +19,16 @@ from .tables import Names, Path, Problem, Table
 
 # Most values of a range, and rows of a sweep.
 MOST = 1_000_000
-_PART = re.compile(r'(?:^|\.)(?:"([^"]*)"|([A-Za-z0-9_-]+))|\[(\d+)\]')
+_KEY = r'"([^"]*)"|([A-Za-z0-9_-]+)'
+_PART = re.compile(rf"{_KEY}|\[(\d+)\]")
+_NAME = re.compile(rf"(?:{_KEY})(?:\.(?:{_KEY})|\[\d+\])*")
 # Tables that decide over mesh, model and reduction.
 STRUCTURE = ("geometry", "body", "mesh", "points", "material", "materials", "model")
 # Keys that say in words what they are, with their owner in the place of {}; and entries of arrays.
 _WORDS = {
-    "fx": "force of {} along x",
-    "fy": "force of {} along y",
-    "tx": "traction of {} along x",
-    "ty": "traction of {} along y",
-    "ax": "acceleration of {} along x",
-    "ay": "acceleration of {} along y",
+    **{f"f{axis}": f"force of {{}} along {axis}" for axis in "xy"},
+    **{f"t{axis}": f"traction of {{}} along {axis}" for axis in "xy"},
+    **{f"a{axis}": f"acceleration of {{}} along {axis}" for axis in "xyz"},
     "young": "Young's modulus of {}",
     "poisson": "Poisson's ratio of {}",
 }
@@ -63,7 +62,26 @@ class Grid(Range):
     count: int = item(text="number of values", ge=1, le=MOST)
 
 
+def parsed(name: str) -> Path:
+    """Path of a name such as "geometry.notches[0].depth".
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    if not _NAME.fullmatch(name):
+        raise ValueError("is no path into the case; write it as in geometry.notches[0].depth")
+    return tuple(int(number) if number else quoted or bare for quoted, bare, number in _PART.findall(name))
+
+
+def _key(name: str) -> str:
+    parsed(name)
+    return name
+
+
 Values = Annotated[list[int | float | bool | str], Field(min_length=1)] | Range
+Key = Annotated[str, AfterValidator(_key)]
 Times = Annotated[list[float], Field(min_length=1)] | Grid
 
 
@@ -88,7 +106,7 @@ class Noise(Table):
 class SweepTable(Table):
     """The analyses of the case for many values of its keys."""
 
-    parameters: Annotated[dict[str, Values], Field(min_length=1)] = item(
+    parameters: Annotated[dict[Key, Values], Field(min_length=1)] = item(
         text='values of each key that varies, "geometry.notches[0].depth" = [...] or { start, stop, count }'
     )
     method: Literal["grid", "list", "latin_hypercube"] = item(
@@ -97,7 +115,7 @@ class SweepTable(Table):
     samples: int | None = item(None, text="number of Latin hypercube samples", ge=1, le=MOST)
     seed: int = item(0, text="seed of the samples", ge=0)
     analyses: Names | None = item(None, text="analyses that are run in each row; default: all")
-    healthy: dict[str, Any] | None = item(
+    healthy: dict[Key, Any] | None = item(
         None,
         text="keys of the structure that frequency shifts are relative to; default: without notches and "
         "cracks",
@@ -158,26 +176,6 @@ class SweepTable(Table):
         columns = [grid(values) for values in self.parameters.values()]
         chosen = zip(*columns) if self.method == "list" else itertools.product(*columns)
         return [dict(zip(names, row)) for row in chosen]
-
-
-def parsed(name: str) -> Path:
-    """Path of a name such as "geometry.notches[0].depth".
-
-    Raises
-    ------
-    ValueError
-        If it is none.
-    """
-    path: list[str | int] = []
-    at = 0
-    for found in _PART.finditer(name):
-        if found.start() != at:
-            break
-        at = found.end()
-        path.append(int(found[3]) if found[3] is not None else found[1] if found[1] is not None else found[2])
-    if at != len(name) or not path or isinstance(path[0], int) or name.startswith("."):
-        raise ValueError("is no path into the case; write it as in geometry.notches[0].depth")
-    return tuple(path)
 
 
 def replaced_in(data: dict[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -243,11 +241,6 @@ def parameter_problems(data: dict[str, Any], sweep: SweepTable, tables: Any) -> 
             except ValueError as error:
                 yield Problem(here, str(error))
                 break
-    for name in sweep.healthy or {}:
-        try:
-            parsed(name)
-        except ValueError as error:
-            yield Problem(("sweep", "healthy", name), str(error))
 
 
 def unit_of(tables: Any, name: str) -> str:

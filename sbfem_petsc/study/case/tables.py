@@ -14,10 +14,9 @@ from pydantic import (
     AfterValidator,
     BaseModel,
     BeforeValidator,
-    Discriminator,
     Field,
-    Tag,
     ValidationError,
+    WrapValidator,
     create_model,
 )
 
@@ -62,12 +61,8 @@ class Table(Options):
     def problems(self) -> Iterator[Problem]:
         """What single keys cannot tell, at paths within the table."""
         yield from (Problem((key,) if key else (), text) for key, text in self.contradictions())
-        entries = (one for _, value in self for one in (value if isinstance(value, list) else [value]))
-        if (
-            self.made is None
-            or "file" in type(self).model_fields
-            or any(isinstance(e, Table) for e in entries)
-        ):
+        tables = [one for _, one in within(self) if isinstance(one, Table)]
+        if self.made is None or "file" in type(self).model_fields or len(tables) > 1:
             return
         try:
             type(self).made(**self.arguments())
@@ -170,35 +165,24 @@ def table_of(
     return table
 
 
-def by_kind(*tables: type[Table], number: bool = False, default: str | None = None) -> Any:
-    """Union of tables told apart by their key `kind`, the default where that is left out, and of numbers
-    where these may stand for one.
-    """
-    names = [kind_name(table) for table in tables]
-    # no marks that keys of tables are called as, as some kinds are
-    members: list[Any] = [Annotated[table, Tag(f"kind {name}")] for table, name in zip(tables, names)]
-    if number:
-        members.insert(0, Annotated[float, Tag("kind number")])
+def by_kind(*tables: type[Table], default: str | None = None) -> Any:
+    """Union of tables told apart by their key `kind`, the default where that is left out."""
+    known = {kind_name(table): table for table in tables}
+    names = list(known)
 
-    def mark(value: Any) -> str:
-        kind = value.get("kind", default) if isinstance(value, dict) else getattr(value, "kind", "number")
-        return f"kind {kind}"
-
-    def known(value: Any) -> Any:
-        table = isinstance(value, dict)
-        kind = value.get("kind", default) if table else None
-        if table and kind is None:
+    def chosen(value: Any, check: Any) -> Any:
+        if not isinstance(value, dict):
+            return check(value)
+        kind = value.get("kind", default)
+        if kind in names:
+            return known[kind].model_validate(value)
+        fault = told(("kind",), f"= {Table.spelt(kind)} is unknown; {one_of(names, kind)}")
+        if kind is None:
             fault = told((), f"has no kind; {one_of(names)}")
-        elif table and kind not in names:
-            fault = told(("kind",), f"= {Table.spelt(kind)} is unknown; {one_of(names, kind)}")
-        elif not (table or number or isinstance(value, tables)):
-            fault = told((), f"= {Table.spelt(value)} must be a table")
-        else:
-            return value
         raise ValidationError.from_exception_data("", [fault])
 
-    union: Any = typing.Union[tuple(members)]  # noqa: UP007 - made at run time
-    return Annotated[union, Discriminator(mark), BeforeValidator(known)]
+    union: Any = typing.Union[tables]  # noqa: UP007 - made at run time
+    return Annotated[union, WrapValidator(chosen)]
 
 
 def kind_name(table: type[BaseModel]) -> str:
