@@ -801,6 +801,11 @@ def test_options_that_rows_of_a_sweep_give():
     )
     case = case_from_text(text + varied)
     assert estimate(case, MPI.COMM_SELF)["sweep"]["rows"] == 2
+    dotted = (
+        (text + varied).replace('["frequencies"]', '["a.b"]').replace("[analyses.freq", '[analyses."a.b"] #')
+    )
+    path = '"analyses.frequencies.count"', "'analyses.\"a.b\".count'"
+    assert case_from_text(dotted.replace(*path)).unvaried == case.unvaried == ["push", "steady", "burst"]
     assert sb.sweep(case, comm=MPI.COMM_SELF).reasons == ["", ""]
     with pytest.raises(CaseError, match="count = 5000 asks for"):
         estimate(case_from_text(text), MPI.COMM_SELF)

@@ -10,21 +10,16 @@ from .. import kinds
 from ..kinds.kind import Kind
 from .tables import by_kind, kind_name
 
-
-def _found() -> dict[str, type[Kind]]:
-    """Kinds by name, of all modules in the folder."""
-    for module in pkgutil.iter_modules(kinds.__path__):
-        importlib.import_module(f"{kinds.__name__}.{module.name}")
-    todo, found = [Kind], {}
-    while todo:
-        kind = todo.pop()
-        todo += kind.__subclasses__()
-        if "kind" in kind.model_fields:
-            found[kind_name(kind)] = kind
-    return dict(sorted(found.items()))
-
-
-KINDS = _found()
+_MODULES = [
+    importlib.import_module(f"{kinds.__name__}.{m.name}") for m in pkgutil.iter_modules(kinds.__path__)
+]
+# Kinds by name, of all modules in the folder.
+KINDS: dict[str, type[Kind]] = {
+    kind_name(own): own
+    for module in _MODULES
+    for own in vars(module).values()
+    if isinstance(own, type) and issubclass(own, Kind) and "kind" in own.model_fields
+}
 
 
 def kind_called(name: str) -> type[Kind]:

@@ -17,7 +17,7 @@ from .case_tables import CaseTables
 from .contradictions import contradictions
 from .locations import parse, read_text
 from .problems import CaseError, from_validation
-from .sweep import STRUCTURE, SweepTable, parameter_problems, replaced_in
+from .sweep import STRUCTURE, SweepTable, parameter_problems, parsed, replaced_in
 from .tables import Path, Problem, within
 
 # Tables on which the results of an analysis depend.
@@ -77,13 +77,10 @@ class Case:
         """Analyses that the sweep, if there is one, changes no key of, nor of their loads: what the case says
         of others stands for nothing in its rows.
         """
-        varied = self.tables.sweep.parameters if self.tables.sweep is not None else ()
-        prefixes = {".".join(key.split(".")[:2]) for key in varied}
-        owners = {
-            name: {f"analyses.{name}", *(f"loads.{load}" for load in kind.loads())}
-            for name, kind in self.tables.analyses.items()
-        }
-        return [name for name, own in owners.items() if not own & prefixes]
+        sweep, analyses = self.tables.sweep, self.tables.analyses
+        varied = {parsed(key)[:2] for key in sweep.parameters} if sweep is not None else set()
+        owned = {name: [("loads", load) for load in kind.loads()] for name, kind in analyses.items()}
+        return [name for name, loads in owned.items() if varied.isdisjoint([("analyses", name), *loads])]
 
     def with_data(self, data: dict[str, Any]) -> Case:
         """The case with other tables, checked again; errors name the lines of this one."""
@@ -120,11 +117,10 @@ class Case:
         # of a row, the sweep's own paths need not lead anywhere any more
         bare = {key: value for key, value in self.data.items() if key != "sweep"}
         try:
-            return self.with_data(replaced_in(bare, values))
-        except CaseError:
-            raise
+            data = replaced_in(bare, values)
         except ValueError as error:
             raise self.problem((), f"{', '.join(values)}: {error}") from None
+        return self.with_data(data)
 
     def named_files(self) -> dict[str, bytes]:
         """Contents of the files that the case names (model, samples), by their names in the case; not those

@@ -113,12 +113,6 @@ def _check_names(case: Any, found: BoundaryMesh) -> None:
         raise case.problem(("materials",), f"has no table for the region {missing[0]!r}; add it")
 
 
-def materials(case: Any) -> Any:
-    """One material, or a dict of them by region."""
-    tables = case.tables
-    return made(case, tables.material, "material") or made(case, tables.materials, "materials")
-
-
 def model(case: Any, comm: Any, found: Any = None) -> sb.Model:
     """The model of a case; the mesh is made on rank 0. Collective.
 
@@ -131,8 +125,11 @@ def model(case: Any, comm: Any, found: Any = None) -> sb.Model:
     """
     body = found if found is not None else sb.on_root(comm, lambda: mesh(case))
     given = _said(case, *type(case.tables.model).model_fields) | {"clamped": case.tables.clamped or None}
+    # one material, or a dict of them by region
+    one, several = case.tables.material, case.tables.materials
+    material = made(case, one, "material") or made(case, several, "materials")
     with located(case, "model"):
-        return sb.Model(body, materials(case), **given, comm=comm)
+        return sb.Model(body, material, **given, comm=comm)
 
 
 def _said(case: Any, *keys: str) -> dict[str, Any]:

@@ -188,13 +188,12 @@ def replaced_in(data: dict[str, Any], values: Mapping[str, Any]) -> dict[str, An
     """
     result = copy.deepcopy(data)
     for name, value in values.items():
-        path = parsed(name)
+        *above, last = path = parsed(name)
         here: Any = result
-        if path[1:]:  # tables that are left out have defaults
+        if above:  # tables that are left out have defaults
             result.setdefault(str(path[0]), {})
-        for k, part in enumerate(path[:-1]):
+        for k, part in enumerate(above):
             here = _entry(here, part, path[: k + 1])
-        last = path[-1]
         if isinstance(last, int) or not isinstance(here, dict):
             _entry(here, last, path)
         here[last] = value
@@ -229,8 +228,7 @@ def parameter_problems(data: dict[str, Any], sweep: SweepTable, tables: Any) -> 
     bare = {key: value for key, value in data.items() if key != "sweep"}
     for name, values in sweep.parameters.items():
         here: Path = ("sweep", "parameters", name)
-        ends = [values.start, values.stop] if isinstance(values, Range) else values
-        for value in ends:
+        for value in [values.start, values.stop] if isinstance(values, Range) else values:
             try:
                 changed = replaced_in(bare, {name: value})
                 tables.model_validate(changed)

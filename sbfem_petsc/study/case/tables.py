@@ -75,13 +75,7 @@ class Table(Options):
 
     def arguments(self) -> dict[str, Any]:
         """Its keys as arguments of `made`."""
-        return {
-            name: [tuple(one) if isinstance(one, list) else one for one in value]
-            if isinstance(value, list)
-            else value
-            for name, value in self
-            if name != "kind"
-        }
+        return {name: value for name, value in self if name != "kind"}
 
 
 def within(value: Any, path: Path = ()) -> Iterator[tuple[Path, Any]]:
