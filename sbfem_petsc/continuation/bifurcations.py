@@ -57,7 +57,7 @@ class Bifurcation(Record):
 
 
 def locate(line: Line) -> list[Bifurcation]:
-    """All bifurcations of a branch that has been gone through, in the order of its points."""
+    """All bifurcations of a branch that has been gone through, in order of arc length."""
     result, turns, counts = [], dict(folds(line)), _outside(line)
     for k in range(1, len(line.points)):
         if k - 1 in turns:
@@ -70,7 +70,14 @@ def locate(line: Line) -> list[Bifurcation]:
                 crossing = _beside(line, k, turns) if turned else _fold_or(crossing, line, k)
             if crossing is not None:
                 result.append(crossing)
-    return result
+    return sorted(result, key=lambda item: _place(line, item))
+
+
+def _place(line: Line, item: Bifurcation) -> float:
+    """In points of a branch, by the way between the two beside it."""
+    begin, end = (line.points[k].state.state for k in (item.after - 1, item.after))
+    chord = end - begin
+    return item.after + float((item.state - begin) @ chord) / max(float(chord @ chord), 1e-300)
 
 
 def _outside(line: Line) -> list[int]:

@@ -134,7 +134,7 @@ def plot_branches(
             continue
         shade, marks = next(shades), marks_of(curve, height, along, up, divisor[name])
         draw_parts(axes, split(x, y, ~curve.unstable, marks), shade, name)
-        for item, (_, *at) in zip(in_order(curve), marks):
+        for item, (_, *at) in zip(curve.bifurcations, marks):
             if every or _decides(curve, item):
                 _mark(axes, at, item.kind, shade)
                 kinds.add(item.kind)
@@ -156,7 +156,7 @@ def marks_of(curve: Branch, height: Height, along: Scale, up: Scale, divisor: fl
     """The bifurcations of a curve for `split`, in order; parameter and height as they are drawn."""
     return [
         (item.after, along(item.own_value), up(height.of(curve.orbit(item)) / divisor))
-        for item in in_order(curve)
+        for item in curve.bifurcations
     ]
 
 
@@ -210,18 +210,6 @@ def split(
     return [(bool(stable[k]), *line[begin : end + 1].T) for k, (begin, end) in zip([0, *changes], spans)]
 
 
-def in_order(curve: Branch) -> list[Bifurcation]:
-    """Bifurcations in order of arc length, also those between the same two points."""
-
-    def place(item: Bifurcation) -> float:
-        chord = curve.states[item.after] - curve.states[item.after - 1]
-        return item.after + float((item.state - curve.states[item.after - 1]) @ chord) / max(
-            float(chord @ chord), 1e-300
-        )
-
-    return sorted(curve.bifurcations, key=place)
-
-
 def smooth(x: np.ndarray, y: np.ndarray, between: int = BETWEEN) -> np.ndarray:
     """(2, m): a curve through some points, with so many lines between two of them: monotone cubics of the arc
     length, without overshoot. Results keep no tangents: points stand so near to each other that these cubics
@@ -260,7 +248,7 @@ def draw_growth(axes: Axes, curve: Branch) -> None:
     turns = bool((np.diff(curve.value)[1:] * np.diff(curve.value)[:-1] < 0.0).any())
     across = Scale(1.0, "point of the curve") if turns else abscissa("plot_multipliers", {"": curve})
     x = across(np.arange(len(largest)) if turns else curve.value)
-    marked = [item for item in in_order(curve) if _decides(curve, item)]
+    marked = [item for item in curve.bifurcations if _decides(curve, item)]
     at = [across(item.after - 0.5 if turns else item.own_value) for item in marked]
     crossings = [
         (item.after, place, 0.0)

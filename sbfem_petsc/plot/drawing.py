@@ -267,8 +267,7 @@ def curves(
 
 def bar(painted: Any, panels: Axes | Sequence[Axes], label: str, **options) -> Any:
     """A colour bar beside one or several panels."""
-    several = [panels] if isinstance(panels, Axes) else panels
-    beside = [axes for axes in several if axes.figure is painted.axes.figure]
+    beside = [axes for axes in each(panels) if axes.figure is painted.axes.figure]
     drawn = painted.axes.figure.colorbar(painted, ax=beside, **options)
     drawn.set_label(label, size=7)
     drawn.ax.tick_params(labelsize=6, which="both")

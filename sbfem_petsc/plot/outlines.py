@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -92,17 +92,16 @@ def _open_faces(model: Model, fields: Collection[Any]) -> list[Piece]:
 
 def loops(pieces: list[Piece]) -> list[list[int]]:
     """Indices of the pieces that follow one another, one list a closed loop."""
-    following: dict[int, list[int]] = {}
+    following: dict[int, list[int]] = defaultdict(list)
     for index, piece in enumerate(pieces):
-        following.setdefault(piece.start, []).append(index)
+        following[piece.start].append(index)
     left, result = set(range(len(pieces))), []
     while left:
-        index = min(left)
-        loop = []
+        index, loop = min(left), list[int]()
         while index in left:
             left.remove(index)
             loop.append(index)
-            index = next((i for i in following.get(pieces[index].end, ()) if i in left), -1)
+            index = next((i for i in following[pieces[index].end] if i in left), -1)
         result.append(loop)
     return result
 

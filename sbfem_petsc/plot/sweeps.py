@@ -137,11 +137,10 @@ def plot_loci(
             f"plot_loci: loci over {', '.join(sorted(names)) or 'nothing'} were given; all of one second "
             "parameter are expected"
         )
-    factor = 1.0 if unit is None else unit
     (axes,) = ax.panels((1, 1), 3.2, 5.0)
     for line in sorted(lines, key=lambda line: KINDS.index(line.kind)):
         colour, dashes = STYLES[line.kind]
-        at = smooth(line.frequency, factor * line.value)
+        at = smooth(line.frequency, (unit or 1.0) * line.value)
         axes.plot(*at, color=colour, linestyle=dashes, linewidth=1.2, label=line.kind)
     axes.set(xlabel="forcing frequency (Hz)", ylabel=label or f"factor on the {names.pop()}")
     legend(axes)
