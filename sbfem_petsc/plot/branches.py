@@ -30,7 +30,7 @@ BETWEEN = 12
 FLAT = 1e-5
 
 Part = tuple[bool, np.ndarray, np.ndarray]
-Mark = tuple[int, float, float]
+Marks = Sequence[tuple[int, float, float]]
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def plot_branches(
     return axes
 
 
-def marks_of(curve: Branch, height: Height, along: Scale, up: Scale, divisor: float = 1.0) -> list[Mark]:
+def marks_of(curve: Branch, height: Height, along: Scale, up: Scale, divisor: float = 1.0) -> Marks:
     """The bifurcations of a curve for `split`, in order; parameter and height as they are drawn."""
     return [
         (item.after, along(item.own_value), up(height.of(curve.orbit(item)) / divisor))
@@ -175,11 +175,7 @@ def name_verdicts(axes: Axes, curves: Iterable[Any]) -> None:
 
 
 def split(
-    value: np.ndarray,
-    height: np.ndarray,
-    stable: np.ndarray,
-    marks: Sequence[Mark] = (),
-    between: int = BETWEEN,
+    value: np.ndarray, height: np.ndarray, stable: np.ndarray, marks: Marks = (), between: int = BETWEEN
 ) -> list[Part]:
     """Stable and unstable parts of a curve, each beginning where the one before it ends.
 

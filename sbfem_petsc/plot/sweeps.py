@@ -69,23 +69,19 @@ def plot_swept(
     shown: list[Branch | SweptResponse] = [*([] if branch is None else [branch]), *sweeps]
     if not shown:
         raise ValueError("plot_swept: swept is empty and there is no branch; give one SweptResponse at least")
-    of = symbol(shown[0], direction, point)
-    up = Scale.of(
-        f"amplitude of ${of}$({place_name(point)})",
-        "m",
-        *(item.amplitude(point, direction) for item in shown),
-    )
+    heights = [item.amplitude(point, direction) for item in shown]  # at a place integrated again
+    of = f"${symbol(shown[0], direction, point)}$({place_name(point)})"
     along = Scale.of("frequency", "Hz", *(item.frequency for item in shown))
+    up = Scale.of(f"amplitude of {of}", "m", *heights)
     (axes,) = ax.panels((1, 1), 3.6)
-    if branch is not None:
-        height = Height(point, direction)
-        marks = marks_of(branch, height, along, up)
-        parts = split(along(branch.value), up(height.of(branch)), ~branch.unstable, marks)
-        draw_parts(axes, parts, BLACK, width=1.3)
-        name_verdicts(axes, [branch])
-    for item in sweeps:
+    for item, height in zip(shown, heights):
+        x, y = along(item.frequency), up(height)
+        if isinstance(item, Branch):
+            marks = marks_of(item, Height(point, direction), along, up)
+            draw_parts(axes, split(x, y, ~item.unstable, marks), BLACK, width=1.3)
+            name_verdicts(axes, [item])
+            continue
         colour, label = (VERMILION, "swept up") if item.upwards else (BLUE, "swept down")
-        x, y = along(item.frequency), up(item.amplitude(point, direction))
         axes.plot(x, y, color=colour, linewidth=0.8, label=label)
         for jump in item.jumps(point, least, direction) if item.tells_jumps else ():
             begin, end = ((along(jump.frequency), up(height)) for height in (jump.before, jump.after))
