@@ -114,10 +114,8 @@ class Case:
         CaseError
             If a path leads nowhere or a value makes no sense there.
         """
-        # of a row, the sweep's own paths need not lead anywhere any more
-        bare = {key: value for key, value in self.data.items() if key != "sweep"}
         try:
-            data = replaced_in(bare, values)
+            data = replaced_in(self.data, values)
         except ValueError as error:
             raise self.problem((), f"{', '.join(values)}: {error}") from None
         return self.with_data(data)

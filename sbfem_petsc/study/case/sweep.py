@@ -128,11 +128,9 @@ class SweepTable(Table):
         """What does not fit the method."""
         latin = self.method == "latin_hypercube"
         if latin and self.samples is None:
-            text = 'is missing; method = "latin_hypercube" needs the number of samples'
-            yield Problem(("samples",), text)
+            yield Problem(("samples",), 'is missing; method = "latin_hypercube" needs the number of samples')
         if not latin and self.samples is not None:
-            text = 'is for method = "latin_hypercube"; leave it out or change method'
-            yield Problem(("samples",), text)
+            yield Problem(("samples",), 'is for method = "latin_hypercube"; leave it out or change method')
         for name, values in self.parameters.items():
             here = ("parameters", name)
             if isinstance(values, list):
@@ -165,28 +163,29 @@ class SweepTable(Table):
 
     def rows(self) -> list[dict[str, Any]]:
         """Values of all parameters, row by row; the last parameter runs fastest in a grid."""
-        names, ranges = list(self.parameters), [v for v in self.parameters.values() if isinstance(v, Range)]
+        ranges = [values for values in self.parameters.values() if isinstance(values, Range)]
         if self.method == "latin_hypercube":
             assert self.samples is not None
             from scipy.stats import qmc  # slow to load, for all commands
 
-            unit = qmc.LatinHypercube(d=len(names), seed=self.seed).random(self.samples)
-            shares = np.stack([values.between(unit[:, k]) for k, values in enumerate(ranges)], axis=1)
-            return [dict(zip(names, row)) for row in shares.tolist()]
-        columns = [grid(values) for values in self.parameters.values()]
-        chosen = zip(*columns) if self.method == "list" else itertools.product(*columns)
-        return [dict(zip(names, row)) for row in chosen]
+            shares = qmc.LatinHypercube(d=len(ranges), seed=self.seed).random(self.samples)
+            columns = [values.between(shares[:, k]).tolist() for k, values in enumerate(ranges)]
+        else:
+            columns = [grid(values) for values in self.parameters.values()]
+        chosen = itertools.product(*columns) if self.method == "grid" else zip(*columns)
+        return [dict(zip(self.parameters, row)) for row in chosen]
 
 
 def replaced_in(data: dict[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """A copy of a case's data with values at dotted paths.
+    """A copy of a case's data with values at dotted paths, without the sweep, whose own paths need not lead
+    anywhere any more.
 
     Raises
     ------
     ValueError
         If the table or array around a path does not exist.
     """
-    result = copy.deepcopy(data)
+    result = {key: copy.deepcopy(value) for key, value in data.items() if key != "sweep"}
     for name, value in values.items():
         *above, last = path = parsed(name)
         here: Any = result
@@ -225,12 +224,11 @@ def parameter_problems(data: dict[str, Any], sweep: SweepTable, tables: Any) -> 
     tables : type
         CaseTables, which the case with these values must be valid as.
     """
-    bare = {key: value for key, value in data.items() if key != "sweep"}
     for name, values in sweep.parameters.items():
         here: Path = ("sweep", "parameters", name)
         for value in [values.start, values.stop] if isinstance(values, Range) else values:
             try:
-                changed = replaced_in(bare, {name: value})
+                changed = replaced_in(data, {name: value})
                 tables.model_validate(changed)
             except ValidationError as error:
                 first = from_validation(error)[0]
