@@ -59,7 +59,6 @@ def mesh(options: Options, comm: Any) -> None:
     """Draw the discretisation, or show it in gmsh's window."""
     from meshing.gmsh.window import show_mesh
 
-    from ..study import pictures
     from ..study.case import objects
 
     case = _case(options, comm)
@@ -68,7 +67,11 @@ def mesh(options: Options, comm: Any) -> None:
         watch.stage("mesh")
         found = on_root(comm, lambda: objects.mesh(case))
         if not options.gui:
-            pictures.draw_mesh(found, path, comm)
+            from ..plot.drawing import save_picture
+            from ..plot.meshes import plot_discretisation
+
+            axes = plot_discretisation(found, comm=comm)
+            on_root(comm, lambda: save_picture(axes, path))
     if options.gui:
         on_root(comm, lambda: show_mesh(found) if found else None)
     else:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 # Entries of the axes that every result has.
-AXES = {"xy": ("x", "y"), "component": ("I", "II"), "side": ("before", "behind")}
+AXES = dict(xy=("x", "y"), component=("I", "II"), side=("before", "behind"), tensor=("xx", "yy", "xy"))
 # Kinds of NumPy's types by the types of fields.
 KINDS = {"bool": "b", "int": "iu", "float": "f", "complex": "c", "str": "U"}
 

@@ -159,7 +159,7 @@ class Views:
         lines = [
             "".join(
                 f"<td>{escape(cell)}</td>"
-                for cell in (q.name, _shown(q.value), "" if q.unit == "1" else q.unit, q.about.text)
+                for cell in (q.name, in_words(q.value), "" if q.unit == "1" else q.unit, q.about.text)
             )
             for q in self._presented(lambda about: not about.detail)
         ]
@@ -193,10 +193,10 @@ def plain(item: Any, longest: float = LONGEST) -> Any:
     return None if isinstance(item, float) and not math.isfinite(item) else item
 
 
-def _shown(item: Any) -> str:
+def in_words(item: Any) -> str:
     """A value in few words, short arrays by their numbers."""
     if isinstance(item, np.ndarray) and item.ndim:
         if item.size > _FEW:
             return f"{' x '.join(map(str, item.shape))} values"
-        return ("; " if item.ndim > 1 or item.dtype.kind == "U" else ", ").join(map(_shown, item))
+        return ("; " if item.ndim > 1 or item.dtype.kind == "U" else ", ").join(map(in_words, item))
     return f"{item:.6g}" if isinstance(item, (float, complex)) else str(item)

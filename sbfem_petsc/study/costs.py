@@ -8,6 +8,8 @@ from typing import Any
 
 # Modes of a reduction, steps of a period, and points of a curve, where a case does not say.
 FEWEST_MODES, STEPS, CURVE_POINTS = 80, 512, 60
+# Bytes of the figures of a row of a sweep.
+ROW = 3e3
 # Directions of contact that the derivative keeps at an instant.
 _DIRECTIONS = 6
 

@@ -19,6 +19,7 @@ from .case.analyses import KINDS
 from .case.case import Case
 from .case.problems import CaseError
 from .case.sweep import structural
+from .costs import ROW
 from .structure import Structure, lines_of
 
 # Bytes: the program and its libraries, on each rank; of N log2 N of N displacement unknowns, statics with a
@@ -27,8 +28,6 @@ _BASE_MEMORY = 260e6
 _STATICS, _MODES = 570.0, 760.0
 # An unknown, auxiliary ones included, of the unreduced model: its matrices.
 _UNREDUCED = 8e3
-# Bytes of the figures of a row of a sweep.
-ROW = 3e3
 
 
 def estimate(case: Case, comm: Any) -> dict[str, Any]:
@@ -42,14 +41,14 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
         facts: dict[str, Any] = {"title": case.tables.title, **structure.facts(), "analyses": {}}
         outer = facts.get("boundary_unknowns", facts["unknowns"])
         structure.check(case, case.unvaried)
-        size, disk = structure.size(case), {}
+        size = structure.size(case)
         for name, kind in case.tables.analyses.items():
             cost, unreduced = kind.cost(size), 0 if getattr(kind, "reduced", True) else facts["unknowns"]
             memory = cost.memory + model_memory(kind.kind, outer, ranks=comm.size, unreduced=unreduced)
             told = {"modes": cost.modes, "steps": cost.steps} if cost.modes else {}
             facts["analyses"][name] = {"kind": kind.kind, "memory": memory, "disk": cost.disk, **told}
-            disk[name] = cost.disk
     facts["memory"] = max(entry["memory"] for entry in facts["analyses"].values())
+    disk = {name: entry["disk"] for name, entry in facts["analyses"].items()}
     facts["disk"] = 2e5 + sum(disk.values())
     if case.tables.sweep is not None:
         table, rows = case.tables.sweep, case.tables.sweep.rows()
@@ -107,18 +106,13 @@ def as_text(case: Case, facts: dict[str, Any]) -> str:
         "  expected (estimates):",
     ]
     for name, entry in {**facts["analyses"], "all": facts}.items():
-        told = f"memory {in_bytes(entry['memory'])}, disk {in_bytes(entry['disk'])}{_taken(entry)}"
+        told = f"memory {in_bytes(entry['memory'])}, disk {in_bytes(entry['disk'])}"
+        if "modes" in entry:
+            told += f", from {entry['modes']} modes and {entry['steps']:,d} steps a period"
         lines.append(f"    {name:18s} {entry.get('kind', ''):18s} {told}")
     if "sweep" in facts:
         found = facts["sweep"]
-        lines.append(
-            f"    sweep              {found['rows']:,d} rows on {found['structures']:,d} structures, "
-            f"disk {in_bytes(found['disk'])}"
-        )
+        told = f"{found['rows']:,d} rows on {found['structures']:,d} structures"
+        lines.append(f"    {'sweep':18s} {told}, disk {in_bytes(found['disk'])}")
         lines += [f"    {sentence}" for sentence in found["refused"]]
     return "\n".join(lines)
-
-
-def _taken(entry: dict[str, Any]) -> str:
-    """Modes and steps of an analysis, where it is told of them."""
-    return f", from {entry['modes']} modes and {entry['steps']:,d} steps a period" if "modes" in entry else ""

@@ -1,4 +1,4 @@
-"""The folder of a run: which case it holds, which analyses are finished; its files, each replaced as a whole:
+"""The folder of a run: which case it holds; its files, each replaced as a whole:
 quantities in HDF5, laid out as records are, and JSON.
 """
 
@@ -7,7 +7,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -23,16 +22,37 @@ from ..ranks.parallel import alone, on_root
 from ..record.about import About
 from ..record.files import SCHEMA, written
 from ..record.layout import bare, put, text, text_of
-from ..writing import as_json
+from ..writing import as_json, check_output_folder
 from .case.case import Case
 
 # Of analyses in the folder; of their results that stand in files of their own.
 PARTS, RESULT = "analyses", "result"
 WHAT = "results file"
+_WAY = "name another folder with --output, or give --replace to"
 
 
-class Folder(HeldFolder):
-    """State of a run, kept in a file so that an interrupted run goes on. On rank 0 alone.
+@contextlib.contextmanager
+def held_folder(
+    path: str, case: Case, what: str, replace: bool, comm: Any, *, shared: bool = False
+) -> Iterator[str]:
+    """The folder of a run or a sweep while it is under way, made if it is missing. Collective; see
+    `hold_folder`.
+    """
+    path = check_output_folder(path, comm)
+    folder = on_root(comm, lambda: hold_folder(path, case, what, replace, shared=shared))
+    try:
+        yield path
+    finally:
+        if folder is not None:
+            folder.close()
+        if not alone(comm):
+            comm.Barrier()  # nobody's folder goes while others read it
+
+
+def hold_folder(
+    path: str, case: Case, what: str, replace: bool = False, *, shared: bool = False
+) -> HeldFolder:
+    """Hold a folder, which says in a file what is done in it, so that an interrupted run goes on.
 
     Parameters
     ----------
@@ -52,111 +72,62 @@ class Folder(HeldFolder):
         If the folder holds another case or anything that no run has made, or another process is at work in
         it.
     """
-
-    def __init__(self, path: str, case: Case, what: str, replace: bool = False, *, shared: bool = False):
-        self.state_file = os.path.join(path, f"{what}.json")
-        self.parts = os.path.join(path, PARTS if what == "run" else "rows")
-        with one_at_a_time(path):
-            super().__init__(path, shared)
-            try:
-                self.state = self._begin(case, what, replace, shared)
-                if shared:
-                    self.share()
-            except BaseException:
-                self.close()
-                raise
-
-    def _begin(self, case: Case, what: str, replace: bool, shared: bool) -> dict[str, Any]:
-        mine = {
-            "schema": SCHEMA,
-            "version": sb.__version__,
-            "what": what,
-            "case": case.key if what == "run" else case.sweep_key,
-            "given": case.given,
-        }
-        other = "sweep" if what == "run" else "run"
-        way = "name another folder with --output, or give --replace to"
-        if os.path.lexists(os.path.join(self.path, f"{other}.json")) and not replace:
-            raise ValueError(f"{self.path!r} holds the results of a {other}; {way} overwrite it")
-        there = os.path.lexists(self.state_file) and not replace
-        begun = self.others or self.keeps_beside(self.state_file)
-        if there and (begun or shared):
-            try:
-                former = self._former(mine, way)
-                make_folder(self.parts)
-                return former
-            except ValueError:
-                if begun:  # else nothing is lost
-                    raise
-        if there or not shared:
-            self.clear()
-        make_folder(self.parts)
-        mine["done"] = {}
-        self._keep(mine)
-        return mine
-
-    def _keep(self, state: dict[str, Any]) -> None:
-        write_json(self.state_file, {**state, "checksum": checksum(state)})
-
-    def _former(self, mine: dict[str, Any], way: str) -> dict[str, Any]:
-        """The state that a former process has left; ValueError unless it was of the same case."""
-        damaged = ValueError(f"{self.state_file!r} is not what a run has written; {way} overwrite it")
+    with one_at_a_time(path):
+        folder = HeldFolder(path, shared)
         try:
-            former = json.loads(read_whole(Path(self.state_file)))
-        except (ValueError, RecursionError):
-            raise damaged from None
-        if not isinstance(former, dict):
-            raise damaged
-        if any(former.get(key) != mine[key] for key in ("version", "schema")):
-            raise ValueError(
-                f"{self.path!r} has the schema {former.get('schema', 'before 6')}, of version "
-                f"{former.get('version')}, and this program writes {SCHEMA}; {way} compute it again"
-            )
-        if former.pop("checksum", None) != checksum(former):
-            raise damaged
-        if former["case"] != mine["case"]:
-            what = mine["what"]
-            if former["given"] == mine["given"]:
-                raise ValueError(
-                    f"{self.path!r} holds the {what} of a case as an earlier state of version "
-                    f"{former['version']} understood it; {way} compute it again"
-                )
-            raise ValueError(f"{self.path!r} holds the {what} of another case; {way} overwrite it")
-        return former
+            _begin(folder, case, what, replace, shared)
+            if shared:
+                folder.share()
+        except BaseException:
+            folder.close()
+            raise
+    return folder
 
-    def finished(self, name: str) -> bool:
-        """Whether an analysis is done and its file still there."""
-        return name in self.state["done"] and os.path.isfile(part_of(self.path, name))
 
-    def finish(self, name: str, seconds: float) -> None:
-        """Note, on the disk, that an analysis is done, and how long it took."""
-        self.state["done"][name] = seconds
-        self._keep(self.state)
+def _begin(folder: HeldFolder, case: Case, what: str, replace: bool, shared: bool) -> None:
+    key, other = (case.key, "sweep") if what == "run" else (case.sweep_key, "run")
+    mine = {"schema": SCHEMA, "version": sb.__version__, "case": key}
+    if os.path.lexists(os.path.join(folder.path, f"{other}.json")) and not replace:
+        raise ValueError(f"{folder.path!r} holds the results of a {other}; {_WAY} overwrite it")
+    state = os.path.join(folder.path, f"{what}.json")
+    there = os.path.lexists(state) and not replace
+    begun, same = folder.others or folder.keeps_beside(state), False
+    if there and (begun or shared):
+        try:
+            _require_same(state, mine, what)
+            same = True
+        except ValueError:
+            if begun:  # else nothing is lost
+                raise
+    if not same:
+        if there or not shared:
+            folder.clear()
+        write_json(state, mine)
+    make_folder(os.path.join(folder.path, PARTS if what == "run" else "rows"))
+
+
+def _require_same(path: str, mine: dict[str, Any], what: str) -> None:
+    """Raise ValueError unless a former process has left the same in a file."""
+    try:
+        former = dict(json.loads(read_whole(Path(path))))
+    except (ValueError, TypeError, RecursionError):
+        raise ValueError(f"{path!r} is not what a run has written; {_WAY} overwrite it") from None
+    folder = os.path.dirname(path)
+    if any(former.get(key) != mine[key] for key in ("version", "schema")):
+        raise ValueError(
+            f"{folder!r} has the schema {former.get('schema', 'before 6')}, of version "
+            f"{former.get('version')}, and this program writes {SCHEMA}; {_WAY} compute it again"
+        )
+    if former != mine:
+        raise ValueError(
+            f"{folder!r} holds the {what} of another case, or of this one as another state of the program "
+            f"has understood it; {_WAY} overwrite it"
+        )
 
 
 def part_of(path: str, name: str, ending: str = "h5") -> str:
     """File of an analysis in the folder of a run."""
     return os.path.join(path, PARTS, f"{name}.{ending}")
-
-
-def checksum(state: dict[str, Any]) -> int:
-    """Of a state, by which changed bytes of its file are told."""
-    return zlib.crc32(json.dumps(state, sort_keys=True).encode())
-
-
-@contextlib.contextmanager
-def held_folder(
-    path: str, case: Case, what: str, replace: bool, comm: Any, *, shared: bool = False
-) -> Iterator[Folder | None]:
-    """The folder of a run or a sweep while it is under way, on rank 0. Collective."""
-    folder = on_root(comm, lambda: Folder(path, case, what, replace, shared=shared))
-    try:
-        yield folder
-    finally:
-        if folder is not None:
-            folder.close()
-        if not alone(comm):
-            comm.Barrier()  # nobody's folder goes while others read it
 
 
 def write_json(path: str, value: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 from typing import Any
 
@@ -42,32 +43,16 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
     on_root(comm, lambda: make_output_folder(folder))
     stem = os.path.join(folder, name)
     if output.pictures:
+        from ..plot.drawing import save_picture
+
         for label, axes in kind.pictures(result, Drawn(name, output.points or (), comm)):
-            _save(axes, f"{stem}_{label}.png", comm)
+            on_root(comm, functools.partial(save_picture, axes, f"{stem}_{label}.png"))
     if output.animation and kind.moving and model is not None:
-        animate(result, stem)
+        from ..plot.animation import animate_crack
+
+        # the first crack, where there is one and its fields are kept
+        reduced = result.reduced
+        if reduced is not None and (reduced.contact if reduced.model is None else reduced.model.cracks):
+            animate_crack(result, f"{stem}_crack1.gif")
     if output.vtu and kind.fields and model is not None:
         kind.write_fields(result, f"{stem}.vtu", model)
-
-
-def animate(motion: Any, stem: str) -> None:
-    """Draw the first crack over a motion, where there is one that keeps its fields. Collective."""
-    from ..plot.animation import animate_crack
-
-    reduced = motion.reduced
-    if reduced is not None and (reduced.contact if reduced.model is None else reduced.model.cracks):
-        animate_crack(motion, f"{stem}_crack1.gif")
-
-
-def draw_mesh(mesh: Any, path: str, comm: Any) -> None:
-    """Draw a discretisation. Collective; the mesh on rank 0 at least."""
-    from ..plot.meshes import plot_discretisation
-
-    _save(plot_discretisation(mesh, comm=comm), path, comm)
-
-
-def _save(axes: Any, path: str, comm: Any) -> None:
-    """Write a picture on rank 0, where its axes are."""
-    from ..plot.drawing import save_picture
-
-    on_root(comm, lambda: save_picture(axes, path))

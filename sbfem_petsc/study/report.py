@@ -19,15 +19,13 @@ from meshing.folder_index import home_of, open_regular
 from meshing.whole_file import replaced
 
 from ..output_folder import regular_file
-from ..record.about import Quantity
-from ..record.found import Found
+from ..record.about import AXES, Quantity
 from ..record.units import suited
 from ..writing import spare_folder
 from .case.analyses import kind_called
-from .kinds.kind import Kind
 from .pictures import lacking
 from .revive import read_any
-from .run import PICTURES, RunResults, duration
+from .run import PICTURES, RunResults
 from .structure import lines_of
 from .sweep_file import WIDEST, Sweep
 
@@ -36,13 +34,6 @@ _ROWS = 60
 # What no page may hold.
 _CONTROL = re.compile("[^\t\n\r -\ud7ff\ue000-\U0010ffff]")
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_WORDS = {
-    "displacement": "displacement x, y of",
-    "stress_intensity": "stress intensity factors I, II of",
-    "stress": "stress xx, yy, xy at",
-    "reactions": "force x, y of support",
-    "amplitude": "amplitude of",
-}
 
 
 def write_report(path: str, output: str | None = None) -> str:
@@ -66,24 +57,24 @@ def write_report(path: str, output: str | None = None) -> str:
         If there are no results, or the file cannot be written: a former report stays as it was.
     """
     results = read_any(path)
-    home = os.path.dirname(results.path)
-    file = output or os.path.join(home, "report.html")
+    file = output or os.path.join(os.path.dirname(results.path), "report.html")
     if output is None and home_of(file) is None and os.path.lexists(file):
         raise ValueError(
             f"{file!r} exists, and nothing tells that this program has made it; move it away, or name "
             "another file with --output"
         )
-    page = _page(results, home)
+    page = _page(results)
     with replaced(file, "report") as temporary, open(temporary, "w", encoding="utf-8") as target:
         target.write("<!DOCTYPE html>" + xml.tostring(page, encoding="unicode", method="html") + "\n")
     return file
 
 
-def _page(results: RunResults | Sweep, home: str) -> xml.Element:
+def _page(results: RunResults | Sweep) -> xml.Element:
     """report.html, filled."""
     page = xml.fromstring((resources.files(__package__) / "report.html").read_text())
     body = next(page.iter("main"))
-    title, facts = _sweep(body, results) if isinstance(results, Sweep) else _run(body, results, home)
+    title, facts = _sweep(body, results) if isinstance(results, Sweep) else _run(body, results)
+    facts = f"{facts}, written {time.strftime('%Y-%m-%d')}"
     for item in page.iter():
         if "id" in item.attrib:
             item.text = _clean({"title": title, "facts": facts, "case": results.text}[item.attrib.pop("id")])
@@ -103,46 +94,32 @@ def _clean(text: Any) -> str:
     return _CONTROL.sub("\N{REPLACEMENT CHARACTER}", str(text))
 
 
-def _run(body: xml.Element, results: RunResults, home: str) -> tuple[str, str]:
+def _run(body: xml.Element, results: RunResults) -> tuple[str, str]:
     """What a run has found; its title, and facts about it."""
     run = results.run
-    model = run["model"]
-    if model:
-        _table(body, lines_of(model))
+    _table(body, lines_of(run["model"]))
     for name, reason in run["failed"].items():
         _add(body, "p", f"{name} failed: {reason}", class_="failed")
     for name, found in results.analyses.items():
-        seconds = run["seconds"].get(name)
-        took = f", {duration(seconds)}" if seconds else ""
-        heading = _add(body, "h2", f"{name} ")
-        _add(heading, "small", f"({results.kinds[name].replace('_', ' ')}{took})")
+        _add(_add(body, "h2", f"{name} "), "small", f"({results.told(name).replace('_', ' ')})")
         kind = kind_called(results.kinds[name])
-        _analysis(body, kind, found)
+        for columns, rows in kind.tables(found):
+            _table(body, [tuple(map(_shown, row)) for row in rows], columns)
+        small = [(path, q) for path, q in found.each() if not q.about.detail and np.size(q.value) <= 3]
+        _table(body, [(_label(path, q), _with_unit(q.value, q.unit)) for path, q in small])
         # "push_2" has pictures of its own, which are not those of "push"
         longer = tuple(f"{other}_" for other in results.analyses if other.startswith(f"{name}_"))
-        _pictures(body, home, kind.captions, f"{name}_", longer)
-    facts = f"sbfem-petsc {run['version']}, computed {run['ended'][:10]}, {_written()}"
+        _pictures(body, os.path.dirname(results.path), kind.captions, f"{name}_", longer)
+    facts = f"sbfem-petsc {run['version']}, computed {run['ended'][:10]}"
     return run["title"] or results.case_file, facts
 
 
-def _written() -> str:
-    return f"written {time.strftime('%Y-%m-%d')}"
-
-
-def _analysis(body: xml.Element, kind: type[Kind], found: Found) -> None:
-    for heading, rows in kind.tables(found):
-        _table(body, [tuple(map(_shown, row)) for row in rows], heading)
-    small = [(path, q) for path, q in found.each() if not q.about.detail and np.size(q.value) <= 3]
-    _table(body, [(_label(path, q), _with_unit(q.value, q.unit)) for path, q in small])
-
-
 def _label(path: tuple[str, ...], entry: Quantity) -> str:
-    """What a quantity is, in words."""
-    first, *rest = path
-    words = _WORDS.get(first, first.replace("_", " "))
-    if first == "displacement" and np.ndim(entry.value) == 0:  # a body's, along one direction
-        words = "displacement of"
-    return " ".join([words, *rest])
+    """What a quantity is, in words: "displacement x, y of A"."""
+    behind = path.index(entry.name) + 1
+    words = [" ".join(path[:behind]).replace("_", " ")]
+    words += [", ".join(AXES[dim]) for dim in entry.dims if dim in AXES]
+    return " of ".join([" ".join(words), *path[behind:]])
 
 
 def _with_unit(value: Any, unit: str) -> str:
@@ -188,18 +165,15 @@ def _sweep(body: xml.Element, results: Sweep) -> tuple[str, str]:
         _add(body, "h2", "Failed rows")
         _table(body, rows, ("row", "reason"))
     _add(body, "h2", "Indicators")
-    captions = {
-        results.picture_name(name): words.split(",")[0]
-        for name, words in results.value_words.items()
-        if "with noise" not in words
-    }
     if lack is None:
         from ..plot.maps import draw_sweep
 
         with spare_folder() as folder:
             draw_sweep(results, os.path.join(folder, PICTURES))
+            told = reversed(results.value_words.items())  # those without noise last
+            captions = {results.picture_name(name): words.split(",")[0] for name, words in told}
             _pictures(_add(body, "div", class_="beside"), folder, captions)
-    facts = f"{len(results)} rows, {results.failed} failed; sbfem-petsc {sb.__version__}, {_written()}"
+    facts = f"{len(results)} rows, {results.failed} failed; sbfem-petsc {sb.__version__}"
     return f"Sweep of {os.path.basename(results.case_file)}", facts
 
 
@@ -207,28 +181,30 @@ def _parameters(results: Sweep) -> Iterator[tuple[str, str, str]]:
     """What is varied, between which values."""
     for name, column in results.inputs.items():
         values = np.unique(column)
-        words = results.input_words[name] or name
+        span = ", ".join(map(str, values))
         if column.dtype.kind in "fi":
-            scale, unit = _suited(results.input_units[name], column)
-            span = f"{number(column.min() * scale)} to {number(column.max() * scale)} {unit}".rstrip()
-        else:
-            span = ", ".join(map(str, values))
-        yield words, str(len(values)), span
+            low, high, unit = _extremes(results.input_units[name], column)
+            span = f"{low} to {high} {unit}".rstrip()
+        yield results.input_words[name] or name, str(len(values)), span
 
 
 def _ranges(results: Sweep) -> Iterator[tuple[str, str, str, str]]:
     """Smallest and largest values of all rows, of each entry of short arrays."""
     for name, array in results.values.items():
-        table = array.reshape(len(array), -1)
-        if np.iscomplexobj(table) or table.shape[1] > WIDEST or not np.isfinite(table).any():
+        table, words = array.reshape(len(array), -1), results.value_words[name]
+        if np.iscomplexobj(table) or table.shape[1] > WIDEST:
             continue
-        scale, unit = _suited(results.units[name], table)
-        words = results.value_words[name]
-        for k, column in enumerate(table.T * scale, 1):
+        for k, column in enumerate(table.T, 1):
             if np.isfinite(column).any():
                 own = words if array.ndim == 1 else f"{words}, {k}"
-                low, high = (number(float(f(column)), 5) for f in (np.nanmin, np.nanmax))
-                yield own, low, high, "" if unit == "1" else unit
+                yield own, *_extremes(results.units[name], column, 5)
+
+
+def _extremes(unit: str, values: np.ndarray, digits: int = 6) -> tuple[str, str, str]:
+    """Smallest and largest of values, and their unit."""
+    scale, unit = _suited(unit, values)
+    low, high = (number(scale * float(of(values)), digits) for of in (np.nanmin, np.nanmax))
+    return low, high, "" if unit == "1" else unit
 
 
 def _suited(unit: str, values: Any) -> tuple[float, str]:
@@ -253,20 +229,18 @@ def _pictures(
 ) -> None:
     """Pictures whose names begin so, without those that begin as others do."""
     folder = os.path.join(home, PICTURES)
-    if not os.path.isdir(folder):
-        return
-    for name in sorted(os.listdir(folder)):
+    for name in sorted(os.listdir(folder)) if os.path.isdir(folder) else ():
         stem, ending = os.path.splitext(name)
-        if name.startswith(start) and not name.startswith(others) and ending in (".png", ".gif"):
-            found = regular_file(home, PICTURES, name)
-            if found is None:
-                continue
-            with os.fdopen(open_regular(found, os.O_RDONLY), "rb") as file:
-                data = base64.b64encode(file.read()).decode()
-            caption = _caption(captions, stem[len(start) :])
-            figure = _add(body, "figure")
-            _add(figure, "img", alt=caption, src=f"data:image/{ending[1:]};base64,{data}")
-            _add(figure, "figcaption", caption)
+        mine = name.startswith(start) and not name.startswith(others) and ending in (".png", ".gif")
+        found = regular_file(home, PICTURES, name) if mine else None
+        if found is None:
+            continue
+        with os.fdopen(open_regular(found, os.O_RDONLY), "rb") as file:
+            data = base64.b64encode(file.read()).decode()
+        caption = _caption(captions, stem[len(start) :])
+        figure = _add(body, "figure")
+        _add(figure, "img", alt=caption, src=f"data:image/{ending[1:]};base64,{data}")
+        _add(figure, "figcaption", caption)
 
 
 def _caption(captions: Mapping[str, str], stem: str) -> str:

@@ -8,22 +8,20 @@ import os
 import re
 from typing import Any
 
-import numpy as np
-
 import sbfem_petsc as sb
 
 from ..output_folder import make_output_folder, regular_file
 from ..progress import Watch
 from ..ranks.parallel import on_root
-from ..record.about import Quantity
 from ..record.files import opened
 from ..record.layout import text
+from ..record.views import in_words
 from ..writing import spare_folder
 from . import pictures
 from .case.analyses import kind_called
 from .case.case import Case, case_from_text
 from .folder import PARTS, RESULT, WHAT
-from .run import RESULTS, RunResults, duration
+from .run import RESULTS, RunResults
 from .structure import Structure, lines_of
 from .sweep_file import FILE, Sweep
 
@@ -41,11 +39,10 @@ def read_any(path: str | os.PathLike[str]) -> RunResults | Sweep:
     """
     name = os.fspath(path)
     if os.path.isdir(name):
-        there = filter(None, (regular_file(name, file) for file in (RESULTS, FILE)))
-        found = next(there, None)
-        if found is None:
+        there = [file for file in (RESULTS, FILE) if regular_file(name, file)]
+        if not there:
             raise ValueError(f"{name!r} holds {_instead(name)}")
-        name = found
+        name = os.path.join(name, there[0])
     if not os.path.isfile(name):
         raise ValueError(f"results {name!r} do not exist; name results.h5, sweep.h5 or the folder of a run")
     if name.endswith(".toml"):
@@ -62,7 +59,7 @@ def read_any(path: str | os.PathLike[str]) -> RunResults | Sweep:
             )
         if holds not in _KINDS:
             raise ValueError(f"{name!r} is an HDF5 file of another kind, not of a run or a sweep")
-        return _KINDS[holds].of(name, file)
+        return _KINDS[holds].of(os.path.abspath(name), file)
 
 
 def _instead(folder: str) -> str:
@@ -83,36 +80,22 @@ def _instead(folder: str) -> str:
 def described(results: RunResults | Sweep) -> str:
     """What a results file holds, as text."""
     if isinstance(results, Sweep):
-        lines = [repr(results)]
-        lines += [
-            f"  {name}: {len(values)} values from {values[0]} to {values[-1]}"
-            for name, values in ((name, np.unique(column)) for name, column in results.inputs.items())
-        ]
-        lines += [
-            f"  {name:45s} {'x'.join(map(str, array.shape)):>12s} {results.units[name]}"
-            for name, array in results.values.items()
-        ]
+        facts, lines = results.facts(), [repr(results)]
+        for name, values in facts["inputs"].items():
+            lines.append(f"  {name}: {len(values)} values from {values[0]} to {values[-1]}")
+        for name, q in facts["values"].items():
+            lines.append(f"  {name:45s} {'x'.join(map(str, q['shape'])):>12s} {q['unit']}")
         return "\n".join(lines)
     run = results.run
     lines = [f"{results.path}: {run['title'] or results.case_file}, version {run['version']}, {run['ended']}"]
-    model = run["model"]
-    if model:
-        lines.append(f"  {'; '.join(f'{what} {words}' for what, words in lines_of(model))}")
+    lines.append(f"  {'; '.join(f'{what} {words}' for what, words in lines_of(run['model']))}")
     for name, found in results.analyses.items():
-        seconds = run["seconds"].get(name)
-        lines.append(f"  {name} ({results.kinds[name]}{f', {duration(seconds)}' if seconds else ''})")
-        lines += [f"    {_line('/'.join(where), q)}" for where, q in found.each()]
+        lines.append(f"  {name} ({results.told(name)})")
+        for where, q in found.each():
+            unit = "" if q.unit == "1" else f" {q.unit}"
+            lines.append(f"    {'/'.join(where):34s} {in_words(q.value)}{unit}  ({q.about.text})")
     lines += [f"  {name} FAILED: {reason}" for name, reason in run["failed"].items()]
     return "\n".join(lines)
-
-
-def _line(where: str, q: Quantity) -> str:
-    shown = f"{q.value:.6g}" if isinstance(q.value, float) else str(q.value)
-    if np.size(q.value) > 4:
-        shown = f"array {'x'.join(map(str, q.value.shape))}"
-    return f"{where:34s} {shown}{'' if q.unit == '1' else f' {q.unit}'}" + (
-        f"  ({text})" if (text := q.about.text) else ""
-    )
 
 
 def case_of(results: RunResults | Sweep, folder: str) -> Case:
@@ -182,13 +165,9 @@ def _found(path: str, output: str | None, name: str, comm: Any) -> tuple[RunResu
     beside them unless there is to be another. Collective.
     """
     results = comm.bcast(on_root(comm, lambda: read_any(path)))
-    folder = output or os.path.join(_home(results), name)
+    folder = output or os.path.join(os.path.dirname(results.path), name)
     on_root(comm, lambda: make_output_folder(folder))
     return results, folder
-
-
-def _home(results: RunResults | Sweep) -> str:
-    return os.path.dirname(os.path.abspath(results.path))
 
 
 def _draw(
@@ -221,7 +200,6 @@ def _draw(
 
 def _recorded(results: RunResults, name: str) -> Any:
     """A result that an analysis left in a file of its own; None if there is none."""
-    home = _home(results)
-    files = (regular_file(home, PARTS, f"{name}.{RESULT}.{ending}") for ending in ("journal", "h5"))
-    file = next(filter(None, files), None)
-    return None if file is None else sb.read(file)
+    names = (f"{name}.{RESULT}.{ending}" for ending in ("journal", "h5"))
+    files = (regular_file(os.path.dirname(results.path), PARTS, file) for file in names)
+    return next((sb.read(file) for file in files if file is not None), None)

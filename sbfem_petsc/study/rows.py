@@ -5,7 +5,6 @@ frame, so that what a kill has cut off, or bytes that have changed, cost no othe
 from __future__ import annotations
 
 import contextlib
-import mmap
 import os
 import zlib
 from collections.abc import Iterator
@@ -17,7 +16,7 @@ from meshing.folder_index import claim, open_regular
 from meshing.whole_file import reason
 
 from ..output_folder import hold
-from ..record.journal import HEAD, MAGIC, packed, unpacked, write
+from ..record.journal import HEAD, MAGIC, packed, unpacked
 from .kinds.kind import Values
 
 
@@ -57,13 +56,10 @@ def held(path: str, what: str) -> Iterator[None]:
         If another process has it.
     """
     claim(path, "rows of the sweep")
-    handle = open_regular(path, os.O_RDWR | os.O_CREAT)
-    try:
-        if not hold(handle):
+    with os.fdopen(open_regular(path, os.O_RDWR | os.O_CREAT), "r+b") as file:
+        if not hold(file.fileno()):
             raise ValueError(f"{what} are computed by another process; wait for its end")
         yield
-    finally:
-        os.close(handle)
 
 
 def append(path: str, row: Row) -> None:
@@ -77,25 +73,18 @@ def append(path: str, row: Row) -> None:
     units = {name: unit for name, (_, unit) in row.values.items()}
     facts = {"number": row.number, "reason": row.reason, "seconds": row.seconds, "units": units}
     values = {f"/{name}": np.asarray(value) for name, (value, _) in row.values.items()}
-    claim(path, "rows of the sweep")
     try:
-        file = open_regular(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
-        try:
-            write(file, [b"".join([MAGIC, *packed(facts | values)])])
-            os.fsync(file)
-        finally:
-            os.close(file)
+        with os.fdopen(open_regular(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT), "ab") as file:
+            file.writelines([MAGIC, *packed(facts | values)])
+            file.flush()
+            os.fsync(file.fileno())
     except OSError as error:
         raise ValueError(f"rows of the sweep in {path!r} cannot be written: {reason(error)}") from None
 
 
 def read(folder: str) -> dict[int, Row]:
     """All whole rows in a folder's files by number, a success before a failure."""
-    found: dict[int, Row] = {}
-    for row in every(folder):
-        if row.number not in found or not row.reason:
-            found[row.number] = row
-    return found
+    return {row.number: row for row in sorted(every(folder), key=lambda row: not row.reason)}
 
 
 def every(folder: str) -> Iterator[Row]:
@@ -106,27 +95,22 @@ def every(folder: str) -> Iterator[Row]:
 
 
 def of_file(path: str) -> Iterator[Row]:
-    """All whole rows in a file."""
-    return (_unpacked(path, payload) for payload in _payloads(path))
-
-
-def _payloads(path: str) -> Iterator[bytes]:
-    """Rows of a file, whatever stands between them: what a kill has cut off, or bytes that have changed."""
+    """All whole rows in a file, whatever stands between them: what a kill has cut off, or bytes that have
+    changed.
+    """
     with os.fdopen(open_regular(path, os.O_RDONLY), "rb") as file:
-        if os.fstat(file.fileno()).st_size == 0:
-            return
-        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            place = 0
-            while (place := data.find(MAGIC, place)) >= 0:
-                place += len(MAGIC)
-                head = data[place : place + HEAD.size]
-                if len(head) < HEAD.size or zlib.crc32(head[:8]) != HEAD.unpack(head)[1]:
-                    continue
-                length, _, checksum = HEAD.unpack(head)
-                payload = data[place + HEAD.size : place + HEAD.size + length]
-                if len(payload) == length and zlib.crc32(payload) == checksum:
-                    yield payload
-                    place += HEAD.size + length
+        data = file.read()
+    place = 0
+    while (place := data.find(MAGIC, place)) >= 0:
+        place += len(MAGIC)
+        head = data[place : place + HEAD.size]
+        if len(head) < HEAD.size or zlib.crc32(head[:8]) != HEAD.unpack(head)[1]:
+            continue
+        length, _, checksum = HEAD.unpack(head)
+        payload = data[place + HEAD.size : place + HEAD.size + length]
+        if len(payload) == length and zlib.crc32(payload) == checksum:
+            yield _unpacked(path, payload)
+            place += HEAD.size + length
 
 
 def _unpacked(path: str, payload: bytes) -> Row:

@@ -17,17 +17,15 @@ from ..errors import OutOfMemory, SolveError, SolverFailure
 from ..output_folder import make_folder
 from ..progress import Watch
 from ..ranks.capacity import PlannedFile, require_disk, require_memory
-from ..ranks.parallel import agreed, collective, on_root, ranks_of
+from ..ranks.parallel import agreed, checked_communicator, collective, on_root, ranks_of
 from ..record.files import opened
 from ..record.found import Found
 from ..record.layout import text, text_of, within
-from ..writing import check_output_folder
 from . import pictures
 from .case.case import Case, read_case
 from .case.objects import located
 from .case.problems import CaseError
-from .folder import RESULT, WHAT, Folder, case_in, held_folder, new_results, part_of, write_json
-from .kinds.kind import Kind
+from .folder import RESULT, WHAT, case_in, held_folder, new_results, part_of, write_json
 from .structure import Structure
 
 RESULTS, SUMMARY, PICTURES, TABLES = "results.h5", "summary.json", "pictures", "tables"
@@ -68,38 +66,34 @@ def run_case(
     ValueError
         For a case that makes no sense, a folder that cannot be written or holds another case; on all ranks.
     """
-    from mpi4py import MPI
-
-    comm = MPI.COMM_WORLD if comm is None else comm
+    comm = checked_communicator("run_case", comm)
     watch = Watch() if watch is None else watch
     with collective(comm):
         checked = case if isinstance(case, Case) else read_case(case)
         if checked.tables.sweep is not None:
             checked.with_values({})  # of its own values, which rows may mend
         checked.check_tones(checked.tables.analyses)
-    path = check_output_folder(os.fspath(output), comm)
-    with held_folder(path, checked, "run", replace, comm) as folder:
-        with _Run(checked, path, folder, comm, watch) as run:
+    with held_folder(os.fspath(output), checked, "run", replace, comm) as path:
+        with _Run(checked, path, comm, watch) as run:
             return run.all()
 
 
 class _Run(contextlib.ExitStack):
-    def __init__(self, case: Case, path: str, folder: Folder | None, comm: Any, watch: Watch):
+    def __init__(self, case: Case, path: str, comm: Any, watch: Watch):
         super().__init__()
-        self.case, self.path, self.folder, self.comm, self.watch = case, path, folder, comm, watch
+        self.case, self.path, self.comm, self.watch = case, path, comm, watch
         self.structure: Structure | None = None
-        self.failed: dict[str, str] = {}
-        self.wrong_input = False
+        self.model: dict[str, Any] = {}
+        self.failed: dict[str, tuple[str, bool]] = {}  # why, and whether for its input
 
     def all(self) -> dict[str, Any]:
-        output, folder = self.case.tables.output, self.folder
+        output = self.case.tables.output
         lack = pictures.lacking() if output.pictures or output.animation else None
         if lack is not None:
             self.watch.say(f"{lack}; the case runs without")
             self.case = self.case.with_values({"output.pictures": False, "output.animation": False})
-        names = list(self.case.tables.analyses)
-        done = self.comm.bcast(None if folder is None else [*filter(folder.finished, names)])
-        pending = [name for name in names if name not in done]
+        done = self.comm.bcast(on_root(self.comm, self._finished))
+        pending = [name for name in self.case.tables.analyses if name not in done]
         for name in done:
             self.watch.say(f"{name}: finished before")
         try:
@@ -108,11 +102,15 @@ class _Run(contextlib.ExitStack):
             for k, name in enumerate(pending):
                 self._one(name, f"[{k + 1}/{len(pending)}] {name}")
         except BaseException:
-            if folder is not None and folder.state["done"] and self.comm.size == 1:
+            if self.comm.size == 1 and self._finished():
                 self._write()  # what it has come to
             raise
         summary: dict[str, Any] = self.comm.bcast(on_root(self.comm, self._write))
         return summary
+
+    def _finished(self) -> list[str]:
+        """Analyses whose files stand. On rank 0."""
+        return [name for name in self.case.tables.analyses if os.path.isfile(part_of(self.path, name))]
 
     def _begin(self, pending: list[str]) -> None:
         """Make the structure; what analyses ask of it or of the disk and it has not is told before any is
@@ -120,8 +118,7 @@ class _Run(contextlib.ExitStack):
         """
         self.watch.stage("mesh and model")
         self.structure = self.enter_context(contextlib.closing(Structure(self.case, self.comm)))
-        if self.folder is not None:  # for the results of this run and of one that is resumed
-            self.folder.state["model"] = self.structure.facts()
+        self.model = self.structure.facts()
         self.structure.check(self.case, pending)
         size, kept = self.structure.size(self.case), 0.0
         for name in pending:
@@ -136,20 +133,13 @@ class _Run(contextlib.ExitStack):
         """
         kind = self.case.tables.analyses[name]
         given = ", ".join(key for key in SIZES if key in kind.model_fields_set) or "modes"
-        require_memory(
-            kind.kind,
-            self.comm,
-            0.5 * memory / self.comm.size,  # estimates of what all ranks take are good to a factor of two
-            "what it asks for, by a low estimate,",
-            lambda share: f"ask for less ({given})",
-        )
-        require_disk(
-            kind.kind,
-            self.comm,
-            PlannedFile(os.path.join(self.path, RESULTS), kept),
-            what=f"what is kept up to {name}",
-            remedy=lambda share: "keep fewer instants (decimation) or points, or name another folder",
-        )
+        low = 0.5 * memory / self.comm.size  # estimates of what all ranks take are good to a factor of two
+        what, less = "what it asks for, by a low estimate,", f"ask for less ({given})"
+        require_memory(kind.kind, self.comm, low, what, lambda share: less)
+        file = PlannedFile(os.path.join(self.path, RESULTS), kept)
+        fewer = "keep fewer instants (decimation) or points, or name another folder"
+        what = f"what is kept up to {name}"
+        require_disk(kind.kind, self.comm, file, what=what, remedy=lambda share: fewer)
 
     def _one(self, name: str, title: str) -> None:
         """An analysis, its file and its pictures; a failure is noted with its reason."""
@@ -165,71 +155,61 @@ class _Run(contextlib.ExitStack):
         except (CaseError, SolveError, SolverFailure) as error:
             if isinstance(error, OutOfMemory) and self.comm.size > 1:
                 raise  # other ranks, which may wait for this one, must end too
-            self.failed[name] = str(error)
-            self.wrong_input |= isinstance(error, CaseError)
+            self.failed[name] = str(error), isinstance(error, CaseError)
             self.watch.say(f"{name} failed: {error}")
             return
         seconds = time.monotonic() - began
-        self._keep(name, kind, result, found)
+        # what several ranks share they write together
+        if self.comm.rank == 0 or ranks_of(result) is not None:
+            kind.save(result, part_of(self.path, name, RESULT))
         output = case.tables.output
         if output.pictures or output.vtu or output.animation:
             self.watch.stage(f"{title}: pictures and files")
             pictures.draw(case, name, result, self.structure.model, os.path.join(self.path, PICTURES))
         line = kind.summary_line(result)
         self.structure.release(result)
-        if self.folder is not None:
-            self.folder.finish(name, seconds)
+        facts = {"seconds": seconds, "model": self.model}
+        on_root(self.comm, lambda: self._keep(name, found, facts))
         self.watch.say(f"{name}: {line} ({seconds:.1f} s)")
 
-    def _keep(self, name: str, kind: Kind, result: Any, found: Found) -> None:
-        def tables() -> None:
-            with new_results(part_of(self.path, name), "analysis") as file:
-                found.write(file)
-            if self.case.tables.output.csv:
-                make_folder(os.path.join(self.path, TABLES))
-                found.to_csv(os.path.join(self.path, TABLES, f"{name}.csv"))
-
-        on_root(self.comm, tables)
-        # what several ranks share they write together
-        if self.comm.rank == 0 or ranks_of(result) is not None:
-            kind.save(result, part_of(self.path, name, RESULT))
+    def _keep(self, name: str, found: Found, facts: dict[str, Any]) -> None:
+        """What an analysis has found, in tables and the file by which it is finished. On rank 0."""
+        if self.case.tables.output.csv:
+            make_folder(os.path.join(self.path, TABLES))
+            found.to_csv(os.path.join(self.path, TABLES, f"{name}.csv"))
+        with new_results(part_of(self.path, name), "analysis") as file:
+            file.attrs["run"] = text_of(json.dumps(facts))
+            found.write(file)
 
     def _write(self) -> dict[str, Any]:
         """results.h5 and summary.json of all finished analyses, each replaced as a whole. On rank 0."""
-        assert self.folder is not None
-        state, kinds = self.folder.state, self.case.tables.analyses
-        finished = [name for name in kinds if self.folder.finished(name)]
-        run = {
+        finished, kinds = self._finished(), self.case.tables.analyses
+        run: dict[str, Any] = {
             "title": self.case.tables.title,
             "version": sb.__version__,
             "case": self.case.key,
             "ranks": self.comm.size,
             "ended": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
             "complete": len(finished) == len(kinds),
-            "model": state.get("model", {}),
-            "seconds": state["done"],
-            "failed": self.failed,
-            "wrong_input": self.wrong_input,
+            "model": self.model,
+            "seconds": {},
+            "failed": {name: reason for name, (reason, _) in self.failed.items()},
+            "wrong_input": any(wrong for _, wrong in self.failed.values()),
         }
         summary: dict[str, Any] = {"run": run}
         with new_results(os.path.join(self.path, RESULTS), "run", self.case) as file:
-            file.attrs["run"] = text_of(json.dumps(run))
             group = within(file, "analyses")
             for name in finished:
                 with opened(part_of(self.path, name), WHAT) as part:
-                    found = Found.read(part)
+                    facts, found = json.loads(text(part.attrs["run"])), Found.read(part)
+                run["model"], run["seconds"][name] = facts["model"], facts["seconds"]
                 own = within(group, name)
                 own.attrs["kind"] = text_of(kinds[name].kind)
                 found.write(own)
                 summary[name] = {"kind": kinds[name].kind, **found.summary()}
+            file.attrs["run"] = text_of(json.dumps(run))
         write_json(os.path.join(self.path, SUMMARY), summary)
         return summary
-
-
-def duration(seconds: float) -> str:
-    """A time to two digits, in a fitting unit."""
-    unit, factor = ("s", 1.0) if seconds < 90.0 else ("min", 60.0) if seconds < 5400.0 else ("h", 3600.0)
-    return f"{float(f'{seconds / factor:.2g}'):g} {unit}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,16 +257,23 @@ class RunResults:
 
     def to_csv(self, folder: str) -> list[str]:
         """Write the tables of all analyses; the files."""
-        return [
-            path
-            for name, found in self.analyses.items()
-            for path in found.to_csv(os.path.join(folder, f"{name}.csv"))
-        ]
+        written: list[str] = []
+        for name, found in self.analyses.items():
+            written += found.to_csv(os.path.join(folder, f"{name}.csv"))
+        return written
 
     def facts(self) -> dict[str, Any]:
         """What summary.json holds."""
         found = {name: {"kind": self.kinds[name], **own.summary()} for name, own in self.analyses.items()}
         return {"run": self.run, **found}
+
+    def told(self, name: str) -> str:
+        """Kind of an analysis, and how long it took, to two digits."""
+        seconds = self.run["seconds"].get(name)
+        if not seconds:
+            return self.kinds[name]
+        unit, factor = ("s", 1.0) if seconds < 90.0 else ("min", 60.0) if seconds < 5400.0 else ("h", 3600.0)
+        return f"{self.kinds[name]}, {float(f'{seconds / factor:.2g}'):g} {unit}"
 
     def value(self, name: str, *keys: str) -> Any:
         """Value of a quantity, ("push", "displacement", "A")."""

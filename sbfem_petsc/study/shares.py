@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from ..ranks.parallel import alone
 
 
-class Shares:
+class Shares(contextlib.AbstractContextManager["Shares"]):
     """Rows of structures, each for one group of ranks. Collective to make and to leave.
 
     Whoever is free takes a structure that nobody has begun, so that each is made once; when there is none
@@ -21,16 +23,19 @@ class Shares:
     ----------
     comm : Comm
         All ranks; the counters are on the first.
-    group : Comm
+    size : int
         Ranks that compute a row together.
     rows : sequence of int
         Number of rows of each structure, the same on all ranks.
+
+    Attributes
+    ----------
+    group : Comm
+        Ranks that compute a row together with this one.
     """
 
-    def __init__(self, comm: Any, group: Any, rows: Sequence[int]):
-        from mpi4py import MPI
-
-        self.comm, self.group = comm, group
+    def __init__(self, comm: Any, size: int, rows: Sequence[int]):
+        self.comm, self.group = comm, comm.Split(comm.rank // size, comm.rank)
         self._rows = np.array(rows, dtype=np.int64)
         # the number of structures begun, then of rows taken of each
         count = 1 + len(rows)
@@ -40,14 +45,12 @@ class Shares:
             np.frombuffer(counters, dtype=np.int64)[:] = 0
         comm.Barrier()
 
-    def __enter__(self) -> Shares:
-        return self
-
     def __exit__(self, *_: object) -> None:
         # an error on one rank alone ends the program; waiting for the others here would hide it
         if not alone(self.comm):
             self.comm.Barrier()
             self._window.Free()
+            self.group.Free()
 
     def structure(self) -> int | None:
         """Number of a structure to work on; None when no help is needed. Collective over the group."""
@@ -70,8 +73,6 @@ class Shares:
 
     def left(self) -> np.ndarray:
         """Number of rows of each structure that nobody has taken."""
-        from mpi4py import MPI
-
         counters = np.empty(1 + len(self._rows), dtype=np.int64)
         self._window.Lock(0, MPI.LOCK_SHARED)
         self._window.Get(counters, 0)
@@ -79,8 +80,6 @@ class Shares:
         return np.maximum(self._rows - counters[1:], 0)
 
     def _taken(self, counter: int) -> int:
-        from mpi4py import MPI
-
         one, found = np.ones(1, dtype=np.int64), np.empty(1, dtype=np.int64)
         self._window.Lock(0, MPI.LOCK_SHARED)
         self._window.Fetch_and_op(one, found, 0, counter, MPI.SUM)

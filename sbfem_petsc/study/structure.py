@@ -17,6 +17,9 @@ from .case.tables import Problem
 from .costs import FEWEST_MODES, Size
 from .kinds.kind import Run
 
+# What of a model stands in its facts.
+_NUMBERS = ("elements", "order", "boundary_unknowns", "unknowns")
+
 
 class Structure:
     """A model, which keeps its modes and reductions, or the reduced model of a body, for cases that differ in
@@ -26,15 +29,13 @@ class Structure:
     ----------
     case : Case
     comm : mpi4py communicator
-    mesh : BoundaryMesh, optional
-        On rank 0 at least. Default: made.
     """
 
-    def __init__(self, case: Case, comm: Any, mesh: Any = None):
+    def __init__(self, case: Case, comm: Any):
         self.comm, self._case = comm, case
         self.body = None if case.tables.body is None else objects.body(case)
         if self.body is None:
-            self.model = objects.model(case, comm, mesh)
+            self.model = objects.model(case, comm)
 
     @functools.cached_property
     def model(self) -> Any:
@@ -53,14 +54,10 @@ class Structure:
                 "points": {name: row.direction for name, row in self.body["points"].items()},
             }
         model = self.model
-        lower, upper = model.extent
         return {
-            "elements": int(model.elements),
-            "order": int(model.order),
-            "boundary_unknowns": int(model.boundary_unknowns),
-            "unknowns": int(model.unknowns),
+            **{name: int(getattr(model, name)) for name in _NUMBERS},
             "contact_pairs": len(model.pairs),
-            "extent": [*map(float, lower), *map(float, upper)],
+            "extent": [float(x) for corner in model.extent for x in corner],
             "area": float(model.area),
             "points": {name: list(map(float, place)) for name, (place, _, _) in model.points.items()},
             "cracks": [crack.name for crack in model.cracks],
@@ -121,15 +118,14 @@ class Structure:
 
 def lines_of(facts: dict[str, Any]) -> list[tuple[str, str]]:
     """Heading and text of what `Structure.facts` tells of a structure."""
+    contact = ("contact pairs", str(facts["contact_pairs"]))
     if "body" in facts:
-        return [("body", "; ".join(facts["body"])), ("contact pairs", str(facts["contact_pairs"]))]
+        return [("body", "; ".join(facts["body"])), contact]
     x0, y0, x1, y1 = facts["extent"]
+    unknowns = f"{facts['boundary_unknowns']:,d} on boundaries, {facts['unknowns']:,d} with auxiliary ones"
     return [
         ("body", f"[{x0:g}, {x1:g}] x [{y0:g}, {y1:g}] m"),
         ("mesh", f"{facts['elements']} S-elements of order {facts['order']}"),
-        (
-            "unknowns",
-            f"{facts['boundary_unknowns']:,d} on boundaries, {facts['unknowns']:,d} with auxiliary ones",
-        ),
-        ("contact pairs", str(facts["contact_pairs"])),
+        ("unknowns", unknowns),
+        contact,
     ]

@@ -15,22 +15,19 @@ from ..checks import flag, instance, integer, path, shown
 from ..errors import OutOfMemory, SolveError, SolverFailure, UnknownName
 from ..progress import Watch, watch_for
 from ..ranks.capacity import PlannedFile, require_disk
-from ..ranks.parallel import agreed, alone, checked_communicator, collective, on_root
-from ..writing import check_output_folder, spare_folder
+from ..ranks.parallel import agreed, checked_communicator, collective, on_root
+from ..writing import spare_folder
 from . import rows as row_files
 from .case.case import Case, read_case
 from .case.problems import CaseError
 from .case.sweep import SweepTable, structural
-from .costs import Size
-from .estimates import ROW
+from .costs import ROW, Size
 from .folder import held_folder
 from .kinds.kind import Values, Wanted
 from .rows import Row
 from .shares import Shares
 from .structure import Structure
 from .sweep_file import FILE, Sweep, together
-
-__all__ = ["Sweep", "sweep"]
 
 # Points that a mesh names beside those of the case.
 POINTS = 5
@@ -119,8 +116,7 @@ def sweep(
             )
     with spare_folder() as spare, watch or watch_for(comm) as told:
         folder = comm.bcast(spare) if output is None else os.fspath(output)
-        place = check_output_folder(folder, comm)
-        with held_folder(place, checked, "sweep", replace, comm, shared=part is not None):
+        with held_folder(folder, checked, "sweep", replace, comm, shared=part is not None) as place:
             return _Sweeping(checked, place, comm, told, part).all()
 
 
@@ -175,6 +171,8 @@ class _Sweeping:
     ----------
     group : Comm
         Ranks that compute a row together with this one.
+    leads : bool
+        Whether this one writes what they have computed.
     """
 
     def __init__(self, case: Case, path: str, comm: Any, watch: Watch, part: range | None):
@@ -184,8 +182,8 @@ class _Sweeping:
         self.inputs = self.table.rows()
         self.part, self.numbers = part, part or range(len(self.inputs))
         self.names = self.table.analyses or list(case.tables.analyses)
-        group = comm.rank // self.table.ranks_per_row
-        self.group = comm.Split(group, comm.rank)
+        group, place = divmod(comm.rank, self.table.ranks_per_row)
+        self.leads = place == 0
         self.named = f"rows {self.numbers.start} to {self.numbers.stop - 1}"
         begin = "" if part is None else f"{part.start:07d}-{part.stop:07d}-"
         self.file = os.path.join(self.folder, f"{begin}{group:05d}.rows")
@@ -195,7 +193,7 @@ class _Sweeping:
         """Compute what is missing and put the table together."""
         with contextlib.ExitStack() as stack:
             with collective(self.comm):
-                if self.group.rank == 0:
+                if self.leads:
                     stack.enter_context(row_files.held(self.file, self.named))
             self._compute()
         result: Sweep = self.comm.bcast(on_root(self.comm, self._together))
@@ -213,9 +211,8 @@ class _Sweeping:
     def _compute(self) -> None:
         """Rows that are not finished, those of one structure together."""
         comm, total = self.comm, len(self.numbers)
-        done = comm.bcast(
-            on_root(comm, lambda: {k for k, row in row_files.read(self.folder).items() if not row.reason})
-        )
+        rows = functools.partial(row_files.every, self.folder)
+        done = comm.bcast(on_root(comm, lambda: {row.number for row in rows() if not row.reason}))
         missing = [k for k in self.numbers if k not in done]
         self._require_disk(len(missing))
         part = "" if self.part is None else f" ({self.named})"
@@ -224,14 +221,10 @@ class _Sweeping:
         for k in missing:
             alike.setdefault(structural(self.inputs[k]), []).append(k)
         structures = list(alike.values())
-        try:
-            with Shares(comm, self.group, [*map(len, structures)]) as shares:
-                while (place := shares.structure()) is not None:
-                    self._structure(structures[place], shares, place, total)
-        finally:
-            if not alone(comm):
-                self.group.Free()
-        comm.Barrier()
+        with Shares(comm, self.table.ranks_per_row, [*map(len, structures)]) as shares:
+            self.group = shares.group
+            while (place := shares.structure()) is not None:
+                self._structure(structures[place], shares, place, total)
 
     def _require_disk(self, rows: int) -> None:
         """Refuse rows that would not fit on the disk: of each its figures, and motions where they are kept.
@@ -241,16 +234,13 @@ class _Sweeping:
         if self.table.histories:
             size = Size(self.case, 0, 0, len((tables.body or tables).points) + POINTS)
             each += sum(tables.analyses[name].cost(size).disk for name in self.names)
-        require_disk(
-            "sweep",
-            self.comm,
-            PlannedFile(os.path.join(self.path, FILE), rows * each),
-            what=f"{rows:,d} rows",
-            remedy=lambda share: (
-                f"about {int(share * rows):,d} rows fit; give fewer, leave histories out, or name another "
-                "folder"
-            ),
-        )
+        file = PlannedFile(os.path.join(self.path, FILE), rows * each)
+        fewer = "give fewer, leave histories out, or name another folder"
+
+        def remedy(share: float) -> str:
+            return f"about {int(share * rows):,d} rows fit; {fewer}"
+
+        require_disk("sweep", self.comm, file, what=f"{rows:,d} rows", remedy=remedy)
 
     def _structure(self, numbers: list[int], shares: Shares, place: int, total: int) -> None:
         """Rows of one structure, as long as no other group has taken them."""
@@ -264,7 +254,7 @@ class _Sweeping:
                 number = numbers[taken]
                 work = functools.partial(self._row, number, structure or fault, results)
                 values, reason = self._tried(work)
-                if self.group.rank == 0:
+                if self.leads:
                     row_files.append(self.file, Row(number, reason, time.monotonic() - began, values or {}))
                 if self.comm.rank == 0:
                     self.watch.fraction(1.0 - shares.left().sum() / total)

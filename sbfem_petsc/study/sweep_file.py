@@ -114,15 +114,13 @@ class Sweep:
 
     def facts(self) -> dict[str, Any]:
         """Size, failures, names and ranges, as JSON can hold them."""
+        shapes = {name: list(array.shape) for name, array in self.values.items()}
         return {
             "rows": len(self),
             "failed": self.failed,
             "reasons": sorted({reason for reason in self.reasons if reason}),
             "inputs": {name: np.unique(column).tolist() for name, column in self.inputs.items()},
-            "values": {
-                name: {"shape": list(array.shape), "unit": self.units[name]}
-                for name, array in self.values.items()
-            },
+            "values": {name: {"shape": shapes[name], "unit": self.units[name]} for name in shapes},
             "seconds": float(np.nansum(self.seconds)),
         }
 
@@ -151,10 +149,9 @@ class Sweep:
         """Write inputs, scalar values and short arrays, a row a line, units in the heading; the file."""
         columns: dict[str, Any] = {"row": range(len(self)), **self.inputs}
         for name, array in self.values.items():
-            unit = self.units[name]
-            ending = "" if unit == "1" else f" [{unit}]"
-            if np.iscomplexobj(array) or array.ndim > 2 or (array.ndim == 2 and array.shape[1] > WIDEST):
+            if np.iscomplexobj(array) or array.ndim > 2 or array[0].size > WIDEST:
                 continue
+            ending = "" if self.units[name] == "1" else f" [{self.units[name]}]"
             if array.ndim == 1:
                 columns[f"{name}{ending}"] = array
             else:

@@ -233,7 +233,12 @@ def test_report(folder, tmp_path, results):
             assert f"{frequency:.6g}" in page.text
         pushed = summary["push"]["displacement"]["A"][1]
         assert 0.5e-6 < pushed < 0.5e-3 and f"{1e6 * pushed:.6g} µm" in page.text
-        for words in ("displacement x, y of A", "stress intensity factors I, II of crack1", "√m"):
+        for words in (
+            "displacement x, y of A",
+            "stress intensity I, II of crack1",
+            "reactions x, y of left",
+            "√m",
+        ):
             assert words in page.text
         assert "10^" not in page.text and "contact_resultant" not in page.text
         return

@@ -18,7 +18,7 @@ from sbfem_petsc.plot.maps import indicator_figure
 from sbfem_petsc.study import rows
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.sweep import parsed, replaced_in, words_of
-from sbfem_petsc.study.folder import Folder
+from sbfem_petsc.study.folder import hold_folder
 from sbfem_petsc.study.kinds.kind import Wanted
 from sbfem_petsc.study.revive import described, read_any
 from sbfem_petsc.study.rows import Row
@@ -281,7 +281,7 @@ def together():  # both ranks at a row, however busy the machine is
     request, limit = comm.Ibarrier(), time.monotonic() + 60.0
     while not request.Test() and time.monotonic() < limit:
         time.sleep(1e-3)
-with Shares(comm, MPI.COMM_SELF, [9]) as shares:
+with Shares(comm, 1, [9]) as shares:
     while (place := shares.structure()) is not None:
         while (row := shares.row(place)) is not None:
             taken.append(row)
@@ -289,7 +289,7 @@ with Shares(comm, MPI.COMM_SELF, [9]) as shares:
                 together()
     comm.Barrier()
     assert not shares.left().any()
-with Shares(comm, MPI.COMM_SELF, [1]) as shares:  # a last row has its group, who makes the structure for it
+with Shares(comm, 1, [1]) as shares:  # a last row has its group, who makes the structure for it
     given = shares.structure()
     comm.Barrier()
     assert given is None or shares.row(given) == 0
@@ -416,19 +416,19 @@ def test_another_sweep_that_came_to_nothing(tmp_path):
     )
     (tmp_path / "out").mkdir()
     path = str(tmp_path / "out")
-    begun = Folder(path, first, "sweep", shared=True)
+    begun = hold_folder(path, first, "sweep", shared=True)
     with pytest.raises(ValueError, match="holds the sweep of another case"):
-        Folder(path, other, "sweep", shared=True)
-    beside = Folder(path, first, "sweep", shared=True)
+        hold_folder(path, other, "sweep", shared=True)
+    beside = hold_folder(path, first, "sweep", shared=True)
     begun.close()
     with pytest.raises(ValueError, match="holds the sweep of another case"):
-        Folder(path, other, "sweep", shared=True)
+        hold_folder(path, other, "sweep", shared=True)
     beside.close()
     found = sb.sweep(other, output=path, rows=(0, 1), comm=MPI.COMM_SELF)
     assert found.reasons == [""]
     for shared in (False, True):
         with pytest.raises(ValueError, match="holds the sweep of another case"):
-            Folder(path, first, "sweep", shared=shared)
+            hold_folder(path, first, "sweep", shared=shared)
 
 
 # 80 rows on eight structures.

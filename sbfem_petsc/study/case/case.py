@@ -92,11 +92,6 @@ class Case:
         return self._hash(_DECISIVE)
 
     @property
-    def given(self) -> str:
-        """The same of what stands in the file alone, whatever options are left out, with the sweep."""
-        return self._hash((*_DECISIVE, "sweep"), written=True)
-
-    @property
     def structure_key(self) -> str:
         """Hash of geometry, mesh, material and supports."""
         return self._hash(STRUCTURE)
@@ -136,8 +131,8 @@ class Case:
             reason = getattr(error, "strerror", None) or error
             raise self.problem(path, f"= {name!r} cannot be read ({reason})") from None
 
-    def _hash(self, tables: tuple[str, ...], written: bool = False) -> str:
-        chosen = self.tables.model_dump(mode="json", include=set(tables), exclude_unset=written)
+    def _hash(self, tables: tuple[str, ...]) -> str:
+        chosen = self.tables.model_dump(mode="json", include=set(tables))
         if "output" in chosen:
             # what is drawn decides over no result
             chosen["output"] = chosen["output"].get("points")

@@ -113,17 +113,9 @@ def _check_names(case: Any, found: BoundaryMesh) -> None:
         raise case.problem(("materials",), f"has no table for the region {missing[0]!r}; add it")
 
 
-def model(case: Any, comm: Any, found: Any = None) -> sb.Model:
-    """The model of a case; the mesh is made on rank 0. Collective.
-
-    Parameters
-    ----------
-    case : Case
-    comm : mpi4py communicator
-    found : BoundaryMesh, optional
-        The mesh, on rank 0 at least. Default: made here.
-    """
-    body = found if found is not None else sb.on_root(comm, lambda: mesh(case))
+def model(case: Any, comm: Any) -> sb.Model:
+    """The model of a case; the mesh is made on rank 0. Collective."""
+    body = sb.on_root(comm, lambda: mesh(case))
     given = _said(case, *type(case.tables.model).model_fields) | {"clamped": case.tables.clamped or None}
     # one material, or a dict of them by region
     one, several = case.tables.material, case.tables.materials
