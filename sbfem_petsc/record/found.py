@@ -151,22 +151,28 @@ class Found(Views):
         quantities, parts, axes = [], dict[str, Any](), dict(above)
         items = dict(group.items())
         for name, item in items.items():
-            if isinstance(item, h5py.Dataset) and item.is_scale:
+            if isinstance(item, h5py.Dataset) and item.attrs.get("CLASS") == b"DIMENSION_SCALE":
                 texts = item.dtype.kind == "S" and item.ndim == 1
-                axes[_address(item)] = name, tuple(value_of(item).tolist()) if texts else ()
+                axes[_address(item.id)] = name, tuple(value_of(item).tolist()) if texts else ()
         for name, item in items.items():
             if isinstance(item, h5py.Group):
                 several = [cls.read(one, axes) for one in item.values()] if "several" in item.attrs else None
                 parts[name] = cls.read(item, axes) if several is None else tuple(several)
-            elif _address(item) not in axes:
-                quantities.append(_quantity(name, item, [axes[_address(dim[0])] for dim in item.dims]))
-            elif not axes[_address(item)][1] and not bare(item):
+            elif _address(item.id) not in axes:
+                quantities.append(_quantity(name, item, [axes[at] for at in _axes(item)]))
+            elif not axes[_address(item.id)][1] and not bare(item):
                 quantities.append(_quantity(name, item, [(name, ())]))
         return cls(quantities, parts, text(group.attrs["coordinates"]).split())
 
 
-def _address(item: h5py.Dataset) -> int:
-    return int(h5py.h5o.get_info(item.id).addr)
+def _axes(item: h5py.Dataset) -> list[int]:
+    """Addresses of its axes. HDF5's own functions, by `dims`, crash where the attribute is something else."""
+    named = item.attrs["DIMENSION_LIST"] if item.ndim else ()
+    return [_address(h5py.h5r.dereference(scales[0], item.id)) for scales in named]
+
+
+def _address(item: h5py.h5o.ObjectID) -> int:
+    return int(h5py.h5o.get_info(item).addr)
 
 
 def _quantity(name: str, data: h5py.Dataset, axes: list[Axis]) -> Quantity:
