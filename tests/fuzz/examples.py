@@ -837,7 +837,7 @@ INTERNAL = {
 
 # Warnings, errors and parts of results: nobody calls them with arguments.
 NOT_CALLED = {
-    "SolveError", "UnknownName", "LoadWarning", "BandWarning", "MeshWarning",
+    "SolveError", "SolverFailure", "UnknownName", "LoadWarning", "BandWarning", "MeshWarning",
     "RanksDiffer", "StepWarning", "BranchWarning", "AccuracyWarning",
     "UnitWarning", "LargeDisplacementWarning", "PlaceWarning",
     "IncompleteHistory", "GmshWarning", "ContactPairs", "Crack", "Tip", "__version__", "Estimate",
