@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -15,7 +14,7 @@ from ..checks import index_of
 from ..errors import warn
 from ..motion.period_map import Period
 from ..motion.states import Point
-from ..record.record import derived, described, quantity
+from ..record.record import Record, derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
 from .bifurcations import Bifurcation
 from .follow import points_of, ran_out
@@ -218,31 +217,21 @@ class Branch(OfOrbits, OverParameter, ToldError):
         )
 
 
-@dataclass(frozen=True)
-class Peak:
-    """A resonance peak.
+@described
+class Peak(Record):
+    """A resonance peak; at half power the amplitude has fallen to 1 / sqrt(2), nan outside the curve."""
 
-    Attributes
-    ----------
-    frequency : float
-        Of the largest amplitude, Hz.
-    amplitude : float
-        m.
-    lower, upper : float
-        Where the amplitude has fallen to 1 / sqrt(2), Hz; nan outside the curve.
-    """
+    frequency: float = quantity("Hz", "frequency of the largest amplitude", called="peak_frequency")
+    amplitude: float = quantity("m", "largest amplitude", called="peak_amplitude")
+    lower: float = quantity("Hz", "lower half-power frequency", called="lower_frequency", finite=False)
+    upper: float = quantity("Hz", "upper half-power frequency", called="upper_frequency", finite=False)
 
-    frequency: float
-    amplitude: float
-    lower: float
-    upper: float
-
-    @property
+    @derived("Hz", "half-power bandwidth")
     def bandwidth(self) -> float:
         """Hz."""
         return self.upper - self.lower
 
-    @property
+    @derived("1", "0 symmetric, +1 leaning to higher frequencies")
     def skewness(self) -> float:
         """0 for a symmetric peak, towards +1 where it leans to higher frequencies, -1 to lower ones."""
         return ((self.frequency - self.lower) - (self.upper - self.frequency)) / self.bandwidth

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..checks import integer, positive
+from ..record.record import Record, derived, described, quantity
 from .record import COHERENT, checked_record, checked_tones, coherent_length, numbers
 
 # Rows of the fit that are held in memory at a time.
@@ -186,31 +187,26 @@ def subharmonics(time, values, frequency: float, divisor: int = 2, *, count: int
     return Subharmonics(drive, divisor, _fit("subharmonics", record, lines))
 
 
-@dataclass(frozen=True, eq=False)
-class Sidebands:
-    """Sidebands of a carrier at carrier -+ n modulation.
+@described
+class Sidebands(Record):
+    """Sidebands of a carrier at carrier -+ n modulation, of displacements; others have their own unit."""
 
-    Attributes
-    ----------
-    carrier, modulation : float
-        Hz.
-    centre : complex
-        Amplitude at the carrier.
-    lower, upper : (order,) complex arrays
-        Amplitudes at carrier - n modulation and carrier + n modulation, n = 1 to order.
-    inseparable : tuple of int
-        Harmonics of the modulation that this record cannot tell from one of the lines: what they hold is
-        counted there.
-    """
+    carrier: float = quantity("Hz", "high tone")
+    modulation: float = quantity("Hz", "low tone")
+    centre: complex = quantity("m", "complex amplitude at the high tone")
+    lower: np.ndarray = quantity(
+        "m", "complex amplitudes at high - n low, n = 1, 2, ...", "sideband", kinds="c"
+    )
+    upper: np.ndarray = quantity("m", "complex amplitudes at high + n low", "sideband", kinds="c")
+    inseparable: tuple[int, ...] = quantity(
+        "1",
+        "harmonics of the low tone that the record cannot tell from one of the lines, where they are counted",
+        "harmonic",
+        default=(),
+        detail=True,
+    )
 
-    carrier: float
-    modulation: float
-    centre: complex
-    lower: np.ndarray
-    upper: np.ndarray
-    inseparable: tuple[int, ...] = ()
-
-    @property
+    @derived("1", "(|lower| + |upper|) / |centre| of each pair", "sideband", finite=False)
     def indices(self) -> np.ndarray:
         """(order,) modulation indices (A_L + A_R)/A_0 of the pairs of order n, |lower| + |upper| over
         |centre|.
@@ -218,7 +214,7 @@ class Sidebands:
         with np.errstate(divide="ignore", invalid="ignore"):
             return (np.abs(self.lower) + np.abs(self.upper)) / np.abs(self.centre)
 
-    @property
+    @derived("1", "that of the first pair", finite=False)
     def modulation_index(self) -> float:
         """(A_L + A_R)/A_0 of the first pair; m for a carrier multiplied by 1 + m sin (sidebands m A_0 / 2
         each).

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, MaxNLocator
 
-from ..analysis.load_history import LoadHistory
+from ..analysis.load_history import LoadHistory, ReducedLoadHistory
 from ..checks import flag, instances, real
 from ..continuation.orbit import component
 from ..motion.history import Motion
@@ -118,9 +118,9 @@ def plot_history(
     return _draw(ax, _moved(motion, point, direction, window))
 
 
-@picture(LoadHistory, crack=optional(a_text), direction=optional(CHECKS["direction"]))
+@picture(LoadHistory, ReducedLoadHistory, crack=optional(a_text), direction=optional(CHECKS["direction"]))
 def plot_load_history(
-    history: LoadHistory,
+    history: LoadHistory | ReducedLoadHistory,
     point: Point = "A",
     direction: str | None = None,
     *,
@@ -134,7 +134,7 @@ def plot_load_history(
 
     Parameters
     ----------
-    history : LoadHistory
+    history : LoadHistory or ReducedLoadHistory
         On rank 0 at least; on all ranks for a place (x, y).
     point, direction
         As for `plot_history`.
@@ -149,8 +149,7 @@ def plot_load_history(
     Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
     """
     panels = _moved(history, point, direction)
-    tips = list(history.states[0].stress_intensity)
-    if tips:
+    if isinstance(history, LoadHistory) and (tips := list(history.states[0].stress_intensity)):
         factors = history.stress_intensity(crack or tips[0])
         both = {name: (history.time, factors[:, k]) for k, name in enumerate(("$K_I$", "$K_{II}$"))}
         up = Scale.of(f"K of {crack or tips[0]}", "Pa", factors, per=" m$^{1/2}$")

@@ -149,7 +149,7 @@ class _Run(contextlib.ExitStack):
         try:
             self.watch.stage(f"{title} ({kind.kind})")
             with located(case, "analyses", name):
-                file = part_of(self.path, name, f"{RESULT}.journal") if kind.running else None
+                file = part_of(self.path, name, f"{RESULT}.journal")
                 result = self.structure.solve(case, name, file=file, progress=self.watch.fraction)
                 found = kind.found(result, self.structure.points(case))
         except (CaseError, SolveError, SolverFailure) as error:
@@ -166,7 +166,7 @@ class _Run(contextlib.ExitStack):
         if output.pictures or output.vtu or output.animation:
             self.watch.stage(f"{title}: pictures and files")
             pictures.draw(case, name, result, self.structure.model, os.path.join(self.path, PICTURES))
-        line = kind.summary_line(result)
+        line = repr(result) if result != () else found["reason"].value
         self.structure.release(result)
         facts = {"seconds": seconds, "model": self.model}
         on_root(self.comm, lambda: self._keep(name, found, facts))

@@ -15,7 +15,6 @@ from .case.objects import located
 from .case.problems import CaseError
 from .case.tables import Problem
 from .costs import FEWEST_MODES, Size
-from .kinds.kind import Run
 
 # What of a model stands in its facts.
 _NUMBERS = ("elements", "order", "boundary_unknowns", "unknowns")
@@ -100,10 +99,10 @@ class Structure:
             raise on_all_ranks(CaseError(case.file, problems, case.lines))
 
     def solve(self, case: Case, name: str, **run: Any) -> Any:
-        """Result of an analysis of a case of this structure, with the file and progress of a `Run`.
+        """Result of an analysis of a case of this structure, with `file` and `progress` of `Kind.solve`.
         Collective.
         """
-        return case.tables.analyses[name].solve(case, self.model, Run(**run))
+        return case.tables.analyses[name].solve(case, self.model, **run)
 
     def release(self, result: Any) -> None:
         """Free the finer model that a result of an accuracy asked for was computed on."""

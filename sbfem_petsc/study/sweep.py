@@ -293,7 +293,7 @@ class _Sweeping:
             if key:
                 alike[key] = result
             healthy = functools.partial(self._healthy, case, name)
-            wanted = Wanted(case, points, self._noisy(number, name), self.table.histories, healthy)
+            wanted = Wanted(points, self._noisy(number, name), self.table.histories, healthy)
             found = kind.row(result, wanted)
             values.update({f"{name}/{quantity}": entry for quantity, entry in found.items()})
             structure.release(result)

@@ -6,6 +6,10 @@ import ast
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
 
 import sbfem_petsc as sb
 from sbfem_petsc.study.case.analyses import KINDS
@@ -26,6 +30,20 @@ def test_each_file_is_a_kind():
         assert kind.solve is not Kind.solve or hasattr(getattr(sb, kind.function or name), "options")
     # each bears the name of a public function, but for one that is a motion under two tones
     assert set(KINDS) - set(sb.__all__) == {"modulation"}
+
+
+@pytest.mark.parametrize("probe, periods", [(3200.0, 1), (3200.0, 3), (3000.0, 2), (3000.0, 4)])
+def test_sidebands_of_a_motion_of_several_periods(probe, periods):
+    """1 + 0.2 cos(2 pi 400 t) times a carrier, and a line of the motion's own where it has more periods than
+    its loads: the index is 0.2 whatever they are.
+    """
+    tones = {"pump": "low", "pump_frequency": 400.0, "probe": "high", "probe_frequency": probe}
+    kind = KINDS["modulation"](kind="modulation", point="A", **tones)
+    t = np.arange(512 * periods) / (512 * 400.0)
+    own = 0.1 * np.cos(2.0 * np.pi * 400.0 / periods * t) if periods > 2 else 0.0
+    u = (1.0 + 0.2 * np.cos(2.0 * np.pi * 400.0 * t)) * np.cos(2.0 * np.pi * probe * t) + own
+    motion = SimpleNamespace(periods=periods, displacement=lambda point: u)
+    assert kind._sidebands(motion).modulation_index == pytest.approx(0.2, rel=1e-9)
 
 
 def named(tree: ast.Module) -> Iterator[str]:

@@ -23,7 +23,6 @@ from sbfem_petsc.study import revive, run
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.problems import CaseError
 from sbfem_petsc.study.folder import hold_folder
-from sbfem_petsc.study.kinds.kind import Run
 from sbfem_petsc.study.revive import read_any
 from sbfem_petsc.study.run import run_case
 from sbfem_petsc.study.structure import Structure
@@ -566,7 +565,7 @@ def test_keys_of_a_backbone(monkeypatch):
     options, given = inspect.signature(sb.backbone).parameters, {}
     told = functools.wraps(sb.backbone)(lambda model, **options: given.update(options))
     monkeypatch.setattr(sb, "backbone", told)
-    case.tables.analyses["bone"].solve(case, None, Run(progress="auto"))
+    case.tables.analyses["bone"].solve(case, None, progress="auto")
     assert set(given) == set(options) - {"model"}
     assert [given.pop(name) for name in ("mode", "start", "stop", "interactions")] == [1, 1e-6, 1e-3, True]
     assert all(value == options[name].default for name, value in given.items())

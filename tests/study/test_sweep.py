@@ -137,7 +137,7 @@ def test_reactions_of_rows():
     """In equilibrium they are the load's; of a motion, the most that each support bears."""
     case = case_from_text(CASE)
     structure = Structure(case, MPI.COMM_SELF)
-    wanted = Wanted(case, ["A"], None, False, lambda: None)
+    wanted = Wanted(["A"], None, False, lambda: None)
     kinds, results = case.tables.analyses, {name: structure.solve(case, name) for name in ("push", "burst")}
     rows = {name: kinds[name].row(result, wanted) for name, result in results.items()}
     force, unit = rows["push"]["reactions/left"]

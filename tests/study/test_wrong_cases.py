@@ -297,13 +297,6 @@ WRONG = [
     ),
     (
         'kind = "static"\nload = "push"',
-        'kind = "basins"\nload = "push"\nfrequency = 50.0\nmodes = 9\nstarts = [{ values = [0], mode = 40 }]'
-        + NEW,
-        "analyses.push.starts[0].mode = 40",
-        "must be one of the modes = 9",
-    ),
-    (
-        'kind = "static"\nload = "push"',
         'kind = "modulation"\npump = "push"\nprobe = "push"\npoint = "A"\npump_frequency = 300.0\n'
         "probe_frequency = 900.0\npairs = 3" + NEW,
         "analyses.push.pairs = 3 reaches down to 0 Hz",
@@ -681,13 +674,19 @@ LATER = [
         BASINS % 'kind = "impulse", mode = 2',
         "",
         r"starts\[0\]\.mode",
-        "= 2 is no number of a unit load, of which there are 1",
+        "= 2 is no number of a unit load; there are 1, from 1; give one of these",
     ),
     (
         (BASINS % 'kind = "impulse", mode = 1').replace("push", "moved"),
         MOVED,
         r"starts\[0\]\.mode",
         "gives no impulse",
+    ),
+    (
+        BASINS % "mode = 40" + "\nmodes = 9",
+        "",
+        r"starts\[0\]\.mode",
+        "= 40 is more than the 9 modes there are, as the table says; give more modes",
     ),
     (BASINS % "mode = 5000", "", r"starts\[0\]\.mode", "= 5,000 is more than the"),
     (BASINS % "mode = 90", "", r"starts\[0\]\.mode", "= 90 is more than the 80 modes there are"),

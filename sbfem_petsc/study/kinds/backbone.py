@@ -18,7 +18,6 @@ class Backbone(BackboneOptions, Kind):
 
     kind: Literal["backbone"] = item(text="frequency of free vibration over its energy")
     rubs = False
-    running = True
     details = ("harmonics",)
 
     def asked(self, case: Any, model: Any) -> Iterator[tuple[str, int]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Iterator, Sequence
 from typing import Any, Literal
@@ -18,7 +17,7 @@ from ..case import objects
 from ..case.sweep import Times, grid
 from ..case.tables import Name, Path, Problem, Table
 from ..costs import FEWEST_MODES, Cost, Size
-from .kind import Drawn, Forced, Loaded, Quantities
+from .kind import Drawn, Forced, Quantities
 
 
 class StartAxis(Table):
@@ -44,20 +43,12 @@ class StartAxis(Table):
             yield "point", f"= {self.point!r} has no meaning for an impulse; leave it out"
 
 
-class Basins(BasinsOptions, Forced, Loaded):
+class Basins(BasinsOptions, Forced):
     """Which steady state the histories from a grid of initial states settle on."""
 
     kind: Literal["basins"] = item(text="basins of attraction")
     starts: list[StartAxis] = item(text="axes of the grid", min_length=1, max_length=3)
     oscillates = saved = True
-
-    def problems(self) -> Iterator[Problem]:
-        """A mode that is not kept, too."""
-        yield from super().problems()
-        for k, axis in enumerate(self.starts):
-            if axis.kind != "impulse" and self.modes is not None and axis.mode > self.modes:
-                text = f"= {axis.mode} must be one of the modes = {self.modes}"
-                yield Problem(("starts", k, "mode"), text)
 
     def given(self, case: Any) -> dict[str, Any]:
         starts = [sb.StartAxis(**{**dict(axis), "values": grid(axis.values)}) for axis in self.starts]
@@ -68,37 +59,33 @@ class Basins(BasinsOptions, Forced, Loaded):
         yield from super().lacking(case, model, most, words)
         units = objects.units(case, self.acting(case))
         highest = max((axis.mode for axis in self.starts if axis.kind != "impulse"), default=0)
-        if self.modes is None and model is not None and min(FEWEST_MODES, most // 2) < highest <= most:
+        if self.modes is not None:
+            most, words = self.modes, "as the table says; give more modes"
+        elif model is not None and min(FEWEST_MODES, most // 2) < highest <= most:
             most, words = self._kept(case, model), "those that are kept by default; give modes"
         for k, axis in enumerate(self.starts):
-            path = ("starts", k, "mode")
+            text = ""
             if axis.kind != "impulse":
                 if axis.mode > most:
-                    text = f"= {axis.mode:,d} is more than the {most:,d} modes there are, {words}"
-                    yield Problem(path, text)
+                    text = f"is more than the {most:,d} modes there are, {words}"
             elif axis.mode > len(units):
-                text = f"= {axis.mode} is no number of a unit load, of which there are {len(units)}, from 1"
-                yield Problem(path, f"{text}; give one of these")
+                text = f"is no number of a unit load; there are {len(units)}, from 1; give one of these"
             elif isinstance(units[axis.mode - 1], sb.EdgeMotion):
                 text = "is a prescribed displacement, which gives no impulse; name one that is a force"
-                yield Problem(path, f"= {axis.mode} {text}")
+            if text:
+                yield Problem(("starts", k, "mode"), f"= {axis.mode:,d} {text}")
 
     def _kept(self, case: Any, model: Any) -> int:
         """Modes of a model by default. Collective."""
-        from ...motion.loading import loading
         from ...reduction.build import default_modes
 
-        signal = functools.partial(sb.Harmonic, frequency=self.frequency)
-        loads = loading("basins", model, self.acting(case), signal)
-        known = all(one.highest_frequency is not None for one in loads.signals)
-        return default_modes(model, max(0.0 if known else self.frequency, loads.highest_frequency))
+        bands = [one.highest_frequency for one in objects.signals_of(self.acting(case, self.frequency))]
+        return default_modes(model, max(self.frequency if band is None else band for band in bands))
 
     def places(self) -> Iterator[tuple[Path, str]]:
-        return (
-            (("starts", k, "point"), axis.point)
-            for k, axis in enumerate(self.starts)
-            if axis.point is not None
-        )
+        for k, axis in enumerate(self.starts):
+            if axis.point is not None:
+                yield ("starts", k, "point"), axis.point
 
     def found(self, result: Any, points: Sequence[str]) -> Found:
         found = super().found(result, points)

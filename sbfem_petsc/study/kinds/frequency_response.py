@@ -12,22 +12,12 @@ from ...record.found import Found, column, labelled, of_points
 from ..costs import CURVE_POINTS, Cost, Size
 from .kind import Loaded, Quantities, Reducible
 
-# Of a resonance: where `Branch.peak` has it, unit, and what it is.
-_PEAK = {
-    "peak_frequency": ("frequency", "Hz", "frequency of the largest amplitude"),
-    "peak_amplitude": ("amplitude", "m", "largest amplitude"),
-    "lower_frequency": ("lower", "Hz", "lower half-power frequency"),
-    "upper_frequency": ("upper", "Hz", "upper half-power frequency"),
-    "bandwidth": ("bandwidth", "Hz", "half-power bandwidth"),
-    "skewness": ("skewness", "1", "0 symmetric, +1 leaning to higher frequencies"),
-}
-
 
 class Curve(Reducible):
     """A kind whose result is a response curve."""
 
     settles = oscillates = True
-    running = saved = True
+    saved = True
     details = ("harmonics",)
     pictured, captions = {"curve": "plot_branches"}, {"curve": "response curve"}
 
@@ -40,18 +30,14 @@ class Curve(Reducible):
             last = lambda point: result.amplitude(point)[-1]
             yield column(of_points("last_amplitude", points, last, "m", "amplitude at the last point"))
             return
-        peaks = {point: result.peak(point) for point in points}
-        for name, (field, unit, text) in _PEAK.items():
-            value = lambda point, field=field: getattr(peaks[point], field)
-            yield column(of_points(name, points, value, unit, text))
+        for told in zip(*(result.peak(point).quantities() for point in points)):
+            value = dict(zip(points, (q.value for q in told))).__getitem__
+            yield column(of_points(told[0].name, points, value, told[0].unit, told[0].about.text))
 
     @classmethod
     def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
-        if found["bifurcations"]:
-            yield (
-                ("bifurcation", "at"),
-                [(entry["kind"].value, entry["value"].value) for entry in found["bifurcations"]],
-            )
+        rows = [(entry["kind"].value, entry["value"].value) for entry in found["bifurcations"]]
+        yield ("bifurcation", "at"), rows
 
 
 class FrequencyResponse(Curve, FrequencyResponseOptions, Loaded):

@@ -20,6 +20,7 @@ import sbfem_petsc as sb
 from ...analysis.options import OfEither, driven_at
 from ...indicators.detection import contact_duty
 from ...options import item, one_of
+from ...progress import Progress
 from ...record.about import Quantity
 from ...record.found import Found
 from ...record.record import Record
@@ -33,34 +34,11 @@ PERIODIC: tuple[str, ...] = ("harmonic", "constant")
 
 
 @dataclass(frozen=True)
-class Run:
-    """How an analysis is run.
-
-    Attributes
-    ----------
-    file : str or None
-        File from which an interrupted run goes on, of kinds with `running`.
-    progress : callable or None
-        Called with the fraction done where the analysis tells it.
-    """
-
-    file: str | None = None
-    progress: Callable[[float], None] | None = None
-
-    @property
-    def kept(self) -> dict[str, Any]:
-        """Arguments of an analysis that keeps what it has until it is told to go on."""
-        return {"file": self.file, "resume": self.file is not None, "progress": self.progress}
-
-
-@dataclass(frozen=True)
 class Wanted:
     """What a row of a sweep is to hold of an analysis.
 
     Attributes
     ----------
-    case : Case
-        That of the row.
     points : sequence of str
     noisy : callable or None
         Adds noise to a motion.
@@ -70,14 +48,13 @@ class Wanted:
         Gives the result of the structure without faults, or None where there is none. Collective.
     """
 
-    case: Any
     points: Sequence[str]
     noisy: Callable[[np.ndarray], np.ndarray] | None
     histories: bool
     healthy: Callable[[], Any]
 
 
-# Captions of `Drawn.rubbing`.
+# Pictures of faces that rub, and their captions.
 RUBBING = {
     "slips": "where faces are apart, stick and slip",
     "hysteresis": "friction over slip",
@@ -106,13 +83,6 @@ class Drawn:
         chosen = [point for point in self.asked if point in known]
         return chosen[0] if chosen else "A" if "A" in known else known[0] if known else None
 
-    def rubbing(self, result: Any) -> Iterator[tuple[str, Any]]:
-        """Pictures of faces that rub, where any do. Collective."""
-        if result.slip is not None and result.slip.size and len(result.time) > 1:
-            for name in RUBBING:
-                draw = getattr(self.plot, f"plot_{name}")
-                yield name, draw(result, title=self.title, comm=self.comm)
-
 
 class Kind(Table):
     """A table [analyses.NAME] and what is done with it.
@@ -137,8 +107,6 @@ class Kind(Table):
         Whether its result is a motion, which can be animated.
     fields : bool
         Whether its result has fields for ParaView.
-    running : bool
-        Whether it is kept in a file while it runs, from which an interrupted run goes on.
     saved : bool
         Whether its result is written to a file of its own, unless it has been kept.
     plane : tuple of str
@@ -163,19 +131,29 @@ class Kind(Table):
     rubs: ClassVar[bool] = True
     moving: ClassVar[bool] = False
     fields: ClassVar[bool] = False
-    running: ClassVar[bool] = False
     saved: ClassVar[bool] = False
     plane: ClassVar[tuple[str, ...]] = ("modes", "reduced")
     oscillates: ClassVar[bool] = False
     details: ClassVar[tuple[str, ...]] = ()
     captions: ClassVar[dict[str, str]] = {}
 
-    def solve(self, case: Any, model: Any, run: Run) -> Any:
+    def solve(self, case: Any, model: Any, file: str | None = None, progress: Progress = None) -> Any:
         """The result, on the case's model: of a public function, whose arguments are what is given and keys
         of the table. Collective.
+
+        Parameters
+        ----------
+        case : Case
+        model : Model or ReducedModel
+        file : str, optional
+            Where it is kept while it runs, if the function does so, and from where an interrupted run goes
+            on.
+        progress : callable, "auto" or None
+            Called with the fraction done where the function tells it.
         """
         function = getattr(sb, self.function or self.kind)
-        arguments = {**dict(self), **run.kept, **self.given(case)}
+        kept = {"file": file, "resume": file is not None, "progress": progress}
+        arguments = {**dict(self), **kept, **self.given(case)}
         known = inspect.signature(function).parameters
         return function(model, **{name: value for name, value in arguments.items() if name in known})
 
@@ -209,9 +187,8 @@ class Kind(Table):
                 f"= {self.kind!r} needs a structure held against every rigid-body motion, but "
                 "model.clamped = [] and there are no supports; clamp an edge set",
             )
-        fields = type(self).model_fields
-        for key in self.plane if case.body is not None else ():
-            if key in fields and getattr(self, key) != fields[key].default:
+        for key in self.plane:
+            if case.body is not None and key in self.model_fields_set:
                 more = "give body.modes" if key == "modes" else "leave it out"
                 yield Problem((key,), f"is not for a [body], which is reduced once; {more}")
         for key in self.loads_in:
@@ -337,10 +314,6 @@ class Kind(Table):
         if self.saved and result != () and not os.path.isfile(f"{path}.journal"):
             sb.save(f"{path}.h5", result)
 
-    def summary_line(self, result: Any) -> str:
-        """A line about a result."""
-        return repr(result)
-
     def cost(self, size: Size) -> Cost:
         """What it takes."""
         raise NotImplementedError
@@ -351,16 +324,11 @@ class Kind(Table):
         return iter(())
 
 
-class UnderLoad(Kind):
-    """A kind under loads that act together."""
+class Loaded(Kind):
+    """A kind under loads that act together, with a factor on them."""
 
     loads_in = ("load",)
     load: Names = item(text="name of a load, or several that act together")
-
-
-class Loaded(UnderLoad):
-    """A kind under loads with a factor on them."""
-
     factor: float = item(1.0, text="factor on the load")
 
 
@@ -386,11 +354,15 @@ class Moved(Kind):
         return values
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
+        """Of faces that rub, too, where any do."""
         yield from super().pictures(result, drawn)
-        yield from drawn.rubbing(result)
+        if result.slip is not None and result.slip.size and len(result.time) > 1:
+            for name in RUBBING:
+                draw = getattr(drawn.plot, f"plot_{name}")
+                yield name, draw(result, title=drawn.title, comm=drawn.comm)
 
 
-class Forced(UnderLoad):
+class Forced(Loaded):
     """A kind under periodic loads with a forcing frequency."""
 
     signals = PERIODIC
@@ -435,10 +407,8 @@ class Reducible(OfEither, Kind):
         yield from super().against(case)
         given = case.model.rayleigh
         if self.settles and not self.reduced and (given is None or isinstance(given, list) and not given[1]):
-            text = (
-                "= false needs damping of all motions, not of the modes alone; give model.rayleigh with b > 0"
-            )
-            yield Problem(("reduced",), text)
+            text = "needs damping of all motions, not of the modes alone; give model.rayleigh with b > 0"
+            yield Problem(("reduced",), f"= false {text}")
 
 
 class TwoTones(Kind):

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any, Literal
 
 import numpy as np
-
-import sbfem_petsc as sb
 
 from ...analysis.options import LoadHistoryOptions
 from ...options import item
 from ..case.sweep import Times, grid
 from ..costs import Cost, Size
-from .kind import Drawn, Loaded, Moved, Values, Wanted, along
+from .kind import Loaded, Moved, Values, Wanted, along
 
 
 class LoadHistory(LoadHistoryOptions, Moved, Loaded):
@@ -40,12 +37,6 @@ class LoadHistory(LoadHistoryOptions, Moved, Loaded):
                 if wanted.histories:
                     values[f"stress_intensity/{name}"] = (factors, unit)
         return values
-
-    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
-        if isinstance(result, sb.LoadHistory):
-            yield from super().pictures(result, drawn)
-        else:
-            yield from drawn.rubbing(result)
 
     def cost(self, size: Size) -> Cost:
         count = len(grid(self.times))

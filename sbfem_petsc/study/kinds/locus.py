@@ -13,7 +13,7 @@ from ...options import item
 from ...record.found import Found, column, labelled
 from ..case.tables import Problem
 from ..costs import STEPS, Cost, Size
-from .kind import Drawn, Loaded, Quantities, Run
+from .kind import Drawn, Loaded, Quantities
 
 
 class Locus(LineOptions, FrequencyRange, Loaded):
@@ -43,32 +43,24 @@ class Locus(LineOptions, FrequencyRange, Loaded):
     def against(self, case: Any) -> Iterator[Problem]:
         """A factor on damping that there is none of, too."""
         yield from super().against(case)
-        undamped = case.model.damping == 0.0 and case.model.rayleigh is None
-        if self.parameter == "damping" and undamped:
+        if self.parameter == "damping" and case.model.damping == 0.0 and case.model.rayleigh is None:
             text = '= "damping" has no effect without damping; give model.damping, or another parameter'
             yield Problem(("parameter",), text)
 
-    def solve(self, case: Any, model: Any, run: Run) -> tuple[sb.Locus, ...]:
+    def solve(self, case: Any, model: Any, file: Any = None, progress: Any = None) -> tuple[sb.Locus, ...]:
         load, kinds = self.acting(case), tuple(self.bifurcations)
-        curve = sb.frequency_response(model, load, **self.of(FrequencyRange), progress=run.progress)
+        curve = sb.frequency_response(model, load, **self.of(FrequencyRange), progress=progress)
         options = self.of(LineOptions)
-        return sb.loci(curve, self.least, self.most, kinds=kinds, **options, progress=run.progress)
-
-    def _none(self) -> str:
-        """Why there is no line."""
-        listed = " or ".join(filter(None, (", ".join(self.bifurcations[:-1]), self.bifurcations[-1])))
-        return (
-            f"no {listed} that can be followed was found on the curve from {self.start:g} to {self.stop:g} Hz"
-            f"{f' at {self.factor:g} times the load' if self.factor != 1.0 else ''}"
-        )
-
-    def summary_line(self, result: Any) -> str:
-        return repr(result) if result else self._none()
+        return sb.loci(curve, self.least, self.most, kinds=kinds, **options, progress=progress)
 
     def more(self, result: Any, points: Sequence[str]) -> Quantities:
         yield labelled("count", len(result), text="number of lines")
         if not result:
-            yield labelled("reason", self._none(), text="why there is none")
+            listed = " or ".join(filter(None, (", ".join(self.bifurcations[:-1]), self.bifurcations[-1])))
+            found = f"was found on the curve from {self.start:g} to {self.stop:g} Hz"
+            at = f" at {self.factor:g} times the load" * (self.factor != 1.0)
+            reason = f"no {listed} that can be followed {found}{at}"
+            yield labelled("reason", reason, text="why there is none")
         for kind in self.bifurcations:
             lines = [line for line in result if line.kind == kind]
             name = kind.replace(" ", "_").replace("-", "_").lower()
@@ -85,5 +77,4 @@ class Locus(LineOptions, FrequencyRange, Loaded):
             yield "loci", drawn.plot.plot_loci(result, title=drawn.title, comm=drawn.comm)
 
     def cost(self, size: Size) -> Cost:
-        memory, lines = size.period(size.modes(self.modes), self.steps or STEPS), 4
-        return Cost(memory, 64.0 * lines * self.points)
+        return Cost(size.period(size.modes(self.modes), self.steps or STEPS), 256.0 * self.points)

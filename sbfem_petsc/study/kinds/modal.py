@@ -77,10 +77,9 @@ class Modal(ModalOptions, Kind):
 
 def _shift(cracked: Any, healthy: Any) -> np.ndarray:
     """Relative shift of frequencies paired by their numbers; nan where one structure has fewer in a band."""
-    shift = np.full(len(cracked), np.nan)
     both = min(len(cracked), len(healthy))
-    shift[:both] = frequency_shift(list(map(float, cracked[:both])), list(map(float, healthy[:both])))
-    return shift
+    shift = frequency_shift(cracked[:both], healthy[:both])
+    return np.append(shift, np.full(len(cracked) - both, np.nan))
 
 
 def estimated_error(table: Any, result: Any) -> Quantity | None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -14,12 +13,14 @@ from ...options import item
 from ...record.found import Found, column, labelled, of_points
 from ..case.tables import Path
 from ..costs import Cost, Size
-from .kind import Drawn, Forced, Loaded, Moved, Quantities, Reducible, Values, Wanted, along, common_period
+from .kind import Drawn, Forced, Moved, Quantities, Reducible, Values, Wanted, along, common_period
 
 # Harmonics of each point in a row of a sweep, and in a report.
 ROW_HARMONICS, SHOWN = 21, 11
 # Highest order of the ratios A_n / A_1 that stand in the table of a sweep.
 RATIOS = 6
+# Makes of a motion what is measured of it.
+Measured = Callable[[np.ndarray], np.ndarray]
 
 
 class Steady(Moved):
@@ -45,14 +46,19 @@ class Steady(Moved):
             yield of_points("subharmonics", points, result.subharmonics, "m", text, "subharmonic")
 
     def row(self, result: Any, wanted: Wanted) -> Values:
-        values = super().row(result, wanted)
-        for point in wanted.points:
-            u = result.displacement(point)
-            motions = {"": along(u)}
-            if wanted.noisy is not None:
-                motions["_noisy"] = wanted.noisy(along(u))
-            for ending, motion in motions.items():
-                values |= _harmonics(ending, point, motion, result.periods)
+        values = super().row(result, wanted) | self.heard(result, wanted.points, np.asarray, "")
+        if wanted.noisy is not None:
+            values |= self.heard(result, wanted.points, wanted.noisy, "_noisy")
+        return values
+
+    def heard(self, result: Any, points: Sequence[str], measured: Measured, ending: str) -> Values:
+        """What is read from the motion as it is measured, by names with an ending."""
+        values: Values = {}
+        for point in points:
+            u = measured(along(result.displacement(point)))
+            c = np.fft.rfft(u)[:: result.periods][:ROW_HARMONICS] / len(u)
+            c[1:] *= 2.0
+            values[f"harmonics{ending}/{point}"] = (c, "m")
         return values
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
@@ -65,7 +71,7 @@ class Steady(Moved):
             yield "orbit", drawn.plot.plot_orbit(result, point, title=drawn.title, comm=drawn.comm)
         if len(result.multipliers):
             yield "multipliers", drawn.plot.plot_multipliers(result, title=drawn.title, comm=drawn.comm)
-        yield from drawn.rubbing(result)
+        yield from super().pictures(result, drawn)
 
     def save(self, result: Any, path: str) -> None:
         if result.reduced is not None:
@@ -73,15 +79,14 @@ class Steady(Moved):
 
     @classmethod
     def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
-        harmonics = found["harmonics"].by_name() if "harmonics" in found else ()
-        # of rows of a body those alone, else of u_y
-        levels = {name: 1e6 * np.abs(c if c.ndim == 1 else c[:, 1]) for name, c in harmonics}
-        orders = range(min([SHOWN, *map(len, levels.values())]) if levels else 0)
-        heading = ("harmonic", *(f"|{symbol(found, point)}|, µm" for point in levels))
-        yield heading, [(k, *(float(values[k]) for values in levels.values())) for k in orders]
+        if "harmonics" in found:
+            # of rows of a body those alone, else of u_y
+            of = {name: c if c.ndim == 1 else c[:, 1] for name, c in found["harmonics"].by_name()}
+            heading = ("harmonic", *(f"|{symbol(found, point)}|, µm" for point in of))
+            yield heading, list(zip(range(SHOWN), *(1e6 * abs(c) for c in of.values())))
 
 
-class Periodic(Reducible, PeriodicOptions, Steady, Forced, Loaded):
+class Periodic(Reducible, PeriodicOptions, Steady, Forced):
     """The steady state under periodic loads by shooting; numbers in the load are amplitudes of
     sin(2 pi frequency t)."""
 
@@ -102,10 +107,18 @@ class Periodic(Reducible, PeriodicOptions, Steady, Forced, Loaded):
                 "give another number of either, or leave steps out",
             )
 
+    def heard(self, result: Any, points: Sequence[str], measured: Measured, ending: str) -> Values:
+        values = super().heard(result, points, measured, ending)
+        for point in points:
+            c, _ = values[f"harmonics{ending}/{point}"]
+            if abs(c[1]) > 0.0:
+                ratio = harmonic_ratios(c)
+                values |= {f"A{n}_A1{ending}/{point}": (float(ratio[n]), "1") for n in range(2, RATIOS + 1)}
+        return values
+
     def cost(self, size: Size) -> Cost:
-        modes, steps = size.steady(self, self.frequency, size.highest(self))
-        cost = steady_cost(size, self, steps * (self.periods or 1), modes)
-        return replace(cost, modes=modes, steps=steps)
+        taken = size.steady(self, self.frequency, size.highest(self))
+        return steady_cost(size, self, taken, self.periods or 1)
 
 
 def symbol(found: Found, point: str) -> str:
@@ -114,18 +127,8 @@ def symbol(found: Found, point: str) -> str:
     return f"u_{along}({point})" if along else f"u({point})"
 
 
-def steady_cost(size: Size, table: Any, steps: int, modes: int | None = None) -> Cost:
-    """Of one motion of so many steps and modes."""
-    modes = modes or size.modes(table.modes)
-    disk = 8.0 * steps * (3 * modes + size.pairs + 2 * size.points)
-    return Cost(size.period(modes, steps, table.contact), disk)
-
-
-def _harmonics(ending: str, point: str, u: np.ndarray, periods: int) -> Values:
-    c = np.fft.rfft(u)[::periods] / len(u)
-    c[1:] *= 2.0
-    values: Values = {f"harmonics{ending}/{point}": (c[:ROW_HARMONICS], "m")}
-    if abs(c[1]) > 0.0:
-        ratio = harmonic_ratios(c[:ROW_HARMONICS])
-        values |= {f"A{n}_A1{ending}/{point}": (float(ratio[n]), "1") for n in range(2, RATIOS + 1)}
-    return values
+def steady_cost(size: Size, table: Any, taken: tuple[int, int], periods: int) -> Cost:
+    """Of one motion of so many forcing periods, in so many modes and steps a forcing period."""
+    modes, steps = taken
+    disk = 8.0 * periods * steps * (3 * modes + size.pairs + 2 * size.points)
+    return Cost(size.period(modes, periods * steps, table.contact), disk, modes, steps)

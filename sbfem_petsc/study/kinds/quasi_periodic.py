@@ -98,9 +98,7 @@ class QuasiPeriodic(Lines, QuasiPeriodicOptions, TwoTones):
             yield "lines", axes
 
     def cost(self, size: Size) -> Cost:
-        modes, steps = size.modes(self.modes), self.steps or STEPS
-        disk = 16.0 * size.points * (2 * self.order + 1) ** 2
-        return Cost(curve_memory(size, modes, self.samples, steps), disk)
+        return Cost(curve_memory(size, self), 16.0 * size.points * (2 * self.order + 1) ** 2)
 
     @classmethod
     def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
@@ -129,6 +127,7 @@ def line_values(result: Any, lines: np.ndarray, point: str, direction: str = "y"
     return np.array([result.line(int(m), int(n), point, direction) for m, n in lines])
 
 
-def curve_memory(size: Size, modes: int, samples: int, steps: int) -> float:
+def curve_memory(size: Size, table: Any) -> float:
     """Bytes of an invariant curve and the derivative of its trajectories."""
-    return 8.0 * samples * (2 * modes * (2 * modes + steps) + steps * size.pairs)
+    modes, steps = size.modes(table.modes), table.steps or STEPS
+    return 8.0 * table.samples * (2 * modes * (2 * modes + steps) + steps * size.pairs)

@@ -13,8 +13,8 @@ from ...analysis.options import FrequencyRange, SwitchOptions, TorusCurveOptions
 from ...errors import SolveError
 from ...options import item
 from ...record.found import column, labelled, of_points
-from ..costs import CURVE_POINTS, STEPS, Cost, Size
-from .kind import Loaded, Quantities, Run
+from ..costs import CURVE_POINTS, Cost, Size
+from .kind import Loaded, Quantities
 from .quasi_periodic import Lines, curve_memory, line_values, lines_of
 
 
@@ -29,9 +29,9 @@ class QuasiPeriodicResponse(Lines, TorusCurveOptions, SwitchOptions, FrequencyRa
     saved = oscillates = True
     pictured = {"own_tones": "plot_quasi_periodic"}
 
-    def solve(self, case: Any, model: Any, run: Run) -> sb.QuasiPeriodicBranch:
+    def solve(self, case: Any, model: Any, file: Any = None, progress: Any = None) -> sb.QuasiPeriodicBranch:
         load = self.acting(case)
-        curve = sb.frequency_response(model, load, **self.of(FrequencyRange), progress=run.progress)
+        curve = sb.frequency_response(model, load, **self.of(FrequencyRange), progress=progress)
         found = [item for item in curve.bifurcations if item.kind == "Neimark-Sacker"]
         if len(found) < self.bifurcation:
             raise SolveError(
@@ -40,13 +40,8 @@ class QuasiPeriodicResponse(Lines, TorusCurveOptions, SwitchOptions, FrequencyRa
                 "range or load"
             )
         guess = sb.switch_branch(curve, found[self.bifurcation - 1], **self.of(SwitchOptions))
-        return sb.quasi_periodic_response(
-            guess,
-            self.end,
-            largest_step=self.largest_step,
-            **self.of(TorusCurveOptions),
-            progress=run.progress,
-        )
+        options = {"largest_step": self.largest_step, **self.of(TorusCurveOptions)}
+        return sb.quasi_periodic_response(guess, self.end, **options, progress=progress)
 
     def more(self, result: Any, points: Sequence[str]) -> Quantities:
         named = lines_of(result.frequencies[0], self.order)
@@ -75,7 +70,6 @@ class QuasiPeriodicResponse(Lines, TorusCurveOptions, SwitchOptions, FrequencyRa
         yield column(labelled("unstable_points", int(np.sum(result.unstable)), text="unstable ones"))
 
     def cost(self, size: Size) -> Cost:
-        modes, steps, count = size.modes(self.modes), self.steps or STEPS, min(self.points, CURVE_POINTS)
-        lines = size.points * (2 * self.order + 1) ** 2
-        disk = 16.0 * count * (lines + 2 * self.samples * modes)
-        return Cost(curve_memory(size, modes, self.samples, steps), disk)
+        lines, states = size.points * (2 * self.order + 1) ** 2, 2 * self.samples * size.modes(self.modes)
+        disk = 16.0 * min(self.points, CURVE_POINTS) * (lines + states)
+        return Cost(curve_memory(size, self), disk)

@@ -48,19 +48,12 @@ class Static(StaticOptions, Loaded):
                 except ValueError as error:
                     yield Problem(("stress_at", name), f"is refused: {error}")
 
-    def _stresses(self, result: Any) -> dict[str, np.ndarray]:
-        """Stress (xx, yy, xy), Pa, at the places that are named. Collective."""
-        return {
-            place: np.asarray(result.stress(at if isinstance(at, str) else tuple(at)))
-            for place, at in self.stress_at.items()
-        }
-
     def more(self, result: Any, points: Sequence[str]) -> Quantities:
-        found = self._stresses(result)
-        if found:
-            stresses = np.array([*found.values()])
-            text, names = "stress xx, yy, xy", {"at": found}
-            yield column(labelled("stress", stresses, "Pa", text, "at tensor", names))
+        places = [at if isinstance(at, str) else tuple(at) for at in self.stress_at.values()]
+        if places:
+            stresses = np.array([result.stress(place) for place in places])
+            names = {"at": self.stress_at}
+            yield column(labelled("stress", stresses, "Pa", "stress xx, yy, xy", "at tensor", names))
         yield estimated_error(self, result)
 
     def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:

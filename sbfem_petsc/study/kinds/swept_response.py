@@ -14,7 +14,7 @@ from ...analysis.options import SweptOptions
 from ...options import item
 from ...record.found import Found, labelled
 from ..costs import Cost, Size
-from .kind import Drawn, Loaded, Run, Values, Wanted
+from .kind import Drawn, Loaded, Values, Wanted
 
 
 class SweptResponse(SweptOptions, Loaded):
@@ -28,10 +28,12 @@ class SweptResponse(SweptOptions, Loaded):
     signals = ("constant",)
     saved = oscillates = True
 
-    def solve(self, case: Any, model: Any, run: Run) -> tuple[sb.SweptResponse, ...]:
+    def solve(
+        self, case: Any, model: Any, file: Any = None, progress: Any = None
+    ) -> tuple[sb.SweptResponse, ...]:
         load, there = self.acting(case), self.of(SweptOptions)
         ways = [there, {**there, "start": self.stop, "stop": self.start}][: 1 + self.back]
-        return tuple(sb.swept_response(model, load, **way, progress=run.progress) for way in ways)
+        return tuple(sb.swept_response(model, load, **way, progress=progress) for way in ways)
 
     def _jumps(self, swept: Any, point: str) -> np.ndarray:
         """Frequencies at which the amplitude jumps, Hz; nan for a sweep too short or fast to tell."""
@@ -44,11 +46,9 @@ class SweptResponse(SweptOptions, Loaded):
         ways = {}
         for swept in result:
             way = ways["up" if swept.upwards else "down"] = super().found(swept, points)
+            jumps = {point: self._jumps(swept, point) for point in points}
             way.inner["jump"] = Found(
-                [
-                    labelled(point, self._jumps(swept, point), "Hz", text, f"jump_of_{point}")
-                    for point in points
-                ]
+                labelled(point, at, "Hz", text, f"jump_of_{point}") for point, at in jumps.items()
             )
         return Found([], ways)
 
@@ -70,12 +70,7 @@ class SweptResponse(SweptOptions, Loaded):
             yield "swept", drawn.plot.plot_swept(None, result, point, **options, comm=drawn.comm)
 
     def cost(self, size: Size) -> Cost:
-        highest, ways = max(self.start, self.stop), 1 + self.back
-        steps = self.steps or 320
-        if self.steps is None and self.accuracy is not None:
-            steps = max(steps, size.steady(self, highest, highest, vectors=False)[1])
-        count = self.duration * highest * steps
-        cycles = 0.5 * (self.start + self.stop) * self.duration * ways
-        numbers = 2 * size.points + 1  # the points' displacements along x and y, and contact
-        memory, disk = 8.0 * count * numbers, 16.0 * cycles * (numbers + 1)
-        return Cost(memory, disk)
+        highest, numbers = max(self.start, self.stop), 2 * size.points + 1  # x and y of points, and contact
+        steps = self.steps or max(320, size.steady(self, highest, highest, vectors=False)[1])
+        cycles = 0.5 * (self.start + self.stop) * self.duration * (1 + self.back)
+        return Cost(8.0 * self.duration * highest * steps * numbers, 16.0 * cycles * (numbers + 1))

@@ -26,7 +26,6 @@ class Transient(Reducible, TransientOptions, Moved, Loaded):
     )
     moving = True
     details = ("contact_force", "slip", "friction_force", "velocity", "acceleration", "energy")
-    running = True
     pictured = {"history": "plot_history"}
 
     def lacking(self, case: Any, model: Any, most: int, words: str) -> Iterator[Problem]:
@@ -69,12 +68,9 @@ class Transient(Reducible, TransientOptions, Moved, Loaded):
         return values
 
     def cost(self, size: Size) -> Cost:
-        count = max(1, math.ceil(self.duration / (self.step or self._step(size))))
+        highest = size.highest(self)  # of the loads: the highest mode is not known yet
+        default = 1.0 / (320.0 * highest) if highest > 0.0 else self.duration / 2000.0
+        count = max(1, math.ceil(self.duration / (self.step or default)))
         row = 8 * (2 * size.modes(self.modes) + size.pairs + 6 + 4 * size.points)
         memory = float(row * count / (self.decimation or default_decimation(count, row)))
         return Cost(memory, 2.0 * memory)
-
-    def _step(self, size: Size) -> float:
-        """The default step while the highest mode is not known yet: that of the load, at most."""
-        highest = size.highest(self)
-        return 1.0 / (320.0 * highest) if highest > 0.0 else self.duration / 2000.0
