@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 
-from meshing.input_checks import check_fields, length
+from meshing.input_checks import check_fields, length, said
 from meshing.shapes.features import NEAR, CrackLine, Hole, VNotch, described, lists_of, point_of, refuse_close
 
 
@@ -26,11 +26,11 @@ class BeamShape:
     holes : sequence of Hole
     """
 
-    length: float
-    height: float
-    notches: Sequence[VNotch] = ()
-    holes: Sequence[Hole] = ()
-    cracks: Sequence[CrackLine] = field(default=(), kw_only=True)
+    length: float = field(metadata=said("length", "m", gt=0))
+    height: float = field(metadata=said("height", "m", gt=0))
+    notches: Sequence[VNotch] = field(default=(), metadata=said("notches and straight cracks"))
+    holes: Sequence[Hole] = field(default=(), metadata=said("holes"))
+    cracks: Sequence[CrackLine] = field(default=(), kw_only=True, metadata=said("cracks of any path"))
 
     def __post_init__(self) -> None:
         lists = lists_of(notches=VNotch, holes=Hole, cracks=CrackLine)

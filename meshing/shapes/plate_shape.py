@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 import shapely
 
-from meshing.input_checks import check_fields, shown
+from meshing.input_checks import check_fields, said, shown
 from meshing.shapes.features import CrackLine, Hole, corners_of, described, lists_of, refuse_close
 
 _FARTHEST = 3e6  # coordinates, relative to the body's diagonal
@@ -21,10 +21,17 @@ _FARTHEST = 3e6  # coordinates, relative to the body's diagonal
 class PlateShape:
     """What describes a plate; `meshing.Plate` adds the mesh."""
 
-    outline: Sequence[tuple[float, float]]
-    holes: Sequence[Hole] = ()
-    cracks: Sequence[CrackLine] = ()
-    edge_names: tuple[str, ...] | None = None
+    outline: Sequence[tuple[float, float]] = field(
+        metadata=said('corners counter-clockwise; its sides are the edge sets "edge1", "edge2", ...', "m")
+    )
+    holes: Sequence[Hole] = field(default=(), metadata=said("holes"))
+    cracks: Sequence[CrackLine] = field(default=(), metadata=said("cracks"))
+    edge_names: tuple[str, ...] | None = field(
+        default=None,
+        metadata=said(
+            'edge set of each side in the outline\'s order; sides may share one; default "edge1", ...'
+        ),
+    )
 
     def __post_init__(self) -> None:
         lists = lists_of(holes=Hole, cracks=CrackLine)

@@ -20,9 +20,9 @@ from ..errors import SolveError
 from ..motion.history import Motion, model_with_fields
 from ..petsc import MPI
 from ..ranks.parallel import collective, on_root, ranks_of
+from ..system.fields.outlines import gather_outline, gather_region
 from ..system.model import Model
 from .drawing import BLUE, VERMILION, Scale, Sheet, crack_title, curves
-from .outlines import gather_outline, gather_region
 from .picture import number, picture, require_crack, whole
 from .views import Solid, Window, magnification_of, plain
 

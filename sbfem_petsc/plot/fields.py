@@ -17,10 +17,10 @@ from ..analysis.static import Static
 from ..bodies.finite_element_model import FiniteElementModel, nodal_field
 from ..ranks.parallel import collective, on_root
 from ..record.units import frequency_unit, place_unit
+from ..system.fields.outlines import Piece, gather_outline, gather_region, loops
 from ..system.model import Model
 from ..system.solve.modal_result import Modal, chosen_modes
 from .drawing import BLUE, MARKED, SKY, WIDTH, Scale, Sheet, crack_title, curves, fill
-from .outlines import Piece, gather_outline, gather_region, loops
 from .picture import fields_by_name, named, one_of, picture, require_crack
 from .views import LABELS, Solid, Whole, Window, draw_states
 

@@ -25,9 +25,9 @@ from ..bodies.cells import corners, outer_faces
 from ..bodies.finite_element_model import FiniteElementModel
 from ..bodies.rows import Contact
 from ..record.units import place_unit
+from ..system.fields.outlines import Piece, Region
 from ..system.model import Model
 from .drawing import BLACK, Scale, bar
-from .outlines import Piece, Region
 
 # Stresses that colours may show, by their column in a `Region`; and how labels call what they show.
 STRESSES = {"von_mises": 3, "stress_xx": 0, "stress_yy": 1, "stress_xy": 2}

@@ -31,6 +31,8 @@ from .sweep_file import FILE, Sweep, together
 
 # Points that a mesh names beside those of the case.
 POINTS = 5
+# Keys of a geometry that a structure without damage has not.
+FAULTS = ("notches", "cracks")
 
 
 @agreed()
@@ -312,7 +314,7 @@ class _Sweeping:
         """Result of the healthy structure beside a row; None where there is none. Collective."""
         changes = self.table.healthy
         if changes is None:
-            changes = {f"geometry.{fault}": [] for fault in getattr(case.tables.geometry, "faults", ())}
+            changes = {f"geometry.{fault}": [] for fault in FAULTS if hasattr(case.tables.geometry, fault)}
             if not changes:
                 return None
             changes["model.contact_laws"] = {}

@@ -19,10 +19,10 @@ from meshing import Beam, VNotch
 from sbfem_petsc.plot import animate_crack, animation
 from sbfem_petsc.plot.animation import _instants
 from sbfem_petsc.plot.drawing import figure
-from sbfem_petsc.plot.outlines import gather_outline, gather_region
 from sbfem_petsc.plot.views import Window
 from sbfem_petsc.results.animation import write_animation
 from sbfem_petsc.results.vtu import write_vtu
+from sbfem_petsc.system.fields.outlines import gather_outline, gather_region
 from tests.parallel import on_ranks
 
 LOAD = sb.PointForce("A", fy=sb.ToneBurst(3000.0, 3000, 5))

@@ -19,8 +19,8 @@ from sbfem_petsc.plot import (
     plot_modes,
     save_picture,
 )
-from sbfem_petsc.plot.outlines import gather_outline, gather_region, loops
 from sbfem_petsc.record import units
+from sbfem_petsc.system.fields.outlines import gather_outline, gather_region, loops
 
 PICTURES = ("mesh.png", "modes.png", "crack.png", "contact.png", "field.png")
 

@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
+from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from meshing import beam, plate
 from meshing.gmsh import reader
+from meshing.shapes import features
 
 from ... import damping
 from ...options import Pair, item
 from .parts import CrackLine, Hole, Isotropic, Law, Notch, Orthotropic, Support
-from .tables import AnyNames, Name, Table, by_kind
+from .tables import AnyNames, Name, Table, by_kind, table_of
 
 
 class _Geometry(Table):
-    """What makes its mesh is the method `mesh` of what it stands for, or that itself.
-
-    Attributes
-    ----------
-    faults : tuple of str
-        Keys that a structure without damage has not.
-    """
-
-    faults: ClassVar[tuple[str, ...]] = ()
+    """What makes its mesh is the method `mesh` of what it stands for, or that itself."""
 
     @classmethod
     def mesh_keys(cls) -> list[str]:
@@ -34,35 +29,19 @@ class _Geometry(Table):
         return [key for key in Mesh.model_fields if key in arguments]
 
 
-class BeamGeometry(_Geometry):
-    """A beam [0, length] x [0, height] whose clamped end is usually x = 0."""
-
-    made: ClassVar = beam.Beam
-    faults = ("notches", "cracks")
-
-    kind: Literal["beam"] = item(text="a beam with notches and holes")
-    length: float = item(text="length", unit="m", gt=0)
-    height: float = item(text="height", unit="m", gt=0)
-    notches: list[Notch] = item([], text="notches and cracks, [[geometry.notches]]")
-    holes: list[Hole] = item([], text="holes, [[geometry.holes]]")
-    cracks: list[CrackLine] = item([], text="cracks of any path, [[geometry.cracks]]")
-
-
-class PlateGeometry(_Geometry):
-    """A polygon with holes and cracks."""
-
-    made: ClassVar = plate.Plate
-    faults = ("cracks",)
-
-    kind: Literal["plate"] = item(text="a polygon with holes and cracks")
-    outline: Annotated[list[Pair], Field(min_length=3)] = item(
-        text='corners counter-clockwise; its sides are the edge sets "edge1", "edge2", ...', unit="m"
-    )
-    holes: list[Hole] = item([], text="holes, [[geometry.holes]]")
-    cracks: list[CrackLine] = item([], text="cracks, [[geometry.cracks]]")
-    edge_names: list[Name] | None = item(
-        None, text='edge set of each side in the outline\'s order; sides may share one; default "edge1", ...'
-    )
+_shaped = functools.partial(
+    table_of,
+    base=_Geometry,
+    types={
+        Sequence[features.VNotch]: list[Notch],
+        Sequence[features.Hole]: list[Hole],
+        Sequence[features.CrackLine]: list[CrackLine],
+        tuple[str, ...] | None: list[Name] | None,
+        "outline": Annotated[list[Pair], Field(min_length=3)],
+    },
+)
+BeamGeometry = _shaped(beam.Beam, "BeamGeometry", "beam", "a beam with notches and holes")
+PlateGeometry = _shaped(plate.Plate, "PlateGeometry", "plate", "a polygon with holes and cracks")
 
 
 class GmshGeometry(_Geometry):

@@ -110,6 +110,10 @@ def _listed(value: Any) -> Any:
     return [value] if isinstance(value, str) else value
 
 
+def _as_list(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
 _ONE_OR_MORE = BeforeValidator(_listed, json_schema_input_type=str | list[str])
 # One name stands for a list of one.
 Names = Annotated[list[Name], _ONE_OR_MORE, Field(min_length=1)]
@@ -145,11 +149,12 @@ def table_of(
     if kind is not None:
         named, default = kind if isinstance(kind, tuple) else (kind, ...)
         found["kind"] = Literal[named], item(default, text=text)
-    hints, fields = typing.get_type_hints(made.__init__), {f.name: f for f in dataclasses.fields(made)}
+    hints = typing.get_type_hints(made if made.__dataclass_params__.init else made.__init__)
+    fields = {f.name: f for f in dataclasses.fields(made)}
     for key, argument in inspect.signature(made).parameters.items():
         says, hint = fields[key].metadata, hints[key]
         python = Literal[says["one_of"]] if says["one_of"] else types.get(hint, hint)
-        default = ... if argument.default is inspect.Parameter.empty else argument.default
+        default = ... if argument.default is inspect.Parameter.empty else _as_list(argument.default)
         option = item(default, text=says["text"], unit=says["unit"], **says["bounds"])
         found[key] = types.get(key, python), option
     # words of the first paragraph

@@ -1,4 +1,4 @@
-"""Sampled outlines, crack regions and contact lengths for pictures, gathered on rank 0."""
+"""Outlines and regions of a structure with its fields, sampled and gathered on rank 0 for pictures."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 
 from meshing.gll import shape_functions
 
-from ..system.fields.sampling import as_field, outline_edges, point_grid_cells, sample
-from ..system.model import Model
+from ..model import Model
+from .sampling import as_field, outline_edges, point_grid_cells, sample
 
 
 @dataclass(frozen=True, eq=False)
