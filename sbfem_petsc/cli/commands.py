@@ -48,10 +48,10 @@ def new(options: Options, comm: Any) -> None:
 
 def check(options: Options, comm: Any) -> None:
     """Validate a case and say what it takes."""
-    from ..study.estimates import as_text, estimate
+    from ..study.estimates import as_text, requirements
 
     case = _case(options, comm)
-    facts = estimate(case, comm)
+    facts = requirements(case, comm)
     _answer(options, comm, facts, as_text(case, facts))
 
 

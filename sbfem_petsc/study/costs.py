@@ -53,6 +53,18 @@ class Size:
         pairs = self.pairs if contact else 0
         return 8.0 * steps * (6 * modes + 6 * pairs + 3.5 * min(pairs, _DIRECTIONS) * modes)
 
+    def motion(self, table: Any, taken: tuple[int, int], periods: int) -> Cost:
+        """Of one motion of so many forcing periods, in so many modes and steps a forcing period."""
+        modes, steps = taken
+        disk = 8.0 * periods * steps * (3 * modes + self.pairs + 2 * self.points)
+        return Cost(self.period(modes, periods * steps, table.contact), disk, modes, steps)
+
+    def curve(self, table: Any, taken: tuple[int, int], periods: int = 1) -> Cost:
+        """Of a curve of motions of so many forcing periods, in so many modes and steps a forcing period."""
+        modes, steps = taken
+        disk = 400.0 * min(table.points, CURVE_POINTS) * (modes + self.points * 60)
+        return Cost(self.period(modes, steps * periods), disk, modes, steps)
+
 
 @dataclass(frozen=True)
 class Cost:

@@ -30,7 +30,7 @@ _STATICS, _MODES = 570.0, 760.0
 _UNREDUCED = 8e3
 
 
-def estimate(case: Case, comm: Any) -> dict[str, Any]:
+def requirements(case: Case, comm: Any) -> dict[str, Any]:
     """Sizes, and estimates of memory (bytes on all ranks) and disk (bytes). Collective.
 
     The mesh and the model are made for it, and under slow loads some modes; nothing else is solved.

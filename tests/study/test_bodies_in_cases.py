@@ -16,7 +16,7 @@ from sbfem_petsc.study.case import body as tables
 from sbfem_petsc.study.case import objects
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.problems import CaseError
-from sbfem_petsc.study.estimates import estimate
+from sbfem_petsc.study.estimates import requirements
 from sbfem_petsc.study.revive import read_any
 from sbfem_petsc.study.run import run_case
 from sbfem_petsc.study.structure import Structure
@@ -141,7 +141,7 @@ def test_backbones_take_the_modes_that_a_body_has(file):
     with pytest.raises(
         CaseError, match=r"mode = 11 asks for 11 modes, and there are 10, those of the reduced"
     ):
-        estimate(read_case(file), MPI.COMM_WORLD)
+        requirements(read_case(file), MPI.COMM_WORLD)
 
 
 def test_other_commands(file):

@@ -47,14 +47,14 @@ def test_sidebands_of_a_motion_of_several_periods(probe, periods):
 
 
 def named(tree: ast.Module) -> Iterator[str]:
-    """Names that a module defines, imports or takes from the public face, and texts that it tells things
-    apart by: keys of tables, what is compared, members of lists, choices.
+    """Names that a module defines, imports, imports from or takes from the public face, and texts that it
+    tells things apart by: keys of tables, what is compared, members of lists, choices.
     """
     yield from (node.name for node in tree.body if isinstance(node, ast.FunctionDef))
     for node in ast.walk(tree):
         texts: list[ast.expr | None] = []
         if isinstance(node, ast.ImportFrom):
-            yield from (alias.name for alias in node.names)
+            yield from (*(node.module or "").split("."), *(alias.name for alias in node.names))
         elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "sb":
             yield node.attr
         elif isinstance(node, ast.Dict):

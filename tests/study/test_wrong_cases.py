@@ -16,7 +16,7 @@ from sbfem_petsc.study import rows
 from sbfem_petsc.study.case import objects
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.problems import CaseError
-from sbfem_petsc.study.estimates import estimate
+from sbfem_petsc.study.estimates import requirements
 from sbfem_petsc.study.run import run_case
 from sbfem_petsc.study.structure import Structure
 from tests.study.small_case import CASE, SWEEP
@@ -711,7 +711,7 @@ def test_later_analyses_are_checked_before_any_is_solved(fault, tmp_path, monkey
     with pytest.raises(CaseError, match=told):
         run_case(case, tmp_path)
     with pytest.raises(CaseError, match=told):
-        estimate(case, MPI.COMM_SELF)
+        requirements(case, MPI.COMM_SELF)
 
 
 # Analyses that a gigabyte is too little for.
@@ -799,7 +799,7 @@ def test_options_that_rows_of_a_sweep_give():
         '[sweep]\nanalyses = ["frequencies"]\n[sweep.parameters]\n"analyses.frequencies.count" = [3, 4]\n'
     )
     case = case_from_text(text + varied)
-    assert estimate(case, MPI.COMM_SELF)["sweep"]["rows"] == 2
+    assert requirements(case, MPI.COMM_SELF)["sweep"]["rows"] == 2
     dotted = (
         (text + varied).replace('["frequencies"]', '["a.b"]').replace("[analyses.freq", '[analyses."a.b"] #')
     )
@@ -807,4 +807,4 @@ def test_options_that_rows_of_a_sweep_give():
     assert case_from_text(dotted.replace(*path)).unvaried == case.unvaried == ["push", "steady", "burst"]
     assert sb.sweep(case, comm=MPI.COMM_SELF).reasons == ["", ""]
     with pytest.raises(CaseError, match="count = 5000 asks for"):
-        estimate(case_from_text(text), MPI.COMM_SELF)
+        requirements(case_from_text(text), MPI.COMM_SELF)

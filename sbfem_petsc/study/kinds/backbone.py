@@ -9,7 +9,6 @@ from ...analysis.options import BackboneOptions
 from ...options import item
 from ...record.found import column, labelled
 from ..costs import Cost, Size
-from .frequency_response import curve_cost
 from .kind import Drawn, Kind, Quantities
 
 
@@ -42,4 +41,4 @@ class Backbone(BackboneOptions, Kind):
     def cost(self, size: Size) -> Cost:
         from ...analysis.backbone import STEPS
 
-        return curve_cost(size, self, (self._kept(), self.steps or STEPS))
+        return size.curve(self, (self._kept(), self.steps or STEPS))

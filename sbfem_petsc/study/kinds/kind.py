@@ -7,6 +7,7 @@ from __future__ import annotations
 import functools
 import inspect
 import json
+import math
 import operator
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -22,7 +23,7 @@ from ...indicators.detection import contact_duty
 from ...options import item, one_of
 from ...progress import Progress
 from ...record.about import Quantity
-from ...record.found import Found
+from ...record.found import Found, column, labelled, of_points
 from ...record.record import Record
 from ..case import objects
 from ..case.tables import Names, Path, Problem, Table
@@ -31,6 +32,10 @@ from ..costs import Cost, Size
 Values = dict[str, tuple[Any, str]]  # value and unit by name
 Quantities = Iterable[Quantity | None]  # None stands for nothing
 PERIODIC: tuple[str, ...] = ("harmonic", "constant")
+# Harmonics of each point in a row of a sweep, and in a report.
+ROW_HARMONICS, SHOWN = 21, 11
+# Makes of a motion what is measured of it.
+Measured = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -362,6 +367,69 @@ class Moved(Kind):
                 yield name, draw(result, title=drawn.title, comm=drawn.comm)
 
 
+class Steady(Moved):
+    """A kind whose result is one periodic motion."""
+
+    moving = saved = True
+    details = ("contact_force", "slip", "friction_force", "displacement", "reactions")
+    captions = Moved.captions | {
+        "orbit": "phase plane; gaps and contact resultant over a period",
+        "multipliers": "Floquet multipliers",
+    }
+
+    def more(self, result: Any, points: Sequence[str]) -> Quantities:
+        text = "stability, None if it was not asked for or is not known"
+        yield labelled("stable", result.stable, text=text)
+        yield column(labelled("iterations", int(result.iterations), text="Newton iterations"))
+        yield column(labelled("residual", float(result.residuals[-1]), "m sqrt(kg)/s", "the last residual"))
+        if len(result.multipliers):
+            modulus = float(np.abs(result.multipliers[0]))
+            yield column(labelled("largest_multiplier", modulus, text="largest Floquet multiplier's modulus"))
+        if result.periods > 1:
+            text = "complex amplitudes of u_y at j f / periods"
+            yield of_points("subharmonics", points, result.subharmonics, "m", text, "subharmonic")
+
+    def row(self, result: Any, wanted: Wanted) -> Values:
+        values = super().row(result, wanted) | self.heard(result, wanted.points, np.asarray, "")
+        if wanted.noisy is not None:
+            values |= self.heard(result, wanted.points, wanted.noisy, "_noisy")
+        return values
+
+    def heard(self, result: Any, points: Sequence[str], measured: Measured, ending: str) -> Values:
+        """What is read from the motion as it is measured, by names with an ending."""
+        values: Values = {}
+        for point in points:
+            u = measured(along(result.displacement(point)))
+            c = np.fft.rfft(u)[:: result.periods][:ROW_HARMONICS] / len(u)
+            c[1:] *= 2.0
+            values[f"harmonics{ending}/{point}"] = (c, "m")
+        return values
+
+    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
+        # one that is held has no harmonics
+        point = drawn.point(point for point in result.points if along(result.displacement(point)).any())
+        if point is None:
+            return
+        yield "harmonics", drawn.plot.plot_harmonics({drawn.title: result}, point, comm=drawn.comm)
+        if result.reduced is not None:
+            yield "orbit", drawn.plot.plot_orbit(result, point, title=drawn.title, comm=drawn.comm)
+        if len(result.multipliers):
+            yield "multipliers", drawn.plot.plot_multipliers(result, title=drawn.title, comm=drawn.comm)
+        yield from super().pictures(result, drawn)
+
+    def save(self, result: Any, path: str) -> None:
+        if result.reduced is not None:
+            super().save(result, path)
+
+    @classmethod
+    def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
+        if "harmonics" in found:
+            # of rows of a body those alone, else of u_y
+            of = {name: c if c.ndim == 1 else c[:, 1] for name, c in found["harmonics"].by_name()}
+            heading = ("harmonic", *(f"|{symbol(found, point)}|, µm" for point in of))
+            yield heading, list(zip(range(SHOWN), *(1e6 * abs(c) for c in of.values())))
+
+
 class Forced(Loaded):
     """A kind under periodic loads with a forcing frequency."""
 
@@ -411,6 +479,33 @@ class Reducible(OfEither, Kind):
             yield Problem(("reduced",), f"= false {text}")
 
 
+class Curve(Reducible):
+    """A kind whose result is a response curve."""
+
+    settles = oscillates = True
+    saved = True
+    details = ("harmonics",)
+    pictured, captions = {"curve": "plot_branches"}, {"curve": "response curve"}
+
+    def more(self, result: Any, points: Sequence[str]) -> Quantities:
+        unstable = float(result.unstable.sum()) if result.stability_known else math.nan
+        yield column(labelled("curve_points", len(result), text="points of the curve"))
+        yield column(labelled("unstable_points", unstable, text="unstable ones, nan where that is unknown"))
+        yield column(labelled("bifurcation_count", len(result.bifurcations), text="number of bifurcations"))
+        if result.parameter != "frequency":
+            last = lambda point: result.amplitude(point)[-1]
+            yield column(of_points("last_amplitude", points, last, "m", "amplitude at the last point"))
+            return
+        for told in zip(*(result.peak(point).quantities() for point in points)):
+            value = dict(zip(points, (q.value for q in told))).__getitem__
+            yield column(of_points(told[0].name, points, value, told[0].unit, told[0].about.text))
+
+    @classmethod
+    def tables(cls, found: Found) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
+        rows = [(entry["kind"].value, entry["value"].value) for entry in found["bifurcations"]]
+        yield ("bifurcation", "at"), rows
+
+
 class TwoTones(Kind):
     """A kind under two loads, `loads_in`, each with a tone of its own, NAME_frequency."""
 
@@ -443,3 +538,16 @@ def common_period(
 def along(u: np.ndarray, direction: str = "y") -> np.ndarray:
     """Of a point's motion that along x or y; of a body's point, which has one direction, that."""
     return u if u.ndim == 1 else u[:, "xy".index(direction)]
+
+
+def symbol(found: Found, point: str) -> str:
+    """A point's displacement in the heading of a table: u_y, or along its own direction."""
+    along = found["direction"][point].value if "direction" in found else "y"
+    return f"u_{along}({point})" if along else f"u({point})"
+
+
+def estimated_error(table: Any, result: Any) -> Quantity | None:
+    """Error of an analysis that an accuracy is asked of."""
+    if table.accuracy is None:
+        return None
+    return column(labelled("estimated_error", float(result.estimate.error), text="estimated error"))

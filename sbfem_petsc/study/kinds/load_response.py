@@ -7,8 +7,7 @@ from typing import Literal
 from ...analysis.options import LoadResponseOptions
 from ...options import item
 from ..costs import Cost, Size
-from .frequency_response import Curve, curve_cost
-from .kind import Forced
+from .kind import Curve, Forced
 
 
 class LoadResponse(Curve, LoadResponseOptions, Forced):
@@ -18,4 +17,4 @@ class LoadResponse(Curve, LoadResponseOptions, Forced):
 
     def cost(self, size: Size) -> Cost:
         taken = size.steady(self, self.frequency, size.highest(self), vectors=False)
-        return curve_cost(size, self, taken, self.periods or 1)
+        return size.curve(self, taken, self.periods or 1)

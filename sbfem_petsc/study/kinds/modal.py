@@ -13,10 +13,9 @@ import sbfem_petsc as sb
 from ...analysis.options import ModalOptions
 from ...indicators.detection import frequency_shift
 from ...options import item
-from ...record.about import Quantity
 from ...record.found import Found, column, labelled
 from ..costs import Cost, Size
-from .kind import Drawn, Kind, Quantities, Values, Wanted
+from .kind import Drawn, Kind, Quantities, Values, Wanted, estimated_error
 
 # Rows of a report's table.
 _ROWS = 60
@@ -80,10 +79,3 @@ def _shift(cracked: Any, healthy: Any) -> np.ndarray:
     both = min(len(cracked), len(healthy))
     shift = frequency_shift(cracked[:both], healthy[:both])
     return np.append(shift, np.full(len(cracked) - both, np.nan))
-
-
-def estimated_error(table: Any, result: Any) -> Quantity | None:
-    """Error of an analysis that an accuracy is asked of."""
-    if table.accuracy is None:
-        return None
-    return column(labelled("estimated_error", float(result.estimate.error), text="estimated error"))

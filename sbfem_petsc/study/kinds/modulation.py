@@ -15,8 +15,7 @@ from ...options import item
 from ...record.found import Found, labelled
 from ..case.tables import Name, Path
 from ..costs import Cost, Size
-from .kind import Drawn, Quantities, TwoTones, Values, along, common_period
-from .periodic import Measured, Steady, steady_cost
+from .kind import Drawn, Measured, Quantities, Steady, TwoTones, Values, along, common_period
 
 
 class Modulation(Integration, Steady, TwoTones):
@@ -105,4 +104,4 @@ class Modulation(Integration, Steady, TwoTones):
         yield from super().pictures(result, drawn)
 
     def cost(self, size: Size) -> Cost:
-        return steady_cost(size, self, (size.modes(self.modes), self._steps()), self._periods())
+        return size.motion(self, (size.modes(self.modes), self._steps()), self._periods())

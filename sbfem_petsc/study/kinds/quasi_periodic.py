@@ -14,8 +14,7 @@ from ...record.found import Found, column, labelled, of_points
 from ..case.objects import located, signals_of
 from ..case.tables import Path
 from ..costs import STEPS, Cost, Size
-from .kind import PERIODIC, Drawn, Quantities, TwoTones
-from .periodic import symbol
+from .kind import PERIODIC, Drawn, Quantities, TwoTones, symbol
 
 # Lines of a spectrum in a report.
 _LINES = 15

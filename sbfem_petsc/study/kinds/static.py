@@ -14,8 +14,7 @@ from ...options import Pair, item
 from ...record.found import column, labelled
 from ..case.tables import FileName, Name, Path, Problem
 from ..costs import Cost, Size
-from .kind import Drawn, Loaded, Quantities
-from .modal import estimated_error
+from .kind import Drawn, Loaded, Quantities, estimated_error
 
 # Cracks of a model that are drawn.
 MOST_CRACKS = 4
