@@ -201,7 +201,7 @@ def start_direction(axis: StartAxis, reduced: ReducedModel, weights: np.ndarray)
         return np.concatenate([np.zeros(modes), reduced.load_modes[:, axis.mode - 1]])
     k, unit = axis.mode - 1, 1.0
     if axis.point is not None:
-        shapes = component(reduced.points.of(axis.point, "point").modes, axis.direction, 0)
+        shapes = component(reduced.points.of(axis.point, "point").modes, axis.direction, False, 0)
         if not abs(shapes[k]) > 1e-9 * np.abs(shapes).max():
             raise ValueError(
                 f"basins: mode {axis.mode} does not move point {axis.point!r} along {axis.direction}; give "

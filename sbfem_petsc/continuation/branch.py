@@ -183,7 +183,7 @@ class Branch(OfOrbits, OverParameter, ToldError):
 
     def subharmonics(self, point: str, direction: str = "y") -> np.ndarray:
         """(n, periods) complex: amplitudes at j f / periods, m; the first is the mean."""
-        return component(self.point_subharmonics[:, self._index(point)], direction, 1)
+        return component(self.point_subharmonics[:, self._index(point)], direction, self.of_rows, 1)
 
     def peak(self, point: Point) -> Peak:
         """The curve's highest resonance at a point."""

@@ -183,7 +183,7 @@ class Orbit(Motion, ToldError):
         """Complex amplitudes at the multiples of f / periods: u(t) = Re sum_j a_j exp(i 2 pi j f t /
         periods), a_0 the mean.
         """
-        return one_sided(component(self.states.displacement(point), direction))
+        return one_sided(component(self.states.displacement(point), direction, self.of_rows))
 
     def harmonics(self, point: Point, direction: str = "y") -> np.ndarray:
         """Complex amplitudes at the multiples of f: u(t) = Re sum_k c_k exp(i 2 pi k f t), c_0 the mean,
@@ -199,7 +199,7 @@ class Orbit(Motion, ToldError):
 
     def amplitude(self, point: Point, direction: str = "y") -> float:
         """Half the peak-to-peak of the displacement of a point, m."""
-        return 0.5 * float(np.ptp(component(self.states.displacement(point), direction)))
+        return 0.5 * float(np.ptp(component(self.states.displacement(point), direction, self.of_rows)))
 
     def __repr__(self) -> str:
         verdict = why_undecided(self.reduced)
@@ -290,7 +290,7 @@ class OfOrbits(Record):
         m, in m. Collective for (x, y).
         """
         if isinstance(point, str):
-            return component(self.point_harmonics[:, self._index(point)], direction, 1)
+            return component(self.point_harmonics[:, self._index(point)], direction, self.of_rows, 1)
         found = np.zeros((len(self.point_harmonics), self.point_harmonics.shape[-1]), dtype=complex)
         for k, row in enumerate(found):
             values = self.orbit(k).harmonics(point, direction)[: len(row)]
@@ -432,9 +432,9 @@ def make_orbit(
     )
 
 
-def component(array: np.ndarray, direction: str, axis: int = -1) -> np.ndarray:
-    """Of displacements along an axis of x and y; of a row of a body, which is one number, that."""
+def component(array: np.ndarray, direction: str, of_rows: bool, axis: int = -1) -> np.ndarray:
+    """Of displacements along an axis of x and y; of rows, which are one number each, that."""
     k = ("y", "x").index(choice("harmonics", "direction", direction, ("x", "y")))
-    if k == array.shape[axis]:
+    if k and of_rows:
         raise wrong_input("harmonics: direction = 'x', but the point is a row along a direction of its own")
     return np.take(array, -1 - k, axis)

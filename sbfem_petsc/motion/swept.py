@@ -188,8 +188,7 @@ class SweptResponse(Record):
         table = self.point_amplitudes if along == "y" else self.x_amplitudes
         if table is None:
             raise SolveError(
-                "amplitude: direction = 'x' is not known of rows, which have one direction each, and of "
-                "sweeps in files of older versions; leave it out, or sweep again"
+                "amplitude: direction = 'x' is not known of rows, which have one direction each; leave it out"
             )
         return table[:, at_point({name: k for k, name in enumerate(self.points)}, point)]
 

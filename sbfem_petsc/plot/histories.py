@@ -167,7 +167,9 @@ def _moved(
     states = motion.states if isinstance(motion, Motion) else motion
     u = states.displacement(point)
     axes = direction or ("y" if motion.of_rows else "yx")
-    shown = {f"${symbol(motion, axis, point)}$": (motion.time, component(u, axis)) for axis in axes}
+    shown = {
+        f"${symbol(motion, axis, point)}$": (motion.time, component(u, axis, motion.of_rows)) for axis in axes
+    }
     name = "displacement" if direction is None else f"${symbol(motion, direction, point)}$"
     up = Scale.of(f"{name} of {place_name(point)}", "m", *(values for _, values in shown.values()))
     panels = [Panel(up.label, shown, up.factor, window)]

@@ -67,7 +67,10 @@ def plot_orbit(
                 f"plot_orbit: pair {name!r} is number {k}, the model has {count}; give a number from 0"
             )
     states = orbit.states
-    u, v = (_around(component(of(point), direction)) for of in (states.displacement, states.velocity))
+    u, v = (
+        _around(component(of(point), direction, orbit.of_rows))
+        for of in (states.displacement, states.velocity)
+    )
     across = Scale.of(f"${symbol(orbit, direction, point)}$({place_name(point)})", "m", u)
     up = Scale.of("velocity", "m/s", v)
     layout = [["phase", "upper"], ["phase", "lower"]]

@@ -245,7 +245,7 @@ def test_bad_requests(curves, orbits):
         plot_branches(curves)
     with pytest.raises(ValueError, match="orbits is empty; give one Orbit"):
         plot_harmonics({})
-    with pytest.raises(ValueError, match="does not move in x"):
+    with pytest.raises(ValueError, match="is a row along a direction of its own"):
         plot_harmonics(orbits, "two", "x")
     with pytest.raises(ValueError, match="pair 'mouth' is number 3, the model has 1"):
         plot_orbit(orbits["open"], "two", pairs={"mouth": 3})

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.plot import plot_harmonics, save_pictures
+from sbfem_petsc.plot import plot_harmonics, plot_orbit, save_pictures
 from sbfem_petsc.results.harmonics import harmonics_table, write_harmonics
 from tests.systems import same_products
 
@@ -68,3 +68,13 @@ def test_wrong_input_is_named(orbits, tmp_path):
 def test_pictures_by_name(orbits, tmp_path):
     save_pictures(tmp_path, figure_8=plot_harmonics(orbits, "A"), not_on_this_rank=None)
     assert [file.name for file in tmp_path.iterdir()] == ["figure_8.png"]
+
+
+def test_rows_have_no_x(orbits):
+    """One displacement each: x is refused, where zeros had been told and drawn."""
+    orbit = orbits["stop"]
+    for told in (orbit.harmonics, orbit.amplitude, lambda *of: plot_orbit(orbit, *of)):
+        with pytest.raises(
+            ValueError, match="direction = 'x', but the point is a row along a direction of its"
+        ):
+            told("A", "x")

@@ -118,18 +118,18 @@ def test_amplitudes_beside_those_kept():
 
 
 def test_directions_and_harmonics():
-    orbit, branch = examples.orbit(), examples.branch()
+    branch = examples.branch()
     axes = plot.plot_branches({"a": branch}, harmonic=1)
     x, y = max((line.get_data() for line in axes.get_lines()), key=lambda data: len(data[0]))
     scale = {"mm": 1e3, "m": 1.0, "µm": 1e6}[axes.get_ylabel().split("(")[-1][:-1]]
     assert axes.get_ylabel().startswith("harmonic 1 of $u$(A)")  # a row of matrices
     for value, height in zip(branch.value, np.abs(branch.harmonics("A")[:, 1])):
         assert np.hypot(x - value, y / scale / height - 1.0).min() < 1e-9
-    (alone,) = plot.plot_history(orbit, direction="x")[:1]
+    (alone,) = plot.plot_history(examples.motion(), direction="x")[:1]
     assert [line.get_label() for line in alone.get_lines()][:1] == ["$u_x$"]
     assert alone.get_ylabel().startswith("$u_x$ of A")
     with pytest.raises(ValueError, match="direction = 'z' must be one of"):
-        plot.plot_orbit(orbit, direction="z")
+        plot.plot_orbit(examples.orbit(), direction="z")
     with pytest.raises(ValueError, match="harmonic = 21 must be"):
         plot.plot_branches(branch, harmonic=21)
 

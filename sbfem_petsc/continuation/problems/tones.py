@@ -202,9 +202,9 @@ class QuasiPeriodic(ToldError):
         the slower one, m. At a place (x, y), m, the motion is integrated again. Collective for (x, y).
         """
         if not isinstance(point, str):
-            return component(self._lines_at(checked_place("harmonics", point)), direction)
+            return component(self._lines_at(checked_place("harmonics", point)), direction, self.of_rows)
         index = at_point({name: k for k, name in enumerate(self.points)}, point)
-        return component(self.lines[:, :, index], direction)
+        return component(self.lines[:, :, index], direction, self.of_rows)
 
     def _lines_at(self, place: tuple[float, float]) -> np.ndarray:
         """(21, k, 2) lines at a place, kept for the next time. Collective."""
