@@ -431,6 +431,26 @@ def test_another_sweep_that_came_to_nothing(tmp_path):
             hold_folder(path, first, "sweep", shared=shared)
 
 
+def test_rows_have_numbers_in_the_order_of_what_varies():
+    """A sweep whose parameters, or with noise analyses, are in another order has other rows; what else is in
+    another order, and comments, make no difference.
+    """
+    depth, force = SWEEP.rstrip().splitlines()[-2:]
+    key = case_from_text(CASE + SWEEP).sweep_key
+    assert case_from_text(CASE + SWEEP.replace(f"{depth}\n{force}", f"{force}\n{depth}")).sweep_key != key
+    push, steady, burst = (CASE.index(f"[analyses.{name}]") for name in ("push", "steady", "burst"))
+    turned = CASE[:push] + CASE[steady:burst] + CASE[push:steady] + CASE[burst:]
+    assert case_from_text(turned + SWEEP).sweep_key != key
+    quiet = SWEEP.replace("noise", "# noise")
+    assert case_from_text(turned + quiet).sweep_key == case_from_text(CASE + quiet).sweep_key
+    thrust, blast, modal = (CASE.index(name) for name in ("[loads.push]", "[loads.burst]", "[analyses.freq"))
+    loads = CASE[:thrust] + CASE[blast:modal] + CASE[thrust:blast] + CASE[modal:]
+    alike = loads.replace("count = 5", "count = 5  # of many").replace(
+        "young = 70e9\npoisson = 0.33", "poisson = 0.33\nyoung = 7e10"
+    )
+    assert alike != CASE and case_from_text(alike + SWEEP).sweep_key == key
+
+
 # 80 rows on eight structures.
 MANY = (
     CASE[: CASE.index("[analyses.frequencies]")]

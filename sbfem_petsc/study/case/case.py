@@ -136,6 +136,9 @@ class Case:
         if "output" in chosen:
             # what is drawn decides over no result
             chosen["output"] = chosen["output"].get("points")
+        if (sweep := self.tables.sweep) is not None and "sweep" in chosen:
+            # rows have numbers in the order of what varies, noise in that of the analyses
+            chosen["order"] = [*sweep.parameters, *(self.tables.analyses if sweep.noise else ())]
         digest = hashlib.sha256(json.dumps(chosen, sort_keys=True).encode())
         named = sorted(_files(self.data).items(), key=str)
         if self.tables.body is not None:
