@@ -90,8 +90,9 @@ def _begin(folder: HeldFolder, case: Case, what: str, replace: bool, shared: boo
     if os.path.lexists(os.path.join(folder.path, f"{other}.json")) and not replace:
         raise ValueError(f"{folder.path!r} holds the results of a {other}; {_WAY} overwrite it")
     state = os.path.join(folder.path, f"{what}.json")
+    left = folder.keeps_beside(state)  # before a look at the state, which others write first
     there = os.path.lexists(state) and not replace
-    begun, same = folder.others or folder.keeps_beside(state), False
+    begun, same = folder.others or left, False
     if there and (begun or shared):
         try:
             _require_same(state, mine, what)
@@ -100,7 +101,8 @@ def _begin(folder: HeldFolder, case: Case, what: str, replace: bool, shared: boo
             if begun:  # else nothing is lost
                 raise
     if not same:
-        if there or not shared:
+        # a kill may have left rows of another case without their state
+        if there or not shared or (left and not folder.others):
             folder.clear()
         write_json(state, mine)
     make_folder(os.path.join(folder.path, PARTS if what == "run" else "rows"))

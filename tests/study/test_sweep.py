@@ -451,6 +451,27 @@ def test_rows_have_numbers_in_the_order_of_what_varies():
     assert alike != CASE and case_from_text(alike + SWEEP).sweep_key == key
 
 
+def test_rows_without_a_state_are_nobodys(tmp_path):
+    """A kill while --replace clears a folder leaves rows of the former case, which no other one takes for its
+    own.
+    """
+    path, row = str(tmp_path), Row(0, "", 0.5, {"a/b": (np.ones(1), "m")})
+    folder = hold_folder(path, case_from_text(CASE + SWEEP), "sweep")
+    file = tmp_path / "rows" / "00000.rows"
+    with rows.held(str(file), "rows"):
+        rows.append(str(file), row)
+    folder.close()
+    (tmp_path / "sweep.json").unlink()
+    other = case_from_text(CASE + SWEEP.replace("count = 3", "count = 4"))
+    folder = hold_folder(path, other, "sweep", shared=True)
+    assert rows.read(str(tmp_path / "rows")) == {}
+    with rows.held(str(file), "rows"):
+        rows.append(str(file), row)
+    hold_folder(path, other, "sweep", shared=True).close()  # those of others at work stay
+    assert list(rows.read(str(tmp_path / "rows"))) == [0]
+    folder.close()
+
+
 # 80 rows on eight structures.
 MANY = (
     CASE[: CASE.index("[analyses.frequencies]")]
