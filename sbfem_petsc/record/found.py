@@ -146,29 +146,34 @@ class Found(Views):
                 one.write(own)
 
     @classmethod
-    def read(cls, group: h5py.Group, above: Mapping[int, Axis] = {}) -> Found:
-        """What `write` has written, with axes of groups above by their addresses."""
-        quantities, parts, axes = [], dict[str, Any](), dict(above)
+    def read(cls, group: h5py.Group, above: Mapping[tuple[int, int], Axis] = {}) -> Found:
+        """What `write` has written, with what lies along axes of groups above, by its address and number."""
+        quantities, parts, along, axes = [], dict[str, Any](), dict(above), dict[str, Axis]()
         items = dict(group.items())
         for name, item in items.items():
             if isinstance(item, h5py.Dataset) and item.attrs.get("CLASS") == b"DIMENSION_SCALE":
                 texts = item.dtype.kind == "S" and item.ndim == 1
-                axes[_address(item.id)] = name, tuple(value_of(item).tolist()) if texts else ()
+                axes[name] = name, tuple(value_of(item).tolist()) if texts else ()
+                along |= {at: axes[name] for at in _along(item)}
         for name, item in items.items():
             if isinstance(item, h5py.Group):
-                several = [cls.read(one, axes) for one in item.values()] if "several" in item.attrs else None
-                parts[name] = cls.read(item, axes) if several is None else tuple(several)
-            elif _address(item.id) not in axes:
-                quantities.append(_quantity(name, item, [axes[at] for at in _axes(item)]))
-            elif not axes[_address(item.id)][1] and not bare(item):
-                quantities.append(_quantity(name, item, [(name, ())]))
+                several = [cls.read(one, along) for one in item.values()] if "several" in item.attrs else None
+                parts[name] = cls.read(item, along) if several is None else tuple(several)
+            elif name not in axes:
+                at = _address(item.id)
+                quantities.append(_quantity(name, item, [along[at, k] for k in range(item.ndim)]))
+            elif not axes[name][1] and not bare(item):
+                quantities.append(_quantity(name, item, [axes[name]]))
         return cls(quantities, parts, text(group.attrs["coordinates"]).split())
 
 
-def _axes(item: h5py.Dataset) -> list[int]:
-    """Addresses of its axes. HDF5's own functions, by `dims`, crash where the attribute is something else."""
-    named = item.attrs["DIMENSION_LIST"] if item.ndim else ()
-    return [_address(h5py.h5r.dereference(scales[0], item.id)) for scales in named]
+def _along(axis: h5py.Dataset) -> list[tuple[int, int]]:
+    """Addresses of what lies along an axis, and which of its own it is. HDF5's own functions, by `dims`,
+    crash where the attribute is something else; DIMENSION_LIST stands without a checksum, and HDF5 ends in a
+    loop or finds another axis where it has changed.
+    """
+    found = axis.attrs.get("REFERENCE_LIST", ())
+    return [(_address(h5py.h5r.dereference(one, axis.id)), int(number)) for one, number in found]
 
 
 def _address(item: h5py.h5o.ObjectID) -> int:
