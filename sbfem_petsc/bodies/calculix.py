@@ -74,8 +74,12 @@ def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
 def job_files(job: str) -> list[str]:
     """Paths of the files of a job: its deck, those that it includes, unknowns and matrices."""
     stem = job.removesuffix(".inp")
-    decks = dict.fromkeys(place.rpartition(", line ")[0] for place, _ in _lines(OWNER, f"{stem}.inp"))
-    return [*decks, *(f"{stem}.{ending}" for ending in ("dof", "sti", "mas"))]
+    return [*decks(OWNER, f"{stem}.inp"), *(f"{stem}.{ending}" for ending in ("dof", "sti", "mas"))]
+
+
+def decks(owner: str, file: str) -> dict[str, None]:
+    """Paths of a deck and of those that it includes."""
+    return dict.fromkeys(place.rpartition(", line ")[0] for place, _ in _lines(owner, file))
 
 
 class _Solids(Deck):

@@ -194,6 +194,12 @@ def test_matrices(file):
     tip = body.at((0.08, 0.01, 0.01), "z")
     own = sb.reduce(body, loads={"F": tip}, points={"tip": tip}, modes=10).frequencies[:5]
     assert found == pytest.approx(own, rel=1e-9)
+    deck = file.parent / "blocks.inp"
+    deck.rename(file.parent / "all.inp")
+    deck.write_text("** nothing of its own\n*INCLUDE, INPUT=all.inp\n")
+    keys = [read_case(file).key]
+    (file.parent / "all.inp").write_text("** another\n" + (file.parent / "all.inp").read_text())
+    assert read_case(file).key not in keys
 
 
 WRONG = [

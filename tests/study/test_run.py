@@ -5,6 +5,7 @@ import inspect
 import json
 import os
 import pickle
+import re
 import shutil
 import signal
 import time
@@ -25,6 +26,7 @@ from sbfem_petsc.study.case.problems import CaseError
 from sbfem_petsc.study.folder import hold_folder
 from sbfem_petsc.study.revive import read_any
 from sbfem_petsc.study.run import run_case
+from sbfem_petsc.study.starter import write_starter
 from sbfem_petsc.study.structure import Structure
 from tests.parallel import on_ranks
 from tests.results.same import inverted
@@ -688,3 +690,16 @@ def test_a_held_point_and_no_notes(tmp_path):
     names = {file.name for file in (tmp_path / "out" / "pictures").iterdir()}
     assert {"steady_harmonics.png", "steady_orbit.png"} <= names
     assert (tmp_path / "out" / "tables" / "steady.csv").stat().st_size > 1000
+
+
+def test_files_that_files_name_decide(tmp_path):
+    """What a script of gmsh includes or merges, whose names stand in quotes, is of the case."""
+    write_starter("gmsh", str(tmp_path / "case.toml"))
+    script = tmp_path / "part.geo"
+    script.write_text(re.sub("^lc = .*$", 'Include "sizes.geo";', script.read_text(), flags=re.M))
+    keys = []
+    for length in (0.012, 0.006):
+        (tmp_path / "sizes.geo").write_text('Include "more.geo";\n')
+        (tmp_path / "more.geo").write_text(f'lc = {length};  // "sizes.geo" "/etc/passwd" "none" ".."\n')
+        keys.append(read_case(tmp_path / "case.toml").key)
+    assert keys[0] != keys[1] == read_case(tmp_path / "case.toml").key

@@ -83,10 +83,15 @@ class MatricesBody(_Body):
 
     def read(self, resolve: Callable[[str], str]) -> Any:
         """The body."""
-        return sb.read_matrices(*self.files(resolve), units=self.units)
+        return sb.read_matrices(*self._given(resolve), units=self.units)
 
     def files(self, resolve: Callable[[str], str]) -> list[str]:
-        """Paths of the files that it is read from."""
+        """Paths of the files that it is read from, and of decks that the deck includes."""
+        from ...bodies.calculix import decks
+
+        return [*self._given(resolve), *decks("body", resolve(self.nodes))]
+
+    def _given(self, resolve: Callable[[str], str]) -> list[str]:
         given = self.stiffness, self.mass, self.nodes, self.unknowns
         return [resolve(name) for name in given if name is not None]
 

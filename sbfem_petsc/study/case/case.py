@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -22,6 +23,7 @@ from .tables import Path, Problem, within
 
 # Tables on which the results of an analysis depend.
 _DECISIVE = (*STRUCTURE, "loads", "analyses", "output")
+_QUOTED = re.compile(r'"([^"\n\0]+)"')
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +151,8 @@ class Case:
         for path, name in named:
             if path[0] in tables:
                 digest.update(hashlib.sha256(self._content(path, name)).digest())
+                for file in _merged(self.resolve(name)):
+                    digest.update(hashlib.sha256(self._content(path, file)).digest())
         return digest.hexdigest()
 
     def __repr__(self) -> str:
@@ -260,3 +264,19 @@ def _files(data: dict[str, Any]) -> dict[Path, str]:
         for path, table in tables
         if table.get("kind") in ("gmsh", "samples") and isinstance(table.get("file"), str)
     }
+
+
+def _merged(file: str) -> list[str]:
+    """Paths of files below its folder that a script of gmsh names in quotes, as it does what it merges or
+    includes, and of those that they name.
+    """
+    found = [os.path.abspath(file)]
+    for here in found:
+        if here.endswith(".geo") and os.path.isfile(here):
+            folder = os.path.dirname(here)
+            with open(here, encoding="utf-8", errors="replace") as script:
+                text = script.read()
+            named = (os.path.normpath(os.path.join(folder, name)) for name in _QUOTED.findall(text))
+            inside = (name for name in named if name.startswith(f"{folder}{os.sep}"))
+            found += sorted({name for name in inside if os.path.isfile(name)} - set(found))
+    return found[1:]
