@@ -57,9 +57,8 @@ from benchmarks import peer_scikit_fem as peer
 from benchmarks.transient import DURATION, FORCE, MODES, least
 from examples.paper.bench import REFINED, burst, distance, known_burst, off_reference
 from meshing import Beam, VNotch
-from sbfem_petsc.contact.held_rows import NOTHING, Rubbing, Sets, empty_sets
 from sbfem_petsc.contact.law import RowLaws, Table
-from sbfem_petsc.contact.rubbing import Problem, rubbing_forces
+from sbfem_petsc.contact.pivoting import Factor, contact_forces, empty_factor
 from sbfem_petsc.loads import separate
 from sbfem_petsc.reduction.outputs import LinearOutput
 
@@ -209,14 +208,13 @@ class Pairs(NamedTuple):
     responses: np.ndarray
     flexibility: np.ndarray
     laws: Table
-    rubbing: Rubbing
 
 
 class Touching(NamedTuple):
-    """Rows in contact, what is inverted of them, and their forces."""
+    """Rows in contact, what is factorised of them, and their forces."""
 
     rows: np.ndarray
-    sets: Sets
+    factor: Factor
     force: np.ndarray
 
 
@@ -241,22 +239,21 @@ def _advance(w, state, rate, pairs, touching):
     active set, -1: not solved.
     """
     u, v = state
-    right, left, initial_gap, responses, flexibility, laws, rubbing = pairs
-    rows, sets, force = touching
+    right, left, initial_gap, responses, flexibility, laws = pairs
+    rows, factor, force = touching
     closed, exchanges, free = False, 0, np.empty(force.size)
     for k in range(force.size):
         free[k] = initial_gap[k] + (w[right[k]] - u[right[k]]) - (w[left[k]] - u[left[k]])
         closed = closed or free[k] < 0.0
     if closed:
-        problem = Problem(flexibility, free, initial_gap, laws, rubbing, rows, sets, force)
-        exchanges = rubbing_forces(problem)
+        exchanges = contact_forces(flexibility, free, laws, rows, factor, force)
         for k in range(force.size):
             if force[k] > 0.0:
                 twice = 2.0 * force[k]
                 for i in range(u.size):
                     w[i] += twice * responses[k, i]
     else:
-        force[:], rows[:] = 0.0, 0
+        force[:], rows[:], factor.members[-1] = 0.0, 0, 0
     for i in range(u.size):
         change = w[i] - 2.0 * u[i]
         u[i] += change
@@ -307,9 +304,8 @@ class FullModel:
             self.responses,
             self.flexibility,
             RowLaws.unilateral(pairs).table,
-            NOTHING._replace(beside=np.full(pairs, -1, dtype=np.int64)),
         )
-        touching = Touching(np.zeros(pairs, dtype=np.int8), empty_sets(pairs), np.zeros(pairs))
+        touching = Touching(np.zeros(pairs, dtype=np.int8), empty_factor(pairs), np.zeros(pairs))
         drive, solve, by_u, by_v = (
             amplitude[:-1] + amplitude[1:],
             self.factors.solve,

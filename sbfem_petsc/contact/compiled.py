@@ -19,8 +19,11 @@ _first = "numba" not in sys.modules
 try:
     with unread(_CONFIGURATION, "numba"):
         from numba import njit
+        from numba import typeof as typeof
+        from numba import types as types
         from numba.core import config
         from numba.core.caching import IndexDataCacheFile
+        from numba.extending import typeof_impl as typeof_impl
 except OSError as error:  # of the library of its compiler, of which it takes the name for missing
     raise ImportError(
         "numba, which compiles the time steps, cannot load its library: is there memory left for it (some "
@@ -113,3 +116,10 @@ def inner_sums(function: Kernel) -> Kernel:
     """
     options = OPTIONS | {"fastmath": {"contract", "reassoc"}}
     return njit(no_cpython_wrapper=True, _nrt=False, **options)(function)
+
+
+def compiled_apart(function: Kernel) -> Kernel:
+    """As `compiled_loops`, for what others call by its `Address`: they are compiled without it, once for all
+    that are called so.
+    """
+    return compiled(function, _nrt=False, no_cfunc_wrapper=False)

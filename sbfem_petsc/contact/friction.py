@@ -48,10 +48,6 @@ class Friction(Record):
         return other is not None and all(map(np.array_equal, mine, (other.rows, other.kinetic, other.static)))
 
 
-# Of rows none of which rubs.
-SMOOTH = Friction(np.zeros(0, dtype=int), np.zeros(0), np.zeros(0))
-
-
 def refuse_friction(owner: str, rubs: str, why: str) -> None:
     """Raise ValueError, on all ranks, for what rubs, in an analysis with a reason why it cannot."""
     raise on_all_ranks(

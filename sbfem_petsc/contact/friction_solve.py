@@ -50,12 +50,11 @@ def solve_friction(
     problem = Problem(flexibility, free_gap, before, laws.table, rubbing, state, sets, force)
     exchanges = rubbing_forces(problem)
     if exchanges < 0:
-        largest = friction.static.max(initial=0.0)
         raise on_all_ranks(
             SolveError(
                 "friction: neither exchanges of states nor Lemke's method ended for "
-                f"{count} contact rows with coefficients up to {largest:g}; take smaller load steps or "
-                "smaller coefficients"
+                f"{count} contact rows with coefficients up to {friction.static.max():g}; take smaller load "
+                "steps or smaller coefficients"
             )
         )
     gap, kept = flexibility @ force + free_gap, sets.kept[count:].copy()

@@ -3,7 +3,7 @@
 Unknowns of a set are the forces of held normal rows and of sticking tangential ones, the column of a pressure
 whose row slips is that of its friction too. From set to set few rows change: the inverse follows them by
 bordering and its reverse. A row that begins to slip is counted from what its pressure pulls, and leaves. How
-kernels are written, `loops` tells.
+kernels are written, `pivoting` tells.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from .compiled import inner_loops
 from .friction import AGAINST, ALONG, STICKS, Friction
 from .law import FREE
-from .loops import add_rows, products
+from .pivoting import add_rows, products
 
 # Exchanges of states before other methods.
 MAXIMUM = 40
@@ -66,6 +66,7 @@ class Sets(NamedTuple):
         Forces of the members.
     free : (n,) array
         Gaps.
+    following : (n,) int8 array
     rates : (2, n) array
         Forces and gaps of all rows a unit of the way of Lemke's method.
     kept : (n,) array
@@ -93,6 +94,7 @@ class Sets(NamedTuple):
     right: np.ndarray
     solved: np.ndarray
     free: np.ndarray
+    following: np.ndarray
     rates: np.ndarray
     kept: np.ndarray
     landed: np.ndarray
@@ -132,11 +134,11 @@ def extent_of(rubbing: Rubbing, state: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 def rubbing_room(rows: int) -> tuple[np.ndarray, ...]:
     """Room of `Sets` that sets of any step share: from `right` on."""
-    waits, told = (np.zeros(n, dtype=np.int8) for n in (rows, rows + 1))
+    following, waits, told = (np.zeros(n, dtype=np.int8) for n in (rows, rows, rows + 1))
     right, solved, free, kept = (np.empty(n) for n in (rows + 1, *[rows] * 3))
     rates, landed = np.empty((2, rows)), np.empty((rows, 3))
     seen, aside = np.zeros(MAXIMUM, dtype=np.int64), np.zeros(rows)
-    return right, solved, free, rates, kept, landed, waits, told, aside, seen, np.arange(rows)
+    return right, solved, free, following, rates, kept, landed, waits, told, aside, seen, np.arange(rows)
 
 
 def empty_sets(rows: int) -> Sets:
@@ -185,7 +187,7 @@ def _sharpened(flexibility: np.ndarray, rubbing: Rubbing, row: int, sets: Sets) 
         left[b] = pulled(flexibility, rubbing, known, (row, members[b]))
         for a in range(last):
             left[b] -= inverse[last, a] * pulled(flexibility, rubbing, known, (members[a], members[b]))
-    add_rows(inverse, sets.every, left, last, last, inverse[last])
+    add_rows(inverse, sets.every, left, last, (last, last), inverse[last])
     own = pulled(flexibility, rubbing, known, (row, row))
     for a in range(last):
         own -= inverse[last, a] * sets.free[a]
@@ -202,13 +204,13 @@ def _hold(flexibility: np.ndarray, rubbing: Rubbing, row: int, sets: Sets) -> bo
         right[a] = pulled(flexibility, rubbing, known, (row, members[a]))
         free[a] = pulled(flexibility, rubbing, known, (members[a], row))
         inverse[last, a] = 0.0
-    add_rows(inverse, sets.every, right, last, last, inverse[last])
+    add_rows(inverse, sets.every, right, last, (last, last), inverse[last])
     own, whole = pulled(flexibility, rubbing, known, (row, row)), flexibility[row, row]
     for a in range(last):
         own -= inverse[last, a] * free[a]
     if not abs(own) > _LEAST * whole:
         return False
-    products(inverse, free, last, last, right)
+    products(inverse, free, last, (last, last), right)
     if abs(own) < _SMALL * whole:
         own = _sharpened(flexibility, rubbing, row, sets)
         if not abs(own) > _LEAST * whole:

@@ -8,7 +8,7 @@ open, a free row's gap or a held row's force, is between two bounds; beyond, a h
 one is held on the side that it has passed. An elastic layer is no state: it is part of W.
 
 `RowLaws` has the bounds of many rows as arrays, `Table`. The exchanges of states, on the host
-(`complementarity.active_set`) and compiled (`rubbing.rubbing_forces`), read nothing else; what others ask is
+(`complementarity.active_set`) and compiled (`pivoting.contact_forces`), read nothing else; what others ask is
 answered from the same arrays: `RowLaws.acting` (the rows that keep their gaps, for derivatives), `room` and
 `apart` (how far a free row is from being held, for grazing motions and located switches), `rest` (gaps of a
 model), `fixed` (rows of one state alone).

@@ -3,24 +3,24 @@
 One step is linear in the modal forces: with per-mode coefficients the state advances as
 q1 = aqq q + aqv v + bq p0 + dq p1 + cq (r0 + r1), v1 = avq q + avv v + bv p0 + dv p1 + cv (r0 + r1), where p
 are the modal forces of the loads at both ends and r = C^T force those of contact. The gap at the step's end
-is W force + free gap with the constant W = C diag(cq) C^T + R, its contact problem is solved by `rubbing`:
-where faces rub tangential rows stand behind the normal ones, and of the step before their slips count too.
-How kernels are written, `loops` tells.
+is W force + free gap with the constant W = C diag(cq) C^T + R, its contact problem is solved by `pivoting`,
+where it is told how kernels are written, with friction by `rubbing`: there tangential rows stand behind the
+normal ones, and of the step before their slips count too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from .compiled import compiled_loops, inner_loops
+from .compiled import compiled_loops, inner_loops, typeof, typeof_impl, types
 from .friction import STICKS
 from .held_rows import NOTHING, Sets, rubbing_room
 from .law import FREE, RowLaws
-from .loops import add_rows, caught, products
-from .rubbing import Problem, rubbing_forces
+from .pivoting import add_rows, caught, products
+from .rubbing import Problem, rubbing_forces, smooth_forces
 from .step_data import NEVER, Halving, Marched, StepConstants, StepHistory, StepLoads, StepState
 from .step_work import End, energy_of_modes, lost_to_friction, work_of_contact
 
@@ -81,11 +81,25 @@ def empty_room(step: StepConstants) -> Room:
     return Room(inverses, members, known, places, sets, end(), end(), np.empty(rank))
 
 
-def march(step: StepConstants, loads: StepLoads, state: StepState, history: StepHistory) -> Marched:
-    """Advance a reduced model over several steps; the state and the history are written in place."""
+def march(
+    step: StepConstants,
+    loads: StepLoads,
+    state: StepState,
+    history: StepHistory,
+    kept: tuple[Room, Address] | None = None,
+) -> Marched:
+    """Advance a reduced model over several steps; the state and the history are written in place. What is
+    `kept` from call to call is `begun` of these constants.
+    """
     external = loads.external if loads.external.any() else loads.external[:0]
-    loads = StepLoads(*map(np.ascontiguousarray, (external, *loads[1:])))
-    return Marched(*_march(step, loads, state, history, empty_room(step)))
+    loads, kept = StepLoads(*map(np.ascontiguousarray, (external, *loads[1:]))), kept or begun(step)
+    return Marched(*_march(step, loads, state, history, *kept))
+
+
+def begun(step: StepConstants) -> tuple[Room, Address]:
+    """What steps with these constants need beside them: room, and what solves their contact problems."""
+    room = empty_room(step)
+    return room, contact_kernel(step, room)
 
 
 @inner_loops
@@ -100,11 +114,11 @@ def _begin(step: StepConstants, loads: StepLoads, state: StepState, room: Room) 
         end.q[j], end.v[j], end.pull[j] = state.q[j], state.v[j], 0.0
     for i in range(pairs):
         end.force[i], end.rows[i], end.gap[i] = state.force[i], state.rows[i], loads.free_gap[0, i]
-    products(step.left, end.force, rank, pairs, room.thin)
-    add_rows(step.right, every, room.thin, rank, end.q.size, end.pull)
-    products(step.right, end.q, rank, end.q.size, room.thin)
-    add_rows(step.left, every, room.thin, rank, pairs, end.gap)
-    add_rows(step.residual, every, end.force, pairs, pairs, end.gap)
+    products(step.left, end.force, rank, (pairs, pairs), room.thin)
+    add_rows(step.right, every, room.thin, rank, (end.q.size, end.q.size), end.pull)
+    products(step.right, end.q, rank, (end.q.size, end.q.size), room.thin)
+    add_rows(step.left, every, room.thin, rank, (pairs, pairs), end.gap)
+    add_rows(step.residual, every, end.force, pairs, (pairs, pairs), end.gap)
     for i in range(count):
         if end.rows[i] != FREE:
             end.gap[i] = step.laws.place[end.rows[i], i]
@@ -112,12 +126,59 @@ def _begin(step: StepConstants, loads: StepLoads, state: StepState, room: Room) 
         end.gap[i] = state.slip[i - count]
 
 
+# numba looks for the kind of arguments for a millisecond, which is as long as a period.
+_addresses: dict[tuple, Address] = {}
+
+
+class Address(types.WrapperAddressProtocol):
+    """Where the code of a kernel for arguments as those given stands; kernels take it for a function."""
+
+    def __init__(self, kernel: Any, *arguments: object):
+        kinds = tuple(map(typeof, arguments))
+        kernel.compile(kinds)
+        found = kernel.overloads[kinds]
+        self._signature = found.signature
+        self.kind = types.FunctionType(found.signature)
+        self._place = found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name)
+
+    def __wrapper_address__(self) -> int:
+        return int(self._place)
+
+    def signature(self) -> Any:
+        """What numba calls it with."""
+        return self._signature
+
+
+# numba would make it for each call of a kernel, which is as long as half of a short period.
+typeof_impl.register(Address, lambda address, context: address.kind)
+
+
+def contact_kernel(step: StepConstants, room: Room) -> Address:
+    """What solves the contact problems of steps."""
+    end, rubs = room.before, step.rubbing.rows.size > 0
+    laws, gaps = (step.laws, step.rubbing), (end.gap, room.after.gap)
+    given = Problem(step.flexibility[0], *gaps, *laws, end.rows, room.sets, end.force)
+    layout = (rubs, _layout_of(given))
+    if layout not in _addresses:
+        _addresses[layout] = Address(rubbing_forces if rubs else smooth_forces, given)
+    return _addresses[layout]
+
+
+def _layout_of(given: Any) -> object:
+    """What tells kinds of arguments apart: of arrays dimensions, numbers and places in memory."""
+    if isinstance(given, tuple):
+        return tuple(map(_layout_of, given))
+    return (given.ndim, given.dtype.char, given.flags.num) if isinstance(given, np.ndarray) else type(given)
+
+
 @inner_loops
 def _sets(room: Room, level: int) -> Sets:
     """Those of a level."""
     of, inverse, known = room.sets, room.inverses[level], room.known[level]
     found = of.sharp, inverse, known, room.members[level], room.places[level], of.right, of.solved, of.free
-    return Sets(*found, of.rates, of.kept, of.landed, of.waits, of.told, of.aside, of.seen, of.every)
+    return Sets(
+        *found, of.following, of.rates, of.kept, of.landed, of.waits, of.told, of.aside, of.seen, of.every
+    )
 
 
 @inner_loops
@@ -148,10 +209,10 @@ def _take(step: StepConstants, loads: StepLoads, place: tuple[int, int, float, f
             former, following = (1.0 - begin) * first + begin * last, (1.0 - end) * first + end * last
             q[j] += coefficients[2, j] * former + coefficients[3, j] * following
             v[j] += coefficients[7, j] * former + coefficients[8, j] * following
-    products(right, q, rank, m, room.thin)
+    products(right, q, rank, (m, m), room.thin)
     for i in range(pairs):
         after.gap[i] = (1.0 - end) * free_gap[done, i] + end * free_gap[done + 1, i]
-    add_rows(left, every, room.thin, rank, pairs, after.gap)
+    add_rows(left, every, room.thin, rank, (pairs, pairs), after.gap)
     pulled = False
     for i in range(pairs):
         after.rows[i] = before.rows[i]
@@ -180,8 +241,8 @@ def _push(step: StepConstants, level: int, room: Room) -> None:
         after.gap[i] = free[i] if rest == FREE else step.laws.place[rest, i]
     for i in range(count, pairs):
         after.gap[i] = room.sets.kept[i] if after.rows[i] == STICKS else free[i]
-    products(left, after.force, rank, pairs, room.thin)
-    add_rows(right, every, room.thin, rank, m, pull)
+    products(left, after.force, rank, (pairs, pairs), room.thin)
+    add_rows(right, every, room.thin, rank, (m, m), pull)
     for j in range(m):
         q[j] += coefficients[4, j] * pull[j]
         v[j] += coefficients[9, j] * pull[j]
@@ -221,6 +282,7 @@ def _march(
     state: StepState,
     history: StepHistory,
     room: Room,
+    forces_of: Callable[..., int],
 ) -> tuple[int, int, int, int]:
     works, parts, losses, kept = history.work, history.parts, history.lost, history.kept
     halving, levels, rubbing = step.halving, loads.levels, step.rubbing
@@ -243,7 +305,7 @@ def _march(
                 given = Problem(
                     flexibility, after.gap, before.gap, step.laws, rubbing, after.rows, sets, after.force
                 )
-                exchange = rubbing_forces(given)
+                exchange = forces_of(given)
                 if exchange < 0:
                     return done, exchanges, unresolved, taken
                 _push(step, level, room)

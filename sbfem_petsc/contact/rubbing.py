@@ -1,4 +1,4 @@
-"""Compiled solve of a step's contact problem, with or without friction, from the states of the step before.
+"""Compiled solve of the contact problem of a step with friction, from the states of the step before.
 
 States are exchanged as those of the normal rows are (`complementarity`), each set a linear system that the
 bound's dependence on the pressure makes unsymmetric. Where sets repeat Lemke's method takes over: the problem
@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .compiled import compiled_loops, inner_loops, inner_sums
+from .compiled import compiled_apart, inner_loops, inner_sums
 from .friction import AGAINST, ALONG, STICKS
 from .held_rows import MAXIMUM, Rubbing, Sets, follow, pull_of
 from .law import FREE, PRESSED, PULLED, ROUND_OFF, Table
-from .loops import add_rows, caught, products
+from .pivoting import Factor, add_rows, caught, contact_forces, products
 
 # Rounding of forces, of the largest.
 ROUNDING = 1e-12
@@ -66,7 +66,7 @@ def _respond(problem: Problem, force: np.ndarray, gap: np.ndarray) -> None:
     flexibility, _, _, _, rubbing, state, sets, _ = problem
     members, solved, n, count = sets.members, sets.solved, state.size, rubbing.beside.size
     unknowns = members[n]
-    products(sets.inverse, sets.right, unknowns, unknowns, solved)
+    products(sets.inverse, sets.right, unknowns, (unknowns, unknowns), solved)
     total = unknowns
     for a in range(unknowns):
         force[members[a]] += solved[a]
@@ -76,7 +76,7 @@ def _respond(problem: Problem, force: np.ndarray, gap: np.ndarray) -> None:
             members[total], solved[total] = t, pull * solved[sets.place[normal]]
             force[t] = pull * force[normal]
             total += 1
-    add_rows(flexibility, members, solved, total, n, gap)
+    add_rows(flexibility, members, solved, total, (n, n), gap)
 
 
 @inner_loops
@@ -96,11 +96,10 @@ def _refined(problem: Problem) -> bool:
             row = members[a]
             kept = laws.place[state[row], row] if row < count else sets.kept[row]
             right[a] = kept - free[row]
-            own = 1.0 / flexibility[row, row]
-            left = max(left, right[a] ** 2 * own)
-            size = max(size, without[row] ** 2 * own, force[row] ** 2 * flexibility[row, row])
-        if attempt > 0 and not left > _LEFT**2 * size:
-            if not sets.sharp or left > 0.25 * last or attempt == _REFINED:
+            left = max(left, abs(right[a]))
+            size = max(size, abs(without[row]), abs(flexibility[row, row] * force[row]))
+        if attempt > 0 and not left > _LEFT * size:
+            if not sets.sharp or left > 0.5 * last or attempt == _REFINED:
                 return True
         _respond(problem, force, free)
     return False
@@ -112,13 +111,11 @@ def _missed(problem: Problem) -> bool:
     _, without, _, laws, rubbing, state, sets, _ = problem
     missed, size, count = 0.0, 0.0, rubbing.beside.size
     for i in range(state.size):
+        size = max(size, abs(without[i]))
         if sets.place[i] < 0 and (state[i] != FREE if i < count else state[i] == STICKS):
             kept = laws.place[state[i], i] if i < count else sets.kept[i]
-            missed = max(missed, (kept - sets.free[i]) ** 2 / problem.flexibility[i, i])
-    for i in range(state.size if missed > 0.0 else 0):
-        if problem.flexibility[i, i] > 0.0:
-            size = max(size, without[i] ** 2 / problem.flexibility[i, i])
-    return missed > _MISSED**2 * size
+            missed = max(missed, abs(kept - sets.free[i]))
+    return missed > _MISSED * size
 
 
 @inner_loops
@@ -139,16 +136,7 @@ def _rounding(problem: Problem, row: int) -> float:
     total = abs(problem.free[row])
     for i in range(problem.force.size):
         total += abs(problem.flexibility[row, i] * problem.force[i])
-    return ROUND_OFF * total
-
-
-@inner_loops
-def _of_largest(problem: Problem, row: int) -> float:
-    """Rounding of a row's force, of the largest, each in the unit in which its row is one of flexibility."""
-    largest = 0.0
-    for i in range(problem.force.size):
-        largest = max(largest, problem.force[i] ** 2 * problem.flexibility[i, i])
-    return ROUNDING * math.sqrt(largest / problem.flexibility[row, row])
+    return 10.0 * ROUND_OFF * total
 
 
 @inner_loops
@@ -156,7 +144,9 @@ def _normal(problem: Problem, row: int) -> int:
     """State that a normal row goes on to."""
     laws, sets, force, now = problem.laws, problem.sets, problem.force, problem.state[row]
     if now != FREE:
-        return FREE if force[row] < laws.least[now, row] or force[row] > laws.most[now, row] else now
+        pull = sets.right[sets.right.size - 1]
+        let = force[row] < laws.least[now, row] - pull or force[row] > laws.most[now, row] + pull
+        return FREE if let else now
     if not problem.flexibility[row, row] > 0.0 or sets.waits[row] != 0:
         return FREE
     found = caught(laws, row, sets.free[row])
@@ -175,7 +165,7 @@ def _tangential(problem: Problem, row: int) -> int:
     rubbing, sets, force, now = problem.rubbing, problem.sets, problem.force, problem.state[row]
     number = row - rubbing.beside.size
     normal = rubbing.rows[number]
-    if problem.state[normal] == FREE or not rubbing.static[number] > 0.0:
+    if sets.following[normal] == FREE or not rubbing.static[number] > 0.0:
         return FREE
     moved = sets.free[row] - sets.kept[row]
     if now == FREE:
@@ -187,23 +177,28 @@ def _tangential(problem: Problem, row: int) -> int:
             return STICKS
         return ALONG if along > 0.0 else AGAINST
     if now == STICKS:
-        beyond = abs(force[row]) - rubbing.static[number] * max(force[normal], 0.0)
-        if not beyond > 0.0 or not beyond > _of_largest(problem, row):
+        bound = rubbing.static[number] * max(force[normal], 0.0) + sets.right[sets.right.size - 1]
+        if abs(force[row]) <= bound:
             return STICKS
         return ALONG if force[row] > 0.0 else AGAINST
     off = moved if now == ALONG else -moved
-    return STICKS if off > 0.0 and off > 10.0 * _rounding(problem, row) else now
+    return STICKS if off > 0.0 and off > _rounding(problem, row) else now
 
 
 @inner_loops
 def _exchange(problem: Problem) -> int:
     """States that the rows go on to; how many change."""
-    state, changed = problem.state, 0
-    for i in range(state.size):
+    state, sets, force, following = problem.state, problem.sets, problem.force, problem.sets.following
+    largest, changed = 0.0, 0
+    for i in range(force.size):
+        largest = max(largest, abs(force[i]))
+    sets.right[sets.right.size - 1] = ROUNDING * largest
+    for i in range(force.size):
         normal = i < problem.rubbing.beside.size
-        now = _normal(problem, i) if normal else _tangential(problem, i)
-        changed += now != state[i]
-        state[i] = now
+        following[i] = _normal(problem, i) if normal else _tangential(problem, i)
+    for i in range(force.size):
+        changed += following[i] != state[i]
+        state[i] = following[i]
     return changed
 
 
@@ -357,20 +352,20 @@ def _settle(problem: Problem) -> int:
         if attempt == 2 and not lemke(problem):
             break
         done = 0
-        while done < MAXIMUM and _solve(problem):
+        while done < MAXIMUM and not _repeats(state, sets.seen, done):
+            done += 1
+            if not _solve(problem):
+                break
             if _exchange(bounded) == 0:
                 return exchanges
             exchanges += 1
-            if _repeats(state, sets.seen, done):
-                break
-            done += 1
     sets.members[state.size] = -1
     return -1
 
 
-@compiled_loops
+@compiled_apart
 def rubbing_forces(problem: Problem) -> int:
-    """Solve a contact problem, with or without friction.
+    """Solve a contact problem with friction.
 
     Rows that stick keep their slips of the step before, those that land the slips where they do (of gaps of
     zero before those of the step before). Rows that stood apart wait until the others have settled; where
@@ -383,7 +378,7 @@ def rubbing_forces(problem: Problem) -> int:
     for i in range(state.size):
         sets.kept[i] = before[i]
     for i in range(count):
-        sets.waits[i] = 1 if state.size > count and state[i] == FREE and before[i] > 0.0 else 0
+        sets.waits[i] = 1 if state[i] == FREE and before[i] > 0.0 else 0
         waits |= sets.waits[i] != 0
     for stage in range(3):
         more = _settle(problem)
@@ -409,3 +404,13 @@ def rubbing_forces(problem: Problem) -> int:
         landed |= sets.landed[t, 0] > 0.0
     sets.told[state.size] = landed
     return exchanges
+
+
+@compiled_apart
+def smooth_forces(problem: Problem) -> int:
+    """`contact_forces` as `rubbing_forces` is called, of which a step calls one."""
+    sets = problem.sets
+    factor = Factor(sets.inverse, sets.members, sets.solved, sets.free, sets.every)
+    return contact_forces(
+        problem.flexibility, problem.free, problem.laws, problem.state, factor, problem.force
+    )

@@ -23,7 +23,7 @@ from .compiled import compiled_loops, inner_loops, inner_sums
 from .friction import STICKS
 from .held_rows import Rubbing, Sets, empty_sets, follow, pull_of, pulled
 from .law import FREE
-from .loops import add_rows, products
+from .pivoting import add_rows, products
 from .step_data import StepConstants
 
 # Directions of contact that change the position in a step, in units of it, by less than this are left out, or
@@ -190,7 +190,7 @@ def _drawn(
             drawn[q, a] = scaled[q, row] + pull * scaled[q, beside]
             forces[q, a] = 0.0
     for q in range(rank):
-        add_rows(sets.inverse, sets.every, drawn[q], unknowns, unknowns, forces[q])
+        add_rows(sets.inverse, sets.every, drawn[q], unknowns, (unknowns, unknowns), forces[q])
         for a in range(unknowns):
             along[a] += forces[q, a]
     left, size = 0.0, 0.0
@@ -213,7 +213,7 @@ def _columns(scaled: np.ndarray, units: np.ndarray, members: np.ndarray, unknown
         for a in range(unknowns):
             gathered[j, a] = scaled[j, members[a]]
     for q in range(rank):
-        products(gathered, forces[q], rank, unknowns, along)
+        products(gathered, forces[q], rank, (unknowns, unknowns), along)
         for j in range(rank):
             columns[j, q] = along[j]
     for a in range(unknowns):
@@ -271,7 +271,7 @@ def _taken(sets: Sets, factors: np.ndarray, rows: np.ndarray, count: int, along:
     unknowns = sets.members[sets.place.size]
     for a in range(unknowns):
         along[a] = 0.0
-    add_rows(rows, sets.every, factors, count, unknowns, along)
+    add_rows(rows, sets.every, factors, count, (unknowns, unknowns), along)
 
 
 @compiled_loops

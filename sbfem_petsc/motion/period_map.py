@@ -19,10 +19,10 @@ import numpy as np
 from ..contact.closed_sets import exact_contacts, located_contacts
 from ..contact.friction import STICKS
 from ..contact.located_rubbing import located_rubbing
-from ..contact.marching import empty_room, march
+from ..contact.marching import Address, Room, begun, march
 from ..contact.repeating import touch
 from ..contact.rubbing_tangent import LEAST, ROUGH, rubbing_contacts
-from ..contact.step_data import StepHistory, StepLoads, StepState
+from ..contact.step_data import StepConstants, StepHistory, StepLoads, StepState
 from ..contact.tangent import Derivative
 from ..errors import called, failed_solve
 from ..petsc import MPI
@@ -75,12 +75,17 @@ class Period(Record):
         self.weights = np.where(r.omega > 0.0, r.omega, 2.0 * np.pi * r.frequencies.max())
         self._load()
         self._lengths: dict[float, StepLength] = {}
+        self._kept: tuple[Room, Address] | None = None
 
     @classmethod
     def _revived(cls, found: dict[str, Any]) -> Period:
         """From a file, if it would fit into memory."""
         require_waves(found["steps"], len(found["excitation"].orders))
         return cls(**found)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Of what is kept no other process knows the places."""
+        return {**self.__dict__, "_kept": None}
 
     def _fingerprint(self) -> object:
         """What tells it from others, the same on all ranks."""
@@ -180,6 +185,12 @@ class Period(Record):
         """What the length of a step (s) alone determines."""
         given = self._acting, self.reduced.damping, step, self.steps
         return _recent(self._lengths, step, lambda: StepLength(*given))
+
+    def kept(self, constants: StepConstants) -> tuple[Room, Address]:
+        """For `march`: room that its steps of any length need beside them."""
+        if self._kept is None:
+            self._kept = begun(constants)
+        return self._kept
 
     def with_damping(self, ratios: np.ndarray) -> Period:
         """The same period of the model with other damping ratios, under loads that do not depend on them."""
@@ -292,8 +303,8 @@ class DrivenPeriod:
         kept = (steps + 1, p.pairs) if len(slip) else (0, 0)
         rows, lost = np.empty(kept, dtype=np.int8), np.empty(max(kept[0] - 1, 0))
         begin = StepState(q, v, forces[0].copy(), former.copy(), slip.copy())
-        room = empty_room(self.constants)
-        reached, touches = 0, touch(self.constants, self.free_gap[0], begin, room)
+        room, solves = p.kept(self.constants)
+        reached, touches = 0, touch(self.constants, self.free_gap[0], begin, room, solves)
         states[0], velocities[0], forces[0] = q, v, begin.force
         rows[:1], left = begin.rows[: rows.shape[1]], np.empty(len(slip))
         landed = np.zeros((len(lost), len(slip), 3)), np.zeros((len(lost), kept[1]), dtype=np.int8)
@@ -302,7 +313,7 @@ class DrivenPeriod:
             loads = StepLoads(np.zeros((0, m)), self.free_gap, np.zeros(steps, dtype=np.int8))
             told = states[1:], velocities[1:], forces[1:], work, np.empty(0, dtype=np.int8), lost
             history = StepHistory(*told, rows[1:], left, *landings)
-            reached = march(self.constants, loads, begin, history).steps
+            reached = march(self.constants, loads, begin, history, (room, solves)).steps
         if reached < steps:
             raise failed_solve(
                 f"{called()}: the contact problem of step {reached} of {steps} at {self.frequency:g} Hz "

@@ -10,7 +10,7 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate, VNotch
 from sbfem_petsc.contact import friction_solve
-from sbfem_petsc.contact.compiled import compiled_loops
+from sbfem_petsc.contact.compiled import compiled_apart
 from sbfem_petsc.contact.complementarity import Complementarity, solve_complementarity
 from sbfem_petsc.contact.friction import STICKS, Friction, Memory
 from sbfem_petsc.contact.friction_solve import solve_friction
@@ -31,7 +31,7 @@ def problem(rng, count, most):
     return 1e-9 * root @ root.T, Friction(np.arange(count), coefficients, coefficients)
 
 
-@compiled_loops
+@compiled_apart
 def by_lemke(problem):
     return lemke(problem)
 

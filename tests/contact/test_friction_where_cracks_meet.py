@@ -8,7 +8,6 @@ import pytest
 import sbfem_petsc as sb
 from meshing import CrackLine, Plate
 from sbfem_petsc.contact.law import FREE
-from sbfem_petsc.contact.marching import empty_room
 from sbfem_petsc.contact.repeating import touch
 from sbfem_petsc.contact.step_data import StepState
 from sbfem_petsc.motion.preparation import PeriodSettings, prepare
@@ -143,7 +142,7 @@ def test_contact_as_a_period_begins_ends_in_a_solution():
             begin = StepState(
                 q, q.copy(), np.zeros(period.pairs), np.zeros(period.pairs, dtype=np.int8), former.copy()
             )
-            assert touch(driven.constants, driven.free_gap[0], begin, empty_room(driven.constants))
+            assert touch(driven.constants, driven.free_gap[0], begin, *period.kept(driven.constants))
             gap = driven.free_gap[0] + period.left @ (period.right.T @ q) + flexibility @ begin.force
             pressure, friction = begin.force[:count], begin.force[count:]
             size, least = np.abs(gap).max(), 1e-9 * pressure.max()

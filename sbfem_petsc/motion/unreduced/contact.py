@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...contact.friction import SMOOTH, Friction, Memory
+from ...contact.complementarity import solve_complementarity
+from ...contact.friction import Friction, Memory
 from ...contact.friction_solve import solve_friction
 from ...contact.held_rows import empty_sets
 from ...contact.law import FREE, RowLaws
+from ...contact.pivoting import contact_forces, empty_factor
 
 
 class StepContact:
@@ -34,8 +36,10 @@ class StepContact:
     def __init__(self, flexibility: np.ndarray, laws: RowLaws, friction: Friction | None = None):
         self.flexibility, self.laws, self.friction = flexibility, laws, friction
         count = len(flexibility)
-        self.state, self.gap = np.zeros(count, dtype=np.int8), np.zeros(0 if friction is None else count)
-        self.kept, self._sets = self.slip, empty_sets(count)
+        rubs = count if friction is not None else 0
+        self.state, self.gap = np.zeros(count, dtype=np.int8), np.zeros(rubs)
+        self.kept = self.slip
+        self._factor, self._sets = empty_factor(count), empty_sets(rubs)
 
     @property
     def slip(self) -> np.ndarray:
@@ -43,28 +47,35 @@ class StepContact:
         return self.gap[len(self.laws) :]
 
     def forget(self) -> None:
-        """Begin anew in the next step: a history that goes on depends on its motion and `state` alone."""
-        self._sets.members[-1] = -1
+        """Factorise anew in the next step: a history that goes on depends on its motion and `state` alone."""
+        self._factor.members[-1] = self._sets.members[-1] = -1
 
     def open(self, gap: np.ndarray) -> None:
         """No row is in contact."""
-        self.state[:] = FREE
-        self._remember(gap, gap[len(self.laws) :])
-
-    def _remember(self, gap: np.ndarray, kept: np.ndarray) -> None:
+        self.state[:], self._factor.members[-1] = FREE, 0
         if self.friction is not None:
-            self.gap, self.kept = gap, kept
+            self.gap, self.kept = gap, gap[len(self.laws) :]
 
     def solve(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Forces and gaps (c,) from the gaps without forces; what faces that rub remember goes on."""
-        c, friction = len(self.laws), SMOOTH if self.friction is None else self.friction
-        memory = Memory.none(self.laws, friction)
-        memory = memory._replace(normal=self.state[:c], tangential=self.state[c:])
+        """Forces and gaps (c,) from the gaps without forces."""
         if self.friction is not None:
-            memory = memory._replace(slip=self.slip, gap=self.gap[:c])
+            return self._rubbed(free, self.friction)
+        force = np.zeros(len(free))
+        exchanges = contact_forces(self.flexibility, free, self.laws.table, self.state, self._factor, force)
+        if exchanges < 0:
+            found = solve_complementarity(self.flexibility, free, self.laws)
+            self.state, self._factor.members[-1] = found.state.copy(), -1
+            return found.force, found.gap
+        return force, self.laws.placed(self.state, self.flexibility @ force + free)
+
+    def _rubbed(self, free: np.ndarray, friction: Friction) -> tuple[np.ndarray, np.ndarray]:
+        """The same where faces rub; what they remember goes on."""
+        c, state = len(self.laws), self.state
+        memory = Memory.none(self.laws, friction)._replace(
+            slip=self.slip, gap=self.gap[:c], normal=state[:c], tangential=state[c:]
+        )
         found = solve_friction(self.flexibility, free, self.laws, friction, memory, self._sets)
-        self.state = found.state
-        self._remember(found.gap, found.kept)
+        self.state, self.gap, self.kept = found.state, found.gap, found.kept
         return found.force, found.gap
 
     def held(self, free: np.ndarray, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
