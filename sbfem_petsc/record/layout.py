@@ -213,7 +213,7 @@ def value_of(data: h5py.Dataset) -> np.ndarray:
         if not np.isin(array, (0, 1)).all():
             raise ValueError(f"{data.name!r} has values that are neither true nor false")
         return array.astype(bool)
-    return np.char.decode(array, "utf-8") if array.dtype.kind == "S" else array
+    return np.char.decode(array, "utf-8").astype(str) if array.dtype.kind == "S" else array
 
 
 def names_along(group: h5py.Group, dim: str) -> tuple[str, ...]:
