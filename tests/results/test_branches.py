@@ -75,7 +75,7 @@ def test_what_is_read_is_what_was_found(whole):
     assert found.complete and len(found.bifurcations) >= 5 and repr(found) == repr(curve)
     np.testing.assert_array_equal(found.stable, curve.stable)
     np.testing.assert_array_equal(found.harmonics("2"), curve.harmonics("2"))
-    assert found.peak("2") == curve.peak("2")
+    same(found.peak("2"), curve.peak("2"))
     # orbits come back from their states
     for k in (2, 30, -3):
         same_products(found.orbit(k).displacement("2"), curve.orbit(k).displacement("2"))

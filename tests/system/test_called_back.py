@@ -85,7 +85,7 @@ PETSc.Options().setValue("shooting_ksp_type", "nonsense")
 for solve in (lambda: shooting("matrix-free"), unreduced):
     try:
         solve()
-    except sb.SolveError as error:
+    except (sb.SolveError, sb.SolverFailure) as error:
         tell("option", type(error).__name__)
         kept.append(error)
 PETSc.Options().delValue("shooting_ksp_type")
