@@ -230,7 +230,7 @@ def plot_field(
         width, height = view.extent
         # beside labels and the colour bar, whose own label takes more than a slender body
         tall = min((WIDTH - MARGIN) * height / width, 4.5)
-        wide, total = min(WIDTH, tall * width / height + MARGIN), max(len(regions) * (tall + 0.7), 1.6)
+        wide, total = min(WIDTH, tall * width / height + MARGIN), max(len(regions) * (tall + 0.8), 1.6)
         panels = ax.panels((len(regions), 1), total, wide, sharex=True)
         draw_states(view, panels, regions, outline, magnification)
         return panels

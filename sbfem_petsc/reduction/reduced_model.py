@@ -321,8 +321,8 @@ class ReducedModel(Record):
     def _model(self, what: str) -> tuple[Model, Modal]:
         if self.model is None or self.modal is None:
             raise failed_solve(
-                f"{what}: a reduced model of matrices, of a body (which has a field if it is reduced "
-                "with shapes=True) or read from a file knows its named points alone; reduce it again"
+                f"{what}: a reduced model of matrices, of a body (whose field alone shapes=True keeps) "
+                "or read from a file knows its named points alone; name the place in points= of reduce"
             )
         return self.model, self.modal
 

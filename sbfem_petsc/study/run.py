@@ -92,10 +92,10 @@ class _Run(contextlib.ExitStack):
         if lack is not None:
             self.watch.say(f"{lack}; the case runs without")
             self.case = self.case.with_values({"output.pictures": False, "output.animation": False})
-        done = self.comm.bcast(on_root(self.comm, self._finished))
+        done = self.comm.bcast(on_root(self.comm, lambda: list(self._finished())))
         pending = [name for name in self.case.tables.analyses if name not in done]
         for name in done:
-            self.watch.say(f"{name}: finished before")
+            self.watch.say(f"{name}: finished before; sbfem plot and sbfem export make other files of it")
         try:
             if pending:
                 self._begin(pending)
@@ -108,9 +108,19 @@ class _Run(contextlib.ExitStack):
         summary: dict[str, Any] = self.comm.bcast(on_root(self.comm, self._write))
         return summary
 
-    def _finished(self) -> list[str]:
-        """Analyses whose files stand. On rank 0."""
-        return [name for name in self.case.tables.analyses if os.path.isfile(part_of(self.path, name))]
+    def _finished(self) -> dict[str, tuple[dict[str, Any], Found]]:
+        """Facts and quantities of the analyses whose files stand. On rank 0."""
+        parts = {}
+        for name in self.case.tables.analyses:
+            path = part_of(self.path, name)
+            if not os.path.isfile(path):
+                continue
+            try:
+                with opened(path, WHAT) as part:
+                    parts[name] = json.loads(text(part.attrs["run"])), Found.read(part)
+            except ValueError as error:
+                raise ValueError(f"{error}; remove this file to have {name} computed again") from None
+        return parts
 
     def _begin(self, pending: list[str]) -> None:
         """Make the structure; what analyses ask of it or of the disk and it has not is told before any is
@@ -199,9 +209,7 @@ class _Run(contextlib.ExitStack):
         summary: dict[str, Any] = {"run": run}
         with new_results(os.path.join(self.path, RESULTS), "run", self.case) as file:
             group = within(file, "analyses")
-            for name in finished:
-                with opened(part_of(self.path, name), WHAT) as part:
-                    facts, found = json.loads(text(part.attrs["run"])), Found.read(part)
+            for name, (facts, found) in finished.items():
                 run["model"], run["seconds"][name] = facts["model"], facts["seconds"]
                 own = within(group, name)
                 own.attrs["kind"] = text_of(kinds[name].kind)

@@ -165,6 +165,17 @@ def test_nothing_is_repeated(folder, monkeypatch):
     assert {k: v for k, v in first.items() if k != "run"} == {k: v for k, v in second.items() if k != "run"}
 
 
+def test_a_damaged_part_is_told_with_its_remedy(folder, tmp_path, monkeypatch):
+    """Before anything is solved: what is left to solve waits until the part is removed."""
+    out = shutil.copytree(folder / "out", tmp_path / "out")
+    monkeypatch.setattr(Structure, "__init__", lambda *a: pytest.fail("a model was made"))
+    (out / "analyses/frequencies.h5").unlink()
+    part = out / "analyses/push.h5"
+    part.write_bytes(part.read_bytes()[:-1000])
+    done = sbfem("run", folder / "case.toml", "--output", out)
+    assert done.code == 2 and "remove this file to have push computed again" in done.err
+
+
 @pytest.mark.long
 def test_another_case_is_refused(folder, tmp_path):
     out = tmp_path / "out"

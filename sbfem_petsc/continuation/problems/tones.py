@@ -116,12 +116,13 @@ class QuasiPeriodic(ToldError):
             or not len(self.lines)
             or len(self.frequencies) != 2
             or (self.own is not None and self.own.samples != self.samples)
-            or (self.own is None) == (self.fast_loads is None or self.slow_loads is None)
         ):
             raise ValueError(
                 f"{self.samples} samples, {modes} modes and {places} points do not fit states of shape "
                 f"{self.states.shape} and lines of shape {self.lines.shape}"
             )
+        if (self.own is None) == (self.fast_loads is None or self.slow_loads is None):
+            raise ValueError("a motion of two tones has the loads of both, or a tone of its own")
 
     @derived("1", "whether disturbances die out, where that is known", row=True)
     def stable(self) -> bool | None:
