@@ -122,6 +122,17 @@ def real_array(
     return array
 
 
+def require_symmetric(owner: str, name: str, matrix: Any, share: float) -> None:
+    """ValueError for a dense or sparse matrix whose entries differ across its diagonal by more than a share
+    of its largest one.
+    """
+    most, trial = share * abs(matrix).max(), np.random.default_rng(0).uniform(1.0, 2.0, matrix.shape[0])
+    if np.abs(matrix @ trial - matrix.T @ trial).max() <= 0.1 * most:  # sooner than a difference of matrices
+        return
+    if (off := abs(matrix - matrix.T).max()) > most:
+        raise ValueError(f"{owner}: {name} is not symmetric, entries differ by up to {off:g}")
+
+
 def refuse_masked(owner: str, name: str, value: Any) -> None:
     """Raise a ValueError for a masked array: the values behind its mask would be taken."""
     if np.ma.is_masked(value):

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sized
-from typing import Any
 
 import numpy as np
-
-from ..checks import choice, instance, real_array
 
 # Corners of the faces, and ends of the edges in whose middles the further nodes of second order lie.
 SHAPES = {
@@ -38,25 +35,6 @@ KINDS = dict(_kinds())
 def corners(face: Sized) -> int:
     """How many nodes of a face, of 3, 4, 6 or 8, are corners."""
     return 3 if len(face) in (3, 6) else 4
-
-
-def rows_of(
-    owner: str, what: str, labels: np.ndarray, nodes: Mapping[int, int], error: type[Exception] = ValueError
-) -> np.ndarray:
-    """Rows of nodes by their labels, of any shape; an error for a label that no node has."""
-    if lost := set(labels.ravel().tolist()) - set(nodes):
-        raise error(f"{owner}: {what} has node {min(lost):.17g}, which the body has not; is it internal?")
-    return np.array([nodes[label] for label in labels.ravel().tolist()], dtype=int).reshape(labels.shape)
-
-
-def checked_cells(owner: str, given: Any, nodes: Mapping[int, int]) -> dict[str, np.ndarray]:
-    """(elements, k) rows of nodes by kind, from labels."""
-    found = {}
-    for kind, labels in instance(owner, "elements", given, Mapping, "a dict of kinds to labels").items():
-        count, what = KINDS[choice(owner, "elements", kind, tuple(KINDS))][0], f"elements[{kind!r}]"
-        cells = real_array(owner, what, labels, 2)
-        found[kind] = rows_of(owner, what, real_array(owner, what, cells, (len(cells), count)), nodes)
-    return found
 
 
 def outer_faces(cells: Mapping[str, np.ndarray]) -> list[list[int]]:

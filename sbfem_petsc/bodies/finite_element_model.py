@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 
+from meshing.input_checks import LARGEST
 from meshing.warnings import MeshWarning
 
 from ..checks import Bounds, choice, flag, instance, integer, names_of, numbers_of, real, real_array, shown
 from ..contact.law import ContactLaw, Unilateral, check_without_layer
 from ..errors import UnknownName, listed, warn
-from .cells import KINDS, checked_cells, corners, outer_faces, rows_of
+from .cells import KINDS, corners, outer_faces
 from .faces import APART, ROUNDING, between, given_gap, moved, moving_pairs, normal_of, partners
-from .plausibility import OWNER, UNITS, warn_of_order, warn_of_rounding, warn_of_units
+from .plausibility import OWNER, UNITS, si_matrix, warn_of_mass, warn_of_order, warn_of_rounding, whole
 from .rows import AXES, HELD, NONE, Contact, Row, told
 
-# Relative asymmetry that rounding of written files explains.
-SYMMETRY = 1e-6
 # Distance of nodes in sizes of the body that rounding explains, and off a plane, a normal of three digits.
 TOGETHER, LEVEL = 1e-10, 1e-3
 
@@ -73,22 +73,32 @@ class FiniteElementModel:
         units: str = "SI",
     ) -> None:
         length, stiff, inert = UNITS[choice(OWNER, "units", units, tuple(UNITS))]
-        self.mass = _matrix("mass", mass, inert)
-        self.stiffness = _matrix("stiffness", stiffness, stiff)
+        self.mass = si_matrix("mass", mass, inert)
+        self.stiffness = si_matrix("stiffness", stiffness, stiff)
         if self.mass.shape != self.stiffness.shape:
             raise ValueError(f"{OWNER}: mass has shape {self.mass.shape}, stiffness {self.stiffness.shape}")
         instance(OWNER, "nodes", nodes, Mapping, "a dict of labels to places")
         labels = real_array(OWNER, "labels of nodes", list(nodes), 1)
-        if (labels % 1.0).any() or (np.abs(labels) > 2.0**53).any():  # up to which doubles tell them apart
+        if not whole(labels):
             raise ValueError(f"{OWNER}: labels of nodes = {shown([*nodes])} must be whole numbers up to 2^53")
         self.labels = labels.astype(int)
         self.places = length * real_array(OWNER, "nodes", list(nodes.values()), (len(nodes), 3))
+        if (far := np.abs(self.places).max(initial=0.0)) > LARGEST:
+            raise ValueError(f"{OWNER}: nodes has places {far:g} m off; give them in units = {units!r}")
         self._node = {label: k for k, label in enumerate(self.labels.tolist())}
         rows = self._pairs("unknowns", unknowns, self.mass.shape[0])
         if np.unique(rows[:, 1]).tolist() == [1, 2, 3] and np.ptp(self.places[rows[:, 0], 0]) > 0.0:
             raise ValueError(f"{OWNER}: unknowns has directions 1, 2 and 3; give 0, 1 and 2 for x, y and z")
-        self.sets = self._sets({} if sets is None else sets)
-        self.elements = checked_cells(OWNER, {} if elements is None else elements, self._node)
+        sets, elements = ({} if given is None else given for given in (sets, elements))
+        instance(OWNER, "sets", sets, Mapping, "a dict of names to labels")
+        instance(OWNER, "elements", elements, Mapping, "a dict of kinds to labels")
+        known = {name: self._rows(f"sets[{name!r}]", sets[name]) for name in names_of(OWNER, "sets", [*sets])}
+        self.sets = {name: tuple(self.labels[own].tolist()) for name, own in known.items()}
+        self.elements = dict[str, np.ndarray]()
+        for kind, cells in elements.items():
+            count, what = KINDS[choice(OWNER, "elements", kind, tuple(KINDS))][0], f"elements[{kind!r}]"
+            cells = real_array(OWNER, what, cells, 2)
+            self.elements[kind] = self._rows(what, cells, (len(cells), count))
         instance(OWNER, "fixed", fixed, (list, tuple, set, frozenset, np.ndarray), "pairs (node, direction)")
         held = list(fixed) if getattr(fixed, "ndim", 1) else [fixed]
         warn_of_rounding(stiffness, self.stiffness, rows[:, 1])
@@ -103,10 +113,8 @@ class FiniteElementModel:
             )
         if heavy.min() < 0.0:
             raise ValueError(f"{OWNER}: mass is negative, {heavy.min():g} kg on its diagonal")
-        moves = self.unknowns[:, 1] < 3
-        warn_of_units(units, (own[moves], heavy[moves]), self.places, self._weight())
-        solid = [cells for kind, cells in self.elements.items() if len(KINDS[kind][1]) > 1]
-        warn_of_order(self.stiffness, self.places, self.columns, solid)
+        warn_of_mass(self, units, self._weight())
+        warn_of_order(self)
 
     def _pairs(self, name: str, given: Any, count: int) -> np.ndarray:
         """(count, 2): rows of nodes, by their labels, and directions."""
@@ -114,14 +122,16 @@ class FiniteElementModel:
         if not np.isin(pairs[:, 1], np.arange(6)).all():
             wrong = pairs[~np.isin(pairs[:, 1], np.arange(6))][0].tolist()
             raise ValueError(f"{OWNER}: {name} has {wrong}, not a node's label and a direction, 0 to 5")
-        return np.column_stack([rows_of(OWNER, name, pairs[:, 0], self._node), pairs[:, 1].astype(int)])
+        return np.column_stack([self._rows(name, pairs[:, 0]), pairs[:, 1].astype(int)])
 
-    def _sets(self, given: Any) -> dict[str, tuple[int, ...]]:
-        """Labels by name, of nodes that there are."""
-        names_of(OWNER, "sets", list(instance(OWNER, "sets", given, Mapping, "a dict of names to labels")))
-        found = {name: real_array(OWNER, f"sets[{name!r}]", labels, 1) for name, labels in given.items()}
-        rows = {name: rows_of(OWNER, f"set {name!r}", labels, self._node) for name, labels in found.items()}
-        return {name: tuple(self.labels[own].tolist()) for name, own in rows.items()}
+    def _rows(
+        self, what: str, labels: Any, dimensions: Any = 1, owner: str = OWNER, error: type = ValueError
+    ) -> np.ndarray:
+        """Rows of nodes by their labels, an array of so many dimensions; an error for a label of no node."""
+        known = real_array(owner, what, labels, dimensions)
+        if lost := set(known.ravel().tolist()) - set(self._node):
+            raise error(f"{owner}: {what} has node {min(lost):.17g}, which the body has not; is it internal?")
+        return np.array([self._node[label] for label in known.ravel().tolist()], int).reshape(known.shape)
 
     def _hold(self, unknowns: np.ndarray, held: np.ndarray) -> None:
         """Leave out what is held; (n, 3) inertia forces of unit accelerations, kg, know of it. `columns` are
@@ -254,11 +264,10 @@ class FiniteElementModel:
             at, faces = (self.labels[one], x, y), (self._faces(one), self._faces(other))
             means = between(at, normal, faces, lambda alone: moved(self._along(normal, alone, nodes)))
         rows, slips = (self._along(v, means, nodes) for v in (normal, slip))
+        ahead = (x @ normal, y @ normal) if gap is None else (-given_gap(gap, x), np.zeros(len(y)))
+        distance = means @ np.concatenate(ahead) - offset * (means.getnnz(axis=1) > 0)
         if gap is None:
-            distance = means @ np.append(x @ normal, y @ normal) - offset * (means.getnnz(axis=1) > 0)
             distance[np.abs(distance) < TOGETHER * self._sides.max()] = 0.0
-        else:
-            distance = means @ np.append(-given_gap(gap, x), np.zeros(len(y)))
         if (least := distance.min()) < 0.0 and not interference:
             why = f", with offset = {offset:g} m between nodes {least + offset:g} m apart" if offset else ""
             raise ValueError(
@@ -355,10 +364,10 @@ class FiniteElementModel:
         """Rows of the nodes of a set, or of labels, each once."""
         if isinstance(given, str) and given not in self.sets:
             raise UnknownName(f"{owner}: set {given!r} does not exist; the body has {listed(self.sets)}")
-        labels = real_array(owner, name, self.sets[given] if isinstance(given, str) else given, 1)
-        if not len(labels):
+        labels = self.sets[given] if isinstance(given, str) else given
+        if not len(rows := self._rows(name, labels, 1, owner, UnknownName)):
             raise ValueError(f"{owner}: {name} = {shown(given)} has no nodes")
-        return np.array([*dict.fromkeys(rows_of(owner, name, labels, self._node, UnknownName).tolist())])
+        return np.array([*dict.fromkeys(rows.tolist())])
 
     def _along(self, vector: np.ndarray, shares: sparse.csr_matrix, nodes: np.ndarray) -> sparse.csr_matrix:
         """(k, n): displacements of nodes along a vector in (k, nodes) shares."""
@@ -376,28 +385,57 @@ class FiniteElementModel:
         return shares @ sparse.csr_matrix(entries, (len(nodes), len(self.unknowns)))
 
 
+def join(*bodies: FiniteElementModel) -> FiniteElementModel:
+    """Several bodies as one, each where it is, for contact between them; nothing else connects them.
+
+    Parameters
+    ----------
+    *bodies : FiniteElementModel
+        Labels of nodes of the first one stay; those of a further one that are in use are moved up by a power
+        of ten. A set's name that is in use gets the body's number: "LEFT" is "LEFT.2" of the second, and
+        "LEFT.2.2" where that is in use, too.
+
+    Returns
+    -------
+    FiniteElementModel
+        In SI. Rows and contacts of its parts are not its own: make them of it.
+
+    Raises
+    ------
+    TypeError
+        If there is none, or one is no body.
+    """
+    if not bodies:
+        raise TypeError("join: no body is given; give two or more")
+    nodes, sets, fixed = dict[int, np.ndarray](), dict[str, tuple[int, ...]](), list[tuple[int, int]]()
+    unknowns, cells = [], dict[str, list[np.ndarray]]()
+    for number, body in enumerate(bodies, 1):
+        instance("join", f"body {number}", body, FiniteElementModel, "a FiniteElementModel")
+        own = body.labels.tolist()
+        up = 10 ** len(str(max(*nodes, *own) - min(0, *own))) if {*own} & {*nodes} else 0
+        nodes |= {label + up: place for label, place in zip(own, body.places)}
+        for name, labels in body.sets.items():
+            while name in sets:
+                name += f".{number}"
+            sets[name] = tuple(label + up for label in labels)
+        unknowns.append(body.unknowns + [up, 0])
+        fixed += [(label + up, d) for label, d in body.fixed]
+        for kind, rows in body.elements.items():
+            cells.setdefault(kind, []).append(body.labels[rows] + up)
+    mass = sparse.block_diag([body.mass for body in bodies])
+    stiffness = sparse.block_diag([body.stiffness for body in bodies])
+    elements = {kind: np.concatenate(parts) for kind, parts in cells.items()}
+    whole = mass, stiffness, np.concatenate(unknowns), nodes
+    found = FiniteElementModel(*whole, sets=sets, fixed=fixed, elements=elements)
+    found.inertia = np.concatenate([body.inertia for body in bodies])  # of what is held, too
+    return found
+
+
 def nodal_field(body: FiniteElementModel, owner: str, name: str, given: Any) -> np.ndarray:
     """(nodes, 3): m, of an array, a field or a static result, named in errors of a function."""
     if (found := getattr(given, "field", given)) is None:
         raise RuntimeError(f"{owner}: fields[{name!r}] has no shapes; reduce the body with shapes=True")
     return real_array(owner, f"fields[{name!r}]", np.asarray(found), body.places.shape, "m")
-
-
-def _matrix(name: str, value: Any, factor: float) -> sparse.csr_matrix:
-    """Finite, symmetric, in SI; one triangle is completed."""
-    if not sparse.issparse(value) or value.dtype.kind not in "iuf":
-        raise TypeError(f"{OWNER}: {name} = {shown(value)} must be a real sparse matrix of SciPy")
-    matrix = factor * sparse.csr_matrix(value, dtype=float)
-    if matrix.shape[0] != matrix.shape[1] or not matrix.nnz:
-        raise ValueError(f"{OWNER}: {name} of shape {matrix.shape} is not square, or is empty")
-    real_array(OWNER, f"{name}.data", matrix.data, 1)
-    lower, upper = sparse.tril(matrix, -1).tocsr(), sparse.triu(matrix, 1).tocsr()
-    if bool(lower.count_nonzero()) != bool(upper.count_nonzero()):
-        return (matrix + lower.T + upper.T).tocsr()
-    off = abs(matrix - matrix.T).max()
-    if off > SYMMETRY * abs(matrix).max():
-        raise ValueError(f"{OWNER}: {name} is not symmetric, entries differ by up to {off:g}")
-    return ((matrix + matrix.T) / 2.0).tocsr()
 
 
 def _vector(owner: str, name: str, given: Any) -> np.ndarray:
@@ -407,4 +445,4 @@ def _vector(owner: str, name: str, given: Any) -> np.ndarray:
     vector = np.array(numbers_of(owner, name, given, 3, wanted))
     if not vector.any():
         raise ValueError(f"{owner}: {name} = {shown(given)} must be {wanted}")
-    return vector / np.linalg.norm(vector)
+    return vector / math.hypot(*vector)

@@ -4,7 +4,6 @@ stiffness where the body moves as a whole.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,12 +11,16 @@ from scipy import sparse
 
 from meshing.warnings import MeshWarning, UnitWarning
 
+from ..checks import real_array, require_symmetric, shown
 from ..errors import warn
+from .cells import KINDS
 from .rows import HELD
 
 OWNER = "FiniteElementModel"
 # m, N/m and kg in one unit of length, stiffness and mass.
 UNITS = {"SI": (1.0, 1.0, 1.0), "mm-N-t": (1e-3, 1e3, 1e3), "mm-kg-mN": (1e-3, 1.0, 1.0)}
+# Relative asymmetry that rounding of written files explains.
+SYMMETRY = 1e-6
 # m/s and kg/m^3: speeds of waves as the matrices tell them, within 1.5 of sqrt(E / density) of solid elements
 # (50 to 18,000 m/s), and what no solid weighs.
 SLOWEST, FASTEST, HEAVIEST = 10.0, 1e5, 3e4
@@ -26,31 +29,44 @@ EXACT, TINY = 1e-11, 1e-300
 # Forces beside their parts, unknowns of which some are too many, and bodies of whose order, and of whose
 # digits, nothing is asked: they may be written by hand; one of solid elements is none of these.
 FORCED, NEARLY, FEW, SMALL = 1e-2, 0.9, 200, 50
+# Displacements of which no more are without a consistent mass, as those of springs and reference points.
+LIGHT = 0.1
 
 
-def warn_of_units(
-    units: str, diagonals: tuple[np.ndarray, np.ndarray], places: np.ndarray, weight: float
-) -> None:
-    """Warn of waves and densities that no solid has.
+def whole(array: np.ndarray) -> bool:
+    """Whether all are whole numbers that doubles tell apart."""
+    return bool(((array == np.rint(array)) & (np.abs(array) <= 2.0**53)).all())
 
-    Parameters
-    ----------
-    diagonals : (n,), (n,) arrays
-        N/m and kg of displacements: sqrt(K_ii / M_ii) is about 3 c over the spacing of nodes in elements of
-        first and second order.
-    places : (m, 3) array
-        m, of the nodes.
-    weight : float
-        kg.
+
+def si_matrix(name: str, value: Any, factor: float) -> sparse.csr_matrix:
+    """Finite, symmetric, in SI; one triangle is completed."""
+    if not sparse.issparse(value) or value.dtype.kind not in "iuf":
+        raise TypeError(f"{OWNER}: {name} = {shown(value)} must be a real sparse matrix of SciPy")
+    matrix = factor * sparse.csr_matrix(value, dtype=float)
+    if matrix.shape[0] != matrix.shape[1] or not matrix.nnz:
+        raise ValueError(f"{OWNER}: {name} of shape {matrix.shape} is not square, or is empty")
+    real_array(OWNER, f"{name}.data", matrix.data, 1)
+    lower, upper = sparse.tril(matrix, -1).tocsr(), sparse.triu(matrix, 1).tocsr()
+    if bool(lower.count_nonzero()) != bool(upper.count_nonzero()):
+        return (matrix + lower.T + upper.T).tocsr()
+    require_symmetric(OWNER, name, matrix, SYMMETRY)
+    return ((matrix + matrix.T) / 2.0).tocsr()
+
+
+def warn_of_mass(body: Any, units: str, weight: float) -> None:
+    """Warn of waves and densities that no solid has, by the kg that move, and of a mass that is cut.
+
+    sqrt(K_ii / M_ii) is about 3 c over the spacing of nodes in elements of first and second order.
     """
-    stiffness, mass = (diagonal[diagonals[1] > 0.0] for diagonal in diagonals)
-    far, said = tree_of(places).query(places, 2)[0][:, 1], []
+    moves, heavy = body.unknowns[:, 1] < 3, body.mass.diagonal()
+    stiffness, mass = (part[moves & (heavy > 0.0)] for part in (body.stiffness.diagonal(), heavy))
+    far, said = tree_of(body.places).query(body.places, 2)[0][:, 1], []
     far = far[np.isfinite(far) & (far > 0.0)]  # some lie in one place
     if len(far) and len(mass):
         speed = np.sqrt(np.median(stiffness / mass)) * np.median(far) / 3.0
         if not SLOWEST <= speed <= FASTEST:
             said.append(f"waves run at about {speed:.3g} m/s, {SLOWEST:g} to {FASTEST:g} m/s are usual")
-    box = float(np.prod(np.ptp(places, axis=0)))
+    box = float(np.prod(np.ptp(body.places, axis=0)))
     if box > 0.0 and weight > HEAVIEST * box:
         said.append(f"a mass of {weight:.3g} kg in {box:.3g} m^3 is more than any solid's")
     if said:
@@ -58,36 +74,28 @@ def warn_of_units(
             f"{OWNER}: {' and '.join(said)}; are units = {units!r} those of the matrices and nodes?",
             UnitWarning,
         )
+    light = np.count_nonzero(moves & (heavy == 0.0))
+    if body.mass.count_nonzero() > np.count_nonzero(heavy) and light > LIGHT * moves.sum():
+        warn(f"{OWNER}: mass couples unknowns, but {light} displacements have none; is it cut?", MeshWarning)
 
 
-def warn_of_order(
-    stiffness: sparse.csr_matrix, places: np.ndarray, columns: np.ndarray, cells: Sequence[np.ndarray]
-) -> None:
-    """Warn where a body, turned as a whole, meets forces nearly everywhere but beside supports.
-
-    Parameters
-    ----------
-    stiffness : (n, n) sparse matrix
-    places : (m, 3) array
-        m, of the nodes.
-    columns : (m, 6) array of int
-        Unknowns of each node, as of `FiniteElementModel`.
-    cells : sequence of (e, k) arrays of int
-        Rows of nodes of solid elements.
-    """
-    moves, about = columns >= 0, np.array([1.0, -0.6, 0.8])
-    turned = np.cross(about, places - places[moves.any(axis=1)].mean(axis=0))
-    rigid, held = np.zeros(stiffness.shape[0]), (columns == HELD).any(axis=1) | ~moves.any(axis=1)
-    rigid[columns[moves]] = np.hstack([turned, np.tile(about, (len(places), 1))])[moves]
+def warn_of_order(body: Any) -> None:
+    """Warn where a body, turned as a whole, meets forces nearly everywhere but beside supports."""
+    moves, about = body.columns >= 0, np.array([1.0, -0.6, 0.8])
+    turned = np.cross(about, body.places - body.places[moves.any(axis=1)].mean(axis=0))
+    held = (body.columns == HELD).any(axis=1) | ~moves.any(axis=1)
+    rigid = np.zeros(len(body.unknowns))
+    rigid[body.columns[moves]] = np.hstack([turned, np.tile(about, (len(turned), 1))])[moves]
+    solid = [cells for kind, cells in body.elements.items() if len(KINDS[kind][1]) > 1]
     # nor any of the nearest nodes, as many as one meets in its rows, is held, nor of one's elements
-    met = min(np.diff(stiffness.indptr).max() // 3 + 1, len(places)) if held.any() else 1
-    near = tree_of(places).query(places, met)[1].reshape(len(places), -1)
+    met = min(np.diff(body.stiffness.indptr).max() // 3 + 1, len(body.places)) if held.any() else 1
+    near = tree_of(body.places).query(body.places, met)[1].reshape(len(body.places), -1)
     beside = held[near].any(axis=1)
-    for own in cells:
+    for own in solid:
         beside[own[held[own].any(axis=1)]] = True
     far = moves & ~beside[:, None]
-    forced = np.abs(_forces(stiffness, rigid))[columns[far]] > FORCED
-    if len(forced) >= (SMALL if cells else FEW) and forced.mean() > NEARLY:
+    forced = np.abs(_forces(body.stiffness, rigid))[body.columns[far]] > FORCED
+    if len(forced) >= (SMALL if solid else FEW) and forced.mean() > NEARLY:
         warn(
             f"{OWNER}: turned as a whole, the body meets forces at {forced.sum()} of {len(forced)} "
             "unknowns away from supports; are unknowns and nodes those of the matrices' rows, in order?",
@@ -127,7 +135,7 @@ def _rounding(matrix: sparse.spmatrix) -> float:
     units = [(2.0**-24, np.ldexp(np.frexp(values)[0], 24))]
     decimals = values / 10.0 ** np.floor(np.log10(values))
     units += [(5.0 * 10.0**-digits, 10.0 ** (digits - 1) * decimals) for digits in range(6, 11)]
-    return next((part for part, whole in units if (abs(whole - np.round(whole)) < 1e-3).all()), 0.0)
+    return next((part for part, many in units if (abs(many - np.round(many)) < 1e-3).all()), 0.0)
 
 
 def tree_of(places: np.ndarray) -> Any:

@@ -14,7 +14,7 @@ from scipy import linalg, sparse
 from meshing.warnings import BandWarning
 
 from ..bodies.rows import Row
-from ..checks import integer, real_array, shown
+from ..checks import integer, real_array, require_symmetric, shown
 from ..contact.friction import Friction
 from ..contact.law import ContactLaw, Coulomb, RowLaws, row_laws
 from ..damping import (
@@ -353,20 +353,10 @@ def _check_system(mass: Any, stiffness: Any, contact_rows: sparse.csr_matrix) ->
     """Refuse what makes no system."""
     if mass.shape[0] == 0:
         raise ValueError("reduce_matrices: mass is empty; give at least one unknown")
-    _check_symmetric("mass", mass)
-    _check_symmetric("stiffness", stiffness)
+    require_symmetric("reduce_matrices", "mass", mass, SYMMETRY)
+    require_symmetric("reduce_matrices", "stiffness", stiffness, SYMMETRY)
     if (idle := np.flatnonzero(contact_rows.getnnz(axis=1) == 0)).size:
         raise ValueError(f"reduce_matrices: contact_rows[{idle[0]}] is zero; no displacement moves its gap")
-
-
-def _check_symmetric(name: str, matrix: np.ndarray | sparse.csr_matrix) -> None:
-    most = SYMMETRY * abs(matrix).max()
-    trial = np.random.default_rng(0).uniform(1.0, 2.0, matrix.shape[0])
-    if np.abs(matrix @ trial - matrix.T @ trial).max() <= 0.1 * most:  # sooner than a difference of matrices
-        return
-    largest = abs(matrix - matrix.T).max()
-    if largest > most:
-        raise ValueError(f"reduce_matrices: {name} is not symmetric, entries differ by up to {largest:g}")
 
 
 def _sensor_rows(sensors: Any, count: int) -> sparse.csr_matrix:
@@ -411,7 +401,7 @@ def _damping(value: Any, count: int) -> ModalDamping | np.ndarray:
             f"reduce_matrices: damping has shape {matrix.shape}, {(count, count)} was expected of a matrix; "
             "ratios by frequency are a DampingTable"
         )
-    _check_symmetric("damping", matrix)
+    require_symmetric("reduce_matrices", "damping", matrix, SYMMETRY)
     return matrix
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.bodies.calculix import read_deck
+from sbfem_petsc.bodies.readers import read_deck
 
 FILES = Path(__file__).parent / "calculix"
 

@@ -259,8 +259,9 @@ def test_summary(parts, body):
         ({"nodes": {1: (0.0, 0.0, 0.0)}}, "which the body has not; is it internal"),
         ({"nodes": {1.5: (0.0, 0.0, 0.0)}}, r"labels of nodes = \[1.5\] must be whole numbers"),
         ({"nodes": {2**54: (0.0, 0.0, 0.0)}}, "must be whole numbers up to 2.53"),
+        ({"nodes": {1: (0.0, 1e200, 0.0)}}, r"nodes has places 1e\+197 m off; give them in units = 'mm-N-t'"),
         ({"nodes": {"1": (0.0, 0.0, 0.0)}}, r"labels of nodes = \['1'\] must be an array of real numbers"),
-        ({"sets": {"A": [99999]}}, "set 'A' has node 99999"),
+        ({"sets": {"A": [99999]}}, r"sets\['A'\] has node 99999"),
         ({"fixed": [(99999, 0)]}, "fixed has node 99999"),
         ({"fixed": [(5, 6)]}, r"fixed has \[5\.0, 6\.0\], not a node's label and a direction, 0 to 5"),
         ({"mass": scipy.sparse.csr_matrix((3, 4))}, r"mass of shape \(3, 4\) is not square, or is empty"),
@@ -374,6 +375,13 @@ def test_an_inclined_wall_of_three_digits(parts):
     face = [k for k, at in parts["nodes"].items() if abs(at[2]) < 1e-9 and k not in held]
     wall = turned.contact(face, normal=(-0.259, 0.0, -0.966))
     assert len(wall.gap) == len(face) and not wall.gap.any()
+
+
+def test_normals_of_any_length(body):
+    """Squares of their components may be beyond the range of numbers."""
+    right = body.contact("LEFT", "RIGHT", normal=(1.0, 1.0, 0.0)).rows
+    for size in (1e-200, 1e200):
+        assert abs(body.contact("LEFT", "RIGHT", normal=(size, size, 0.0)).rows - right).max() < 1e-15
 
 
 def test_a_negative_row_looks_the_other_way(body):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import warnings
 from pathlib import Path
 
@@ -322,6 +323,16 @@ def test_a_deck_for_nodes(tmp_path):
     assert abs(found.stiffness - right.stiffness).max() <= 1e-12 * abs(right.stiffness).max()
 
 
+def compressed(part: str, value: int) -> bytes:
+    """A .npz of columns whose second index, or beginning of a column, is another one: such a one ended the
+    program, as SciPy believes what it reads.
+    """
+    made, file = scipy.sparse.identity(150, format="csc"), io.BytesIO()
+    getattr(made, part)[1] = value
+    scipy.sparse.save_npz(file, made)
+    return file.getvalue()
+
+
 WRONG = [
     ("mtx", lambda text: text[:200], "stiffness.mtx is missing or cut"),
     ("npz", lambda text: text[:100], "stiffness.npz is missing or cut"),
@@ -331,6 +342,16 @@ WRONG = [
     ("txt", lambda text: text + text, r"stiffness.txt has \d+ entries twice; is it of two runs\?"),
     ("txt", lambda text: b"1 2 3\n", "lines of node, direction, node, direction, value were expected"),
     ("txt", lambda text: b"1 2\n", "lines of node, direction, node, direction, value were expected"),
+    ("txt", lambda text: b"", "lines of node, direction, node, direction, value were expected"),
+    ("txt", lambda text: b"99999999999999999999,1, 1,1, 1.0\n", "lines of node, .* were expected"),
+    (
+        "mtx",
+        lambda text: text.replace(b"150 150", b"9" * 11 + b" " + b"9" * 11),
+        "mtx is missing or cut.*alloc",
+    ),
+    ("npz", lambda text: compressed("indices", 150), r"npz is missing or cut.*indices must be < 150"),
+    ("npz", lambda text: compressed("indices", -1), r"npz is missing or cut.*indices must be >= 0"),
+    ("npz", lambda text: compressed("indptr", 150), r"npz is missing or cut.*"),
 ]
 
 
@@ -342,6 +363,35 @@ def test_wrong_files_of_matrices(parts, files, ending, change, sentence):
     with pytest.raises(ValueError, match=sentence) as raised:
         sb.read_matrices(file, files / f"mass.{ending}", parts["nodes"], **given)
     assert "\n" not in str(raised.value)
+
+
+def test_mass_that_is_cut(parts, files):
+    """Text of Abaqus that ends behind some line is as right as any; without the mass of a few nodes on
+    springs, or of rotations, nothing is told.
+    """
+    text = (files / "mass.txt").read_text().splitlines(keepends=True)
+    (files / "mass.txt").write_text("".join(text[: len(text) // 2]))
+    with pytest.warns(sb.MeshWarning, match=r"mass couples unknowns, but \d+ displacements have none; is it"):
+        sb.read_matrices(files / "stiffness.txt", files / "mass.txt", parts["nodes"], units="mm-N-t")
+    springs = scipy.sparse.block_diag([parts["stiffness"], 1e3 * scipy.sparse.identity(6)])
+    mass = scipy.sparse.block_diag([parts["mass"], scipy.sparse.csr_matrix((6, 6))])
+    ends = np.array([(label, d) for label in (901, 902) for d in range(3)])
+    nodes = parts["nodes"] | {901: (0.0, 20.0, 0.0), 902: (80.0, 20.0, 0.0)}
+    given = {**parts, "mass": mass, "stiffness": springs, "nodes": nodes}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sb.FiniteElementModel(**{**given, "unknowns": np.vstack([parts["unknowns"], ends])})
+
+
+def test_sets_and_supports_beside_files(parts, files):
+    """Those of another kind are told, as by the body itself."""
+    given = files / "stiffness.npz", files / "mass.npz", parts["nodes"], parts["unknowns"]
+    for wrong, sentence in (
+        ({"sets": [1]}, r"read_matrices: sets = \[1\] must be a dict of names to labels"),
+        ({"fixed": 3}, r"read_matrices: fixed = 3 must be pairs \(node, direction\)"),
+    ):
+        with pytest.raises(TypeError, match=sentence):
+            sb.read_matrices(*given, **wrong)
 
 
 def test_corners_of_eight_node_faces():

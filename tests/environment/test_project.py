@@ -395,7 +395,7 @@ def test_few_arguments_by_position():
 OPTIONS = {
     "sbfem_petsc/analysis/backbone.py: backbone",
     "sbfem_petsc/bodies/finite_element_model.py: contact",
-    "sbfem_petsc/bodies/matrix_files.py: read_matrices",
+    "sbfem_petsc/bodies/readers.py: read_matrices",
     "sbfem_petsc/analysis/basins.py: basins",
     "sbfem_petsc/analysis/estimate.py: estimate",
     "sbfem_petsc/analysis/locus.py: loci",

@@ -64,7 +64,7 @@ class CalculixBody(_Body):
 
     def files(self, resolve: Callable[[str], str]) -> list[str]:
         """Paths of the files that it is read from, and of decks that the deck includes."""
-        from ...bodies.calculix import job_files
+        from ...bodies.readers import job_files
 
         return job_files(resolve(self.file))
 
@@ -87,7 +87,7 @@ class MatricesBody(_Body):
 
     def files(self, resolve: Callable[[str], str]) -> list[str]:
         """Paths of the files that it is read from, and of decks that the deck includes."""
-        from ...bodies.calculix import decks
+        from ...bodies.readers import decks
 
         return [*self._given(resolve), *decks("body", resolve(self.nodes))]
 
