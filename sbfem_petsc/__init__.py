@@ -95,12 +95,13 @@ _HOME = {
     "reduction.reduced_model": ("ReducedModel",),
     "reduction.build": ("reduce",),
     "reduction.matrices": ("reduce_matrices",),
-    "record.files": ("save", "read"),
+    "record.files": ("save",),
     "results.animation": ("write_animation",),
     "results.vtu": ("write_modes", "write_vtu"),
     "signals.waves": ("Harmonic", "ToneBurst", "Chirp", "Step"),
     "signals.samples": ("Samples",),
     "signals.signal": ("Custom", "Constant"),
+    "study.reading": ("read",),
     "study.sweep": ("sweep",),
 }
 

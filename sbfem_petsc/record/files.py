@@ -22,12 +22,11 @@ import numpy as np
 
 from meshing.whole_file import replaced
 
-from ..checks import flag, shown
 from ..checks import path as checked_path
+from ..checks import shown
 from ..petsc import MPI
 from ..ranks.capacity import available_memory, in_bytes
 from ..ranks.parallel import agreed, collective, ranks_of
-from . import journal
 from .about import each
 from .layout import bare, groups_of, records_in, text, text_of, write
 from .record import Record
@@ -35,8 +34,6 @@ from .record import Record
 # Of the layout: files of another one are refused.
 SCHEMA = 10
 WHAT = "result file"
-# What reads a journal, by what it says it keeps; where nothing does, the result stands in its state.
-KEPT = {"history": "..motion.files.history_file", "branch": "", "result": ""}
 # Where the model of a journal's head is for what is beside it.
 MODEL = "/model"
 # What compression gains at most; how much time it may take, of 9.
@@ -116,79 +113,12 @@ def _gather(record: Record, whole: dict[int, dict[str, Any]], bodies: dict[int, 
     model = getattr(record, "model", None)
     if found and model is not None:
         if id(model) not in bodies:
-            bodies[id(model)] = importlib.import_module("..system.body", __package__).Body.of(model)
+            bodies[id(model)] = model.record()
         found["body"] = bodies[id(model)]
     for _, about, part in record.parts():
         for one in each(part) if about.stored else ():
             if id(one) not in whole:
                 _gather(one, whole, bodies)
-
-
-def read(path: Any, *, in_memory: bool = True) -> Any:
-    """Read what `save` wrote, what a run keeps, or has left, in its `file`, or the results of a case.
-
-    Parameters
-    ----------
-    path : str
-        Of a case the folder of its run or sweep, or results.h5 or sweep.h5 in it.
-    in_memory : bool
-        False: the arrays of a history that a run has kept are left on the disk until they are used.
-
-    Returns
-    -------
-    Record, tuple or dict of them
-        Of a case `RunResults`, whose `value("push", "displacement", "A")` is a number or array, or `Sweep`,
-        whose `inputs` and `values` are arrays over the rows.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If the file is missing, truncated, damaged, of another kind or another version: one sentence.
-
-    Warns
-    -----
-    IncompleteHistory, IncompleteBranch
-        If the run that wrote it has not come to its end.
-    """
-    name = checked_path(WHAT, "path", path)
-    flag("read", "in_memory", in_memory)
-    if journal.is_journal(name):
-        return _kept(name, in_memory)
-    if os.path.isdir(name):
-        return _of_case(name)
-    with opened(name) as file:
-        if "holds" in file.attrs:
-            return _of_case(name)
-        found = records_in(file)
-    for part in each(found):
-        part._warn_incomplete(name)
-    return found
-
-
-def _of_case(path: str) -> Any:
-    """Results of a run or a sweep."""
-    return importlib.import_module("..study.revive", __package__).read_any(path)
-
-
-def _kept(path: str, in_memory: bool) -> Any:
-    """The result of a journal, as far as it has come."""
-    with _sentences(path):
-        kept = journal.read(os.path.realpath(path))
-        if kept.head.get("kept") not in KEPT:
-            raise ValueError(f"it is of another kind of run than {', '.join(KEPT)}")
-        reader = KEPT[kept.head["kept"]]
-        if not reader and "result" not in kept.state:
-            raise ValueError(
-                f"{path!r} holds no result: its run has not come to one, or the file beside it, "
-                f"{f'{path}.state'!r}, in which it stands, is missing; both belong together"
-            )
-        beside = {MODEL: from_image(kept.head["model"])} if "model" in kept.head else {}
-        if reader:
-            found = importlib.import_module(reader, __package__).result_of(kept, beside, in_memory)
-        else:
-            found = from_image(kept.state["result"], beside)
-    found._warn_incomplete(path)
-    return found
 
 
 def image(record: Record, model: Record | None = None) -> np.ndarray:
@@ -322,7 +252,7 @@ def opened(path: Any, what: str = WHAT) -> Iterator[h5py.File]:
     if not os.path.isfile(path):
         lacking = "is no regular file" if os.path.exists(path) else "does not exist"
         raise ValueError(f"{what} {path!r} {lacking}")
-    with _sentences(path, what), contextlib.ExitStack() as stack:
+    with sentences(path, what), contextlib.ExitStack() as stack:
         try:
             file = stack.enter_context(h5py.File(path, "r"))
         except OSError as error:
@@ -339,7 +269,7 @@ def opened(path: Any, what: str = WHAT) -> Iterator[h5py.File]:
 
 
 @contextlib.contextmanager
-def _sentences(path: str, what: str = WHAT) -> Iterator[None]:
+def sentences(path: str, what: str = WHAT) -> Iterator[None]:
     """Failures of reading as one sentence that names the file."""
     try:
         yield

@@ -7,11 +7,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..damping import ratios_by_frequency
 from ..petsc import PETSc, SLEPc, all_asked
 from ..ranks.parallel import whole
 from ..record.record import Record, described, quantity
-from .model import Model
+from .structure import Structure
 
 # Numbers of a model, and what its pairs hold of each.
 _OF_MODEL = ("thickness", "continued_fraction", "order", "boundary_unknowns", "unknowns")
@@ -71,20 +70,22 @@ class Body(Record):
     versions: tuple[str, ...] = quantity(text="versions of PETSc, SLEPc and NumPy", dims="library")
 
     @classmethod
-    def of(cls, model: Model) -> Body | None:
-        """Of a `Model`, on rank 0; None elsewhere. Collective."""
+    def of(cls, model: Structure, damping: np.ndarray, rayleigh: tuple[float, float]) -> Body | None:
+        """Of a structure and its damping, rows of frequency (Hz) and ratio; on rank 0, None elsewhere.
+        Collective.
+        """
         mesh = _mesh(model)
         if mesh is None:
             return None
         pairs, cracks = model.pairs, model.cracks
-        frequencies, ratios = ratios_by_frequency(model.damping).T
+        frequencies, ratios = damping.T
         versions = {"petsc": PETSc.Sys, "slepc": SLEPc.Sys}
         return cls(
             **mesh,
             **{name: getattr(model, name) for name in _OF_MODEL},
             damping=ratios,
             damping_frequency=frequencies,
-            rayleigh=np.array(model.rayleigh, dtype=float),
+            rayleigh=np.array(rayleigh, dtype=float),
             ranks=model.comm.size,
             materials=tuple(
                 f"{n}: {_exact(m)}" for n, m in zip(model.layout.material_names, model.materials)
@@ -115,7 +116,7 @@ def _exact(item: Any) -> str:
     return f"{type(item).__name__}({', '.join(f'{f.name}={getattr(item, f.name)!r}' for f in fields(item))})"
 
 
-def _mesh(model: Model) -> dict[str, Any] | None:
+def _mesh(model: Structure) -> dict[str, Any] | None:
     """Nodes and S-elements of all ranks, on rank 0. Collective."""
     part, comm = model.layout.part, model.comm
     numbers = np.array([model.cells.named_materials(int(k))[0] for k in part.materials], dtype=np.int64)

@@ -19,6 +19,7 @@ from ..damping import (
     checked_rayleigh,
     in_words,
     modal_ratios,
+    ratios_by_frequency,
     rayleigh_ratios,
 )
 from ..errors import UnknownName, listed, wrong_input
@@ -26,6 +27,7 @@ from ..material import AnyMaterial, Material, OrthotropicMaterial, SectorMateria
 from ..petsc import MPI, collect
 from ..ranks.parallel import agreed, checked_communicator, collective
 from ..supports import as_supports
+from .body import Body
 from .elements.elements import Elements
 from .elements.plausibility import warn_of_wave_speeds
 from .fields.tips import Tips
@@ -223,6 +225,10 @@ class Model(Structure):
         and Rayleigh's a / (2 omega) + b omega / 2.
         """
         return modal_ratios(self.damping, omega) + rayleigh_ratios(self.rayleigh, omega)
+
+    def record(self) -> Body | None:
+        """Inputs and mesh, for a file beside results; on rank 0, None elsewhere. Collective."""
+        return Body.of(self, ratios_by_frequency(self.damping), self.rayleigh)
 
     def __repr__(self) -> str:
         return (

@@ -6,7 +6,6 @@ from scipy import linalg, sparse
 
 import sbfem_petsc as sb
 from meshing import Beam
-from sbfem_petsc.system.body import Body
 
 ALUMINIUM = sb.Material(70e9, 0.33, 2700)
 MASS = np.diag([1.0, 2.0, 1.5, 1.0])
@@ -180,7 +179,7 @@ def test_what_files_and_words_say(beam, tmp_path):
     ):
         with sb.Model(beam, ALUMINIUM, damping=damping) as model:
             assert text in repr(model)
-            body = Body.of(model)
+            body = model.record()
             sb.save(tmp_path / "modes.h5", {"modes": sb.modal(model, 1)})
         assert body.damping.tolist() == ratios
         np.testing.assert_array_equal(body.damping_frequency, frequencies)

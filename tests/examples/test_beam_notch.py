@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sbfem_petsc.record.files import read
+from sbfem_petsc.study.reading import read
 from tests.examples.programs import check_help, run
 from tests.reference import frequencies, statics
 

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
-from sbfem_petsc.record.files import read
+from sbfem_petsc.study.reading import read
 from tests.examples.programs import EXAMPLES, check_help, run
 
 FORCE, THICKNESS = 4000.0, 0.020  # N, m

@@ -32,7 +32,7 @@ class RunFile:
     path : str or None
         None: nothing is kept, nor gone on with.
     kept : str
-        What is kept, one of `record.files.KEPT`.
+        What is kept, one of `study.reading.KEPT`.
     resume : bool
         Go on with the file if it exists; False: replace it.
 
