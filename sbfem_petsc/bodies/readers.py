@@ -74,15 +74,14 @@ def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
     return body
 
 
-def job_files(job: str) -> list[str]:
-    """Paths of the files of a job: its deck, those that it includes, unknowns and matrices."""
-    stem = job.removesuffix(".inp")
-    return [*decks(JOB, f"{stem}.inp"), *(f"{stem}.{ending}" for ending in ("dof", "sti", "mas"))]
-
-
-def decks(owner: str, file: str) -> dict[str, None]:
-    """Paths of a deck and of those that it includes."""
-    return dict.fromkeys(place.rpartition(", line ")[0] for place, _ in _lines(owner, file))
+def files_of(*paths: str) -> list[str]:
+    """Paths of the files of a job of CalculiX, or of matrices, nodes and unknowns, and of decks that a deck
+    includes.
+    """
+    stem, *matrices = paths[0].removesuffix(".inp"), *paths[1:]
+    lines = _lines("body", matrices[1] if matrices else f"{stem}.inp")
+    decks = dict.fromkeys(place.rpartition(", line ")[0] for place, _ in lines)
+    return [*paths, *decks] if matrices else [*decks, *(f"{stem}.{own}" for own in ("dof", "sti", "mas"))]
 
 
 class _Solids(Deck):

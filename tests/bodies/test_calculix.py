@@ -163,6 +163,7 @@ WRONG = [
     ("inp", r"\*STEP", "*NODE, INPUT=a.txt\n*STEP", r"\*NODE in .* reads the file 'a.txt'"),
     ("inp", r"(?s).*", "SOL 103\nGRID,1,,0.,0.,0.\n", r"blocks.inp has no nodes .*; give a deck of CalculiX"),
     ("inp", r"\*STEP", "*NGEN, NSET=A\n1, 5\n*STEP", r"\*NGEN in .* makes nodes"),
+    ("inp", r"\*STEP", "*NODE, SYSTEM=C\n99, 1., 90., 0.\n*STEP", r"\*NODE in .* or places them; write all"),
     ("inp", r"\*STEP", "*NSET, NSET=A\n99\n*STEP", r"\*NSET in .*, line 21 has node 99, which does not"),
     (
         "inp",

@@ -72,7 +72,7 @@ def of_one_part(cards: Iterable[Card]) -> Iterator[Card]:
     assembly = instance = False
     for card in cards:
         keyword = card.keyword
-        if keyword in _MADE:
+        if keyword in _MADE or (keyword == "NODE" and card.given.get("SYSTEM", "R").upper() not in ("R", "")):
             card.refuse("makes nodes or elements, or places them; write all of them out")
         if ("INPUT" in card.given and keyword in _READ) or keyword == "INCLUDE":
             card.refuse(

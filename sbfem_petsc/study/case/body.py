@@ -15,6 +15,8 @@ from .tables import Name, Table, by_kind
 
 Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 Direction = Name | Triple  # a letter is told from others by the body
+# Keys that name files, in the order of a reader's arguments.
+_FILES = ("file", "stiffness", "mass", "nodes", "unknowns")
 _PLACE = "a node set, whose mean is meant, [x, y, z] in m, or the label of a node"
 
 
@@ -50,6 +52,20 @@ class _Body(Table):
     )
     modes: int | None = item(None, text="modes of the reduced model; default: 80", ge=1)
 
+    def _paths(self, resolve: Callable[[str], str]) -> list[str]:
+        return [resolve(name) for key, name in self if key in _FILES and name is not None]
+
+    def read(self, resolve: Callable[[str], str]) -> Any:
+        """The body."""
+        given: Any = self
+        return getattr(sb, f"read_{given.kind}")(*self._paths(resolve), units=given.units)
+
+    def files(self, resolve: Callable[[str], str]) -> list[str]:
+        """Paths of the files that it is read from, and of decks that its deck includes."""
+        from ...bodies.readers import files_of
+
+        return files_of(*self._paths(resolve))
+
 
 class CalculixBody(_Body):
     """What CalculiX stores of a step *FREQUENCY, SOLVER=MATRIXSTORAGE: deck, .sti, .mas and .dof."""
@@ -57,16 +73,6 @@ class CalculixBody(_Body):
     kind: Literal["calculix"] = item(text="files of CalculiX")
     file: Name = item(text="path of the deck (.inp), relative to the case file")
     units: Literal["SI", "mm-N-t", "mm-kg-mN"] = item("mm-N-t", text="those of the deck")
-
-    def read(self, resolve: Callable[[str], str]) -> Any:
-        """The body."""
-        return sb.read_calculix(resolve(self.file), units=self.units)
-
-    def files(self, resolve: Callable[[str], str]) -> list[str]:
-        """Paths of the files that it is read from, and of decks that the deck includes."""
-        from ...bodies.readers import job_files
-
-        return job_files(resolve(self.file))
 
 
 class MatricesBody(_Body):
@@ -80,20 +86,6 @@ class MatricesBody(_Body):
         None, text="path of a text of node and direction (0 to 5) of each row; Abaqus' files have them"
     )
     units: Literal["SI", "mm-N-t", "mm-kg-mN"] = item("SI", text="those of the matrices and the deck")
-
-    def read(self, resolve: Callable[[str], str]) -> Any:
-        """The body."""
-        return sb.read_matrices(*self._given(resolve), units=self.units)
-
-    def files(self, resolve: Callable[[str], str]) -> list[str]:
-        """Paths of the files that it is read from, and of decks that the deck includes."""
-        from ...bodies.readers import decks
-
-        return [*self._given(resolve), *decks("body", resolve(self.nodes))]
-
-    def _given(self, resolve: Callable[[str], str]) -> list[str]:
-        given = self.stiffness, self.mass, self.nodes, self.unknowns
-        return [resolve(name) for name in given if name is not None]
 
 
 BODIES = (CalculixBody, MatricesBody)
