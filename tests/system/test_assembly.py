@@ -283,7 +283,7 @@ def test_expected_contact():
 )
 def test_dual_contact(load, law):
     """Conjugate gradients on the contact forces, which stop at 1e-11 of the gaps, against the flexibility of
-    all rows.
+    all rows. Their own options are taken.
     """
     mesh = cracked()
     make = lambda: sb.Model(mesh, STEEL, clamped="edge1", contact_laws=law)
@@ -294,8 +294,12 @@ def test_dual_contact(load, law):
     try:
         model = make()
         found = sb.static(model, load)
+        options["contact_dual_ksp_max_it"] = 1
+        with pytest.raises(sb.SolveError, match="static contact"):
+            sb.static(make(), load)
     finally:
         options.delValue("contact_dual")
+        options.delValue("contact_dual_ksp_max_it")
     assert model.contact.kept_compliance is None
     assert (found.active == expected.active).all()
     owned = expected.equilibrium.owned

@@ -60,6 +60,7 @@ class Dual:
         self._ksp.setOperators(self._matrix)
         self._ksp.setType(PETSc.KSP.Type.CG)
         self._ksp.setInitialGuessNonzero(True)
+        self._ksp.setTolerances(divtol=_FAR, max_it=2000)
         self._ksp.getPC().setType(PETSc.PC.Type.NONE)
         try:
             configure(self._ksp)
@@ -82,7 +83,7 @@ class Dual:
         with freeing(self._comm, self._vector.duplicate(), self._vector.duplicate()) as (right, found):
             right.array = np.where(active, -gap, 0.0)[self._own]
             found.array = np.where(active, force, 0.0)[self._own]
-            self._ksp.setTolerances(rtol=self._tolerance, divtol=_FAR, max_it=2000)
+            self._ksp.setTolerances(rtol=self._tolerance)
             with scripted():
                 self._ksp.solve(right, found)
             check_ksp(self._ksp, "static contact")
