@@ -3,6 +3,7 @@ integration, both parameters, and what is refused.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 
 import sbfem_petsc as sb
+from sbfem_petsc.continuation.problems.own_tone import OwnTone, first_curve
 from tests.systems import two_masses
 
 TURN = 2.0 * np.pi
@@ -37,6 +39,15 @@ def point(curve):
 @pytest.fixture(scope="module")
 def tori(curve, point):
     return sb.quasi_periodic_response(sb.switch_branch(curve, point), HERE / TURN, progress=None)
+
+
+def test_either_multiplier_of_the_pair(curve, point):
+    """Both, with their own directions, are one small curve, whose tone turns forwards."""
+    own = OwnTone(curve.period, curve.parameter, curve.fixed_frequency, 11, curve.period.comm)
+    other = replace(point, multiplier=point.multiplier.conjugate(), direction=point.direction.conj())
+    one, two = (first_curve(own, item, 0.05)[0] for item in (point, other))
+    np.testing.assert_allclose(one, two, rtol=1e-14)
+    assert one[-2] == pytest.approx(abs(np.angle(point.multiplier)) / TURN, rel=1e-14)
 
 
 @pytest.mark.slow

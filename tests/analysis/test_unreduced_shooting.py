@@ -7,7 +7,11 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
+from sbfem_petsc.continuation.problems.driven_orbits import ParameterRange
+from sbfem_petsc.continuation.problems.unreduced import UnreducedOrbits
 from sbfem_petsc.continuation.search import Search
+from sbfem_petsc.motion.preparation import PeriodSettings
+from sbfem_petsc.motion.unreduced.period import prepare_unreduced
 from tests.parallel import alone, answer, on_ranks
 from tests.reference import paper_beam
 
@@ -173,6 +177,17 @@ def test_a_short_curve_is_that_of_single_motions():
         assert peak == pytest.approx(orbit.contact_resultant.max(), rel=1e-6, abs=1e-9)
     with pytest.raises(ValueError, match="that of an unreduced model"):
         curve.orbit(0)
+
+
+def test_derivative_with_the_frequency():
+    """By a difference to one side, against the one to both, of second order."""
+    period = prepare_unreduced("test", narrow(), PUSH, 1300.0, settings=PeriodSettings(steps=49))
+    orbits = UnreducedOrbits(period, ParameterRange("frequency", 1300.0, 1330.0))
+    u, step = np.append(orbits.driven(1300.0).linear_state, 1300.0), 0.01
+    behind, ahead = (orbits.at(orbits.placed(u, 1300.0 + moved)).residual for moved in (-step, step))
+    expected = (ahead - behind) / (2.0 * step)
+    found = orbits.at(u).linear().column
+    assert np.linalg.norm(found - expected) < 1e-3 * np.linalg.norm(expected)
 
 
 @pytest.mark.long

@@ -13,6 +13,7 @@ from sbfem_petsc.contact.complementarity import active_set
 from sbfem_petsc.contact.law import FREE, PRESSED, PULLED
 from sbfem_petsc.system.contact.bordered_contact import Bordered
 from sbfem_petsc.system.contact.dual_contact import Dual
+from sbfem_petsc.system.contact.expected_contact import _along_edges
 from tests.contact.test_kernel_properties import gaps
 from tests.systems import ALUMINIUM
 
@@ -75,3 +76,16 @@ def test_faces_of_many_edges_that_close(edges):
             force, moved = backend.closed(np.ones(count, dtype=bool), np.full(count, -1e-8), None)
         np.testing.assert_allclose(moved, 1e-8, rtol=1e-9)
         np.testing.assert_allclose(model.compliance.gaps @ force, moved, rtol=1e-7)
+
+
+def test_coarse_displacements_are_linear_along_edges():
+    """Both displacements along x, which a support holds at x = 0, are among them."""
+    mesh = Plate([(0, 0), (0.2, 0), (0.2, 0.1), (0, 0.1)]).mesh(order=3, size=0.1)
+    with sb.Model(mesh, ALUMINIUM, clamped="edge4") as model:
+        layout, along = model.layout, _along_edges(model.statics.elements)
+        table = along.convert("dense").getDenseArray()
+        for axis in np.eye(2):
+            field = layout.owned_values(layout.part.coordinates[:, :1] * axis)
+            _, (left,), _, _ = np.linalg.lstsq(table, field, rcond=None)
+            assert left < 1e-24 * (field @ field)
+        along.destroy()
