@@ -6,9 +6,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from scipy.integrate import solve_ivp
 
 import sbfem_petsc as sb
+from sbfem_petsc.contact.repeating import Patience
+from sbfem_petsc.continuation.attraction import Attraction
+from sbfem_petsc.motion.preparation import PeriodSettings, prepare
 from sbfem_petsc.plot import plot_basins, save_picture
 from tests.parallel import answer, on_ranks
 from tests.systems import one_mass
@@ -95,13 +99,27 @@ def test_the_unstable_orbit_is_on_the_boundary(orbits, grid):
 
 
 def test_an_impulse_upon_a_steady_state(orbits):
-    """Impulses of the load change the velocity by impulse / mass: enough of it leads over."""
+    """Impulses of the load change the velocity by impulse / mass: enough of it leads over; what is within
+    1e-3 of a motion is known to stay at once.
+    """
     low = orbits[0]
     axis = sb.StartAxis([-3.0, 0.0, 0.05, 3.0], "impulse")
     found = sb.basins(low.reduced, FORCE, OMEGA / TURN, [axis], orbits=orbits, around=low)
     np.testing.assert_allclose(found.states - low.state, np.outer(axis.values, [0.0, 1.0]), atol=1e-15)
     ends = touches(found.states[:, 0], found.states[:, 1])
     assert (ends == (found.reached == 2)).all() and found.reached[1] == 0 and found.periods[1] == 0
+    axis, high = sb.StartAxis([0.0, 3e-4], "impulse"), orbits[2]
+    near = sb.basins(low.reduced, FORCE, OMEGA / TURN, [axis], orbits=orbits, around=high)
+    assert (near.reached == 2).all() and not near.periods.any()
+
+
+def test_a_motion_that_a_history_is_not_on(orbits):
+    """From a state 1 % off the small motion Newton's method finds that, which a history there is not on."""
+    low = orbits[0]
+    period = prepare("test", low.reduced, FORCE, OMEGA / TURN, settings=PeriodSettings(steps=STEPS))
+    attraction = Attraction(period, OMEGA / TURN, Patience(8, 1e-6, 100), MPI.COMM_SELF)
+    attraction.add(low)
+    assert [attraction._identified(share * low.state, 1) for share in (1.0, 1.01)] == [0, -1]
 
 
 def test_motions_of_two_periods_and_what_never_settles():
@@ -114,7 +132,10 @@ def test_motions_of_two_periods_and_what_never_settles():
     found = sb.basins(system, 1.0, omega / TURN, axes, steps=STEPS)
     assert [orbit.periods for orbit in found.orbits] == [2] and found.orbits[0].stable
     assert (found.reached == 0).all() and found.states[0, 0] == pytest.approx([-1.0, -1.0])
-    free = sb.basins(mass(damping=0.0), 0.5, 1.7 / TURN, axes[:1], steps=64, limit=200)
+    told: list[float] = []
+    axis = sb.StartAxis(np.linspace(-1.0, 1.0, 12))
+    free = sb.basins(mass(damping=0.0), 0.5, 1.7 / TURN, [axis], steps=64, limit=200, progress=told.append)
+    assert told == sorted(told) and told[0] > 0.0 and told[-1] == 1.0
     assert (free.reached == -1).all() and (free.periods == 200).all() and not free.orbits
 
 
