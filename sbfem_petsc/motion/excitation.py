@@ -405,7 +405,7 @@ def _repeats(signal: Signal, row: np.ndarray, period: float) -> bool:
     """
     if all(_known(part) for part in parts_of(signal)):
         return True
-    stride = max(1, len(row) // 64)
+    stride = len(row) // 64
     within = (np.arange(0, len(row), stride) + _BETWEEN) / len(row)
     expected, size = np.asarray(signal(period * within)), float(np.abs(row).max(initial=0.0))
     later = np.unique(np.concatenate([np.arange(2, 32), np.geomspace(32, LATEST, 64).astype(int)]))

@@ -22,7 +22,7 @@ from ..petsc import MPI, summed
 from ..ranks.parallel import agreed, checked_communicator, collective
 from ..system.fields.resolution import warn_of_tips
 from ..system.idle_loads import warn_of_idle_loads
-from ..system.model import Model, count_below, known_modes
+from ..system.model import Model, count_below, has_modes
 from ..system.solve.modal_result import Modal
 from ..system.solve.pencil import top_of_band
 from ..system.solve.static_solver import block_width
@@ -242,7 +242,7 @@ def _below(model: Model, frequency: float, count: int) -> int:
     count = min(count, most)
     # of slender structures the law is too high by about this share: to count costs a fifth of modes in vain
     stout = min(1.0, 4.0 * math.sqrt(elements.layout.area) / elements.layout.perimeter)
-    beyond = known_modes(model) > 0 or omega > stout * top_of_band(elements, count)
+    beyond = has_modes(model) or omega > stout * top_of_band(elements, count)
     while True:
         below = count_below(model, frequency) if beyond else None
         if below is not None:

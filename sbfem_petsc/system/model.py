@@ -282,9 +282,9 @@ def _contact_laws(laws: object, cracks: tuple[str, ...]) -> dict[str, ContactLaw
     return {name: laws.get(name, Unilateral()) for name in cracks}
 
 
-def known_modes(model: Model) -> int:
-    """Number of modes that are computed."""
-    return 0 if model._modes is None else len(model._modes.frequencies)
+def has_modes(model: Model) -> bool:
+    """Whether modes are computed."""
+    return model._modes is not None
 
 
 def count_below(model: Model, frequency: float) -> int | None:

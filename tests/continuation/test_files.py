@@ -200,6 +200,7 @@ def test_largest_step_of_a_locus():
     point = next(item for item in curve().bifurcations if item.kind == "Neimark-Sacker")
     told: list[float] = []
     line = sb.locus(curve(), point, 0.97, 1.03, largest_step=0.004, progress=told.append)
+    assert np.abs(line.value - 1.0).min() < 1e-12  # it begins at the curve's own loads
     assert told == sorted(told) and told[-1] == 1.0
     assert np.abs(np.diff(line.value)).max() < 0.0041 and len(line) >= 15
 
