@@ -27,9 +27,10 @@ JOB, FILES = "read_calculix", "read_matrices"
 # What moves or removes unknowns, or closes contact before this program does.
 REFUSED = {"COUPLING", "EQUATION", "GAP", "MPC", "TIE", "TRANSFORM", "CONTACT PAIR", "RIGID BODY"}
 REFUSED |= {"CYCLIC SYMMETRY MODEL", "DISTRIBUTING COUPLING"}
-# Solid elements by VTK's names, whose nodes stand in the same order.
+# Solid elements by VTK's names, whose nodes stand in the same order, but for those of a wedge of six.
 SOLIDS = {"C3D4": "tetra", "C3D10": "tetra10", "C3D6": "wedge", "C3D15": "wedge15"}
 SOLIDS |= {"C3D8": "hexahedron", "C3D20": "hexahedron20"}
+WEDGE = (0, 2, 1, 3, 5, 4)
 # Decks that include decks that include decks; what Abaqus has on the diagonal of what is held.
 DEEPEST, HELD = 20, 1e30
 
@@ -133,7 +134,7 @@ def read_deck(owner: str, file: str) -> dict[str, Any]:
     sets = {name: list(found.labels) for name, found in deck.sets["NSET"].items() if found.labels}
     elements = dict[str, list[list[int]]]()
     for kind, nodes in deck.elements.values():
-        elements.setdefault(kind, []).append(nodes)
+        elements.setdefault(kind, []).append([nodes[k] for k in WEDGE] if kind == "wedge" else nodes)
     return {"nodes": deck.nodes, "sets": sets, "fixed": held, "elements": elements}
 
 

@@ -38,8 +38,8 @@ RESIDUAL, ZERO, DIGITS = 1e-6, 1e-14, 1e-10
 # and of that, what tells other eigenvalues from it. Beside the next frequency's square, that of motions which
 # are soft alone and held like rigid ones, and solves that these take at most.
 SHIFT, SAME, APART, TIMES = 1e-9, 1e-4, 1e-6, 2
-# Parts of a mass that are counted by themselves, at most.
-MANY = 6
+# Parts of a mass that are counted by themselves, at most; of its diagonal, what rounding leaves below 0.
+MANY, ROUNDED = 6, 1e-10
 # Unknowns of a node, or half as many of a shell's.
 WIDTHS = (3, 2)
 # Right-hand sides at a time: more of them share a pass over the factor, fewer make a smaller space.
@@ -381,8 +381,11 @@ def _negative_parts(mass: sparse.csr_matrix) -> list[Callable[[], int | None]]:
 
 
 def _negative(matrix: sparse.csr_matrix, times: int = 1) -> int | None:
-    """Negative eigenvalues of so many alike; None where PETSc has nothing that counts them."""
-    with freeing(MPI.COMM_SELF, _matrix(matrix)) as (made,):
+    """Negative eigenvalues of so many alike, beyond rounding of those that are 0, as of masses that are
+    integrated at few points; None where PETSc has nothing that counts them.
+    """
+    lifted = sparse.csr_matrix(matrix + ROUNDED * sparse.diags(matrix.diagonal()))
+    with freeing(MPI.COMM_SELF, _matrix(lifted)) as (made,):
         found = negative_eigenvalues(made, "modal")
     return None if found is None else times * found
 

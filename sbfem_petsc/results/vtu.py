@@ -213,7 +213,9 @@ def _three(values: np.ndarray) -> np.ndarray:
 def _write_piece(path: str, mesh: dict) -> None:
     """The one door to meshio for VTU: compressed binary, complete or not there at all."""
     import meshio  # 0.2 s that only those who write VTU should wait for
+    from meshio._mesh import topological_dimension
 
+    topological_dimension.setdefault("wedge15", 3)  # which meshio 5.3 knows, but for this
     with replaced(path, "VTU file") as temporary:
         meshio.write(temporary, meshio.Mesh(**mesh), file_format="vtu")
 

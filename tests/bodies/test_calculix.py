@@ -98,6 +98,51 @@ def test_calculix_itself(job):
     assert np.abs((found.mass - right.mass).toarray()).max() < 1e-9 * abs(right.mass).max()
 
 
+# Of a brick: its corners and edges; of a solid, and of another one that fills the brick with it.
+BRICK = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2)]
+EDGES = {8: "01 12 23 30 45 56 67 74 04 15 26 37", 6: "01 12 20 34 45 53 03 14 25"}
+WEDGES = ["012456", "023467"]
+
+
+def bar(kind: str, solver: str) -> str:
+    """The deck of a bar of 40 x 10 x 10 mm with 16 bricks, which is held at one end."""
+    labels, solids = dict[tuple[int, ...], int](), list[list[int]]()
+    for corner in np.ndindex(4, 2, 2):
+        for corners in ["01234567"] if "C3D8" in kind or "C3D20" in kind else WEDGES:
+            places = [2 * np.array(corner) + BRICK[int(k)] for k in corners]
+            if kind in ("C3D15", "C3D20", "C3D20R"):
+                edges = EDGES[len(corners)].split()
+                places += [(places[int(a)] + places[int(b)]) // 2 for a, b in edges]
+            solids.append([labels.setdefault(tuple(place.tolist()), len(labels) + 1) for place in places])
+    lines = ["*NODE", *(f"{k}, {5 * x}, {2.5 * y}, {2.5 * z}" for (x, y, z), k in labels.items())]
+    lines += [f"*ELEMENT, TYPE={kind}, ELSET=ALL"]
+    for number, nodes in enumerate(solids, 1):
+        row = list(map(str, [number, *nodes]))
+        lines += [
+            ", ".join(row[:10]) + ("," if row[10:] else ""),
+            *([", ".join(row[10:])] if row[10:] else []),
+        ]
+    lines += ["*NSET, NSET=HELD", *(f"{k}," for (x, _, _), k in labels.items() if x == 0)]
+    lines += ["*MATERIAL, NAME=S", "*ELASTIC", "210e3, 0.3", "*DENSITY", "7.85e-9"]
+    lines += ["*SOLID SECTION, ELSET=ALL, MATERIAL=S", "*BOUNDARY", "HELD, 1, 3"]
+    return "\n".join([*lines, "*STEP", f"*FREQUENCY{solver}", "6", "*END STEP", ""])
+
+
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed")
+@pytest.mark.parametrize("kind", ["C3D6", "C3D15", "C3D8", "C3D8R", "C3D20", "C3D20R"])
+def test_frequencies_of_calculix_itself(tmp_path, kind):
+    """Six of bricks and wedges, as far as it writes digits; C3D20R's mass, of eight points, is singular."""
+    for name, solver in (("own", ""), ("stored", ", SOLVER=MATRIXSTORAGE")):
+        (tmp_path / f"{name}.inp").write_text(bar(kind, solver))
+        subprocess.run(["ccx", name], cwd=tmp_path, check=True, capture_output=True, timeout=300)
+    table = (tmp_path / "own.dat").read_text().split("FACTOR")[0]
+    right = [float(line.split()[3]) for line in table.splitlines() if re.match(r"\s+\d+\s+\S+E", line)]
+    body = sb.read_calculix(tmp_path / "stored")
+    tip = body.at((0.04, 0.01, 0.01), "z")
+    found = sb.reduce(body, loads={"F": tip}, points={"tip": tip}, modes=6).frequencies
+    assert found == pytest.approx(right[:6], rel=1e-6)
+
+
 def test_lines_of_a_deck(tmp_path):
     """Nodes of an element go on in the next line, with or without a comma; directions 4 to 6 are held, too;
     springs, and sets of them, are passed over, so are loads in files of their own.

@@ -15,6 +15,7 @@ import scipy.sparse
 
 import sbfem_petsc as sb
 from sbfem_petsc import plot
+from sbfem_petsc.bodies.readers import read_deck
 
 DECK = Path(__file__).parent / "calculix" / "blocks.inp"
 
@@ -79,6 +80,39 @@ def test_files_of_the_whole(body, crack, tmp_path):
         body.mass, body.stiffness, body.unknowns, dict(zip(body.labels, body.places))
     )
     assert list(meshio.read(sb.write_vtu(str(tmp_path / "b.vtu"), bare, {})).cells_dict) == ["vertex"]
+
+
+# A brick of 2 x 1 x 1 m, its edges, and of each solid of CalculiX the corners, in its order, and the volume.
+BRICK = np.array([(x, y, z) for z in (0, 1) for x, y in ((0, 0), (2, 0), (2, 1), (0, 1))], dtype=float)
+SOLIDS = [
+    ("C3D4", "0125", "", 1 / 3),
+    ("C3D10", "0125", "01 12 20 03 13 23", 1 / 3),
+    ("C3D6", "012456", "", 1.0),
+    ("C3D15", "012456", "01 12 20 34 45 53 03 14 25", 1.0),
+    ("C3D8", "01234567", "", 2.0),
+    ("C3D20R", "01234567", "01 12 23 30 45 56 67 74 04 15 26 37", 2.0),
+]
+
+
+@pytest.mark.parametrize(("kind", "corners", "edges", "volume"), SOLIDS)
+def test_solids_of_a_deck_in_paraview(tmp_path, kind, corners, edges, volume):
+    """VTK's own volume of each, which is negative where nodes stand in another order: the first three of
+    wedges with six nodes look away from the others there.
+    """
+    pyvista = pytest.importorskip("pyvista")
+    places = BRICK[[int(k) for k in corners]]
+    places = np.vstack([places, *(places[[int(a), int(b)]].mean(axis=0) for a, b in edges.split())])
+    nodes = "".join(f"{k}, {x}, {y}, {z}\n" for k, (x, y, z) in enumerate(places, 1))
+    labels = [str(k) for k in range(1, len(places) + 1)]
+    rows = ", ".join(labels[:15]) + (",\n" + ", ".join(labels[15:]) if labels[15:] else "")
+    (tmp_path / "one.inp").write_text(f"*NODE\n{nodes}*ELEMENT, TYPE={kind}\n1, {rows}\n")
+    deck = read_deck("test", str(tmp_path / "one.inp"))
+    eye = scipy.sparse.identity(3 * len(places))
+    unknowns = [(label, d) for label in deck["nodes"] for d in range(3)]
+    body = sb.FiniteElementModel(1e3 * eye, 1e9 * eye, unknowns, **deck)
+    cells = pyvista.read(sb.write_vtu(str(tmp_path / "one.vtu"), body, {}))
+    assert cells.n_cells == 1 and cells.compute_cell_sizes()["Volume"][0] == pytest.approx(volume, rel=1e-6)
+    plot.plot_field(body, {"": np.ones((len(places), 3))})
 
 
 def test_without_shapes(body, tmp_path):

@@ -295,6 +295,31 @@ def test_parts_of_an_indefinite_mass_that_nothing_couples():
         sb.reduce_matrices(*given, loads=row.T, sensors={"u": 0}, modes=3)
 
 
+def test_a_mass_of_few_points_is_singular_and_no_more():
+    """As of CalculiX's C3D20R, where rounding leaves eigenvalues below 0: bars of three nodes, whose mass is
+    taken at one point each. Frequencies by SciPy as those of M phi = K phi / w2, statics by NumPy.
+    """
+    cells, n = 30, 60
+    bar = np.array([[7.0, -8.0, 1.0], [-8.0, 16.0, -8.0], [1.0, -8.0, 7.0]]) / 3.0
+    at = np.array([0.31, -0.17])[:, None]  # each for half of the cells
+    shapes = np.hstack([at * (at - 1.0) / 2.0, 1.0 - at**2, at * (at + 1.0) / 2.0])
+    stiffness, mass = np.zeros((2, n + 1, n + 1))
+    for cell in range(cells):
+        own = np.ix_(*[range(2 * cell, 2 * cell + 3)] * 2)
+        stiffness[own] += 1e6 * bar
+        mass[own] += np.outer(shapes[cell % 2], shapes[cell % 2])
+    stiffness, mass = stiffness[1:, 1:], mass[1:, 1:]
+    assert (np.linalg.eigvalsh(mass) < 0.0).any() and np.linalg.matrix_rank(mass) == cells
+    row = np.eye(n)[-1:]
+    given = scipy.sparse.csr_matrix(mass), scipy.sparse.csr_matrix(stiffness), row, np.ones(1)
+    made = sb.reduce_matrices(*given, loads=row.T, sensors={"u": n - 1}, modes=8)
+    values = scipy.linalg.eigh(mass, stiffness, eigvals_only=True)[::-1][:8]
+    assert made.omega**2 == pytest.approx(1.0 / values, rel=1e-10)
+    assert sb.static(made, 3.0, contact=False).displacement("u") == pytest.approx(
+        3.0 * np.linalg.solve(stiffness, row[0])[-1], rel=1e-10
+    )
+
+
 @pytest.mark.parametrize("hold", [1e-4, 1e-10])
 def test_flexibility_beside_a_mode_that_takes_all_digits(hold):
     """A chain on a weak spring (of 1e-10 of the others': a condition of 1e13), pressed at one end: what all
