@@ -16,7 +16,7 @@ from scipy import linalg
 
 from ..loads import Load, SupportMotion
 from ..petsc import summed
-from ..system.model import Model
+from ..system.model import Model, counted_pencil
 from ..system.solve.demand import require_modes
 from ..system.solve.modes import TOLERANCE
 from ..system.solve.pencil import Pencil
@@ -118,7 +118,9 @@ def left_out(own: ReducedModel, spaces: tuple[Space, ...]) -> dict[Space, LeftOu
     last = spaces[-1]
     require_modes(model.statics.elements, pushes.shape[1], len(own.omega) + 3 * last.blocks * pushes.shape[1])
     forces = model.load_columns(own.loads).forces
-    with Pencil(model.statics, last.top * float(own.omega.max()), TOLERANCE) as pencil:
+    highest = last.top * float(own.omega.max())
+    kept = counted_pencil(model, len(own.omega), highest)
+    with kept or Pencil(model.statics, highest, TOLERANCE) as pencil:
         found = _vectors(own, model, pencil, (pushes, forces), spaces)
         return {space: _of(own, pencil, forces, space, *found[space]) for space in spaces}
 

@@ -34,6 +34,7 @@ from .fields.tips import Tips
 from .layout.distribution import declared_clamp, distribute
 from .solve.modal_result import Modal
 from .solve.modes import lowest_modes, modes_below
+from .solve.pencil import Pencil
 from .structure import Structure
 
 # Stands for "what the mesh declares".
@@ -152,6 +153,7 @@ class Model(Structure):
         self._number = comm.bcast(next(_NUMBERS))
         warn_of_wave_speeds(elements)
         self._modes: Modal | None = None
+        self._pencil: Pencil | None = None
 
     def _fingerprint(self) -> object:
         """What tells it from others, the same on all ranks."""
@@ -171,7 +173,8 @@ class Model(Structure):
         """
         count = integer("Model.modes", "count", count, least=0, most=self.boundary_unknowns // 2)
         if self._modes is None or len(self._modes.frequencies) < count:
-            self._modes = lowest_modes(self, max(count, 1))  # none are taken from one
+            # none are taken from one
+            self._modes = lowest_modes(self, max(count, 1), kept=counted_pencil(self, count))
         return self._modes.selected(np.arange(count))
 
     def mesh_options(self, owner: str) -> dict[str, Any]:
@@ -287,9 +290,21 @@ def has_modes(model: Model) -> bool:
     return model._modes is not None
 
 
-def count_below(model: Model, frequency: float) -> int | None:
-    """Number of modes below a frequency, Hz; None where the direct solver tells none. Collective."""
+def counted_pencil(model: Model, count: int, highest: float = 0.0) -> Pencil | None:
+    """The pencil by which one mode less than so many was counted, if it is kept and goes up to a frequency,
+    rad/s.
+    """
+    kept = model._pencil
+    fits = kept is not None and kept.counted and kept.counted[1] == count - 1 and kept.highest >= highest
+    return kept if fits else None
+
+
+def count_below(model: Model, frequency: float, reach: float = 1.0) -> int | None:
+    """Number of modes below a frequency, Hz; None where the direct solver tells none. A small model keeps the
+    pencil, up to `reach` times it, for these modes and one more. Collective.
+    """
     known = np.empty(0) if model._modes is None else model._modes.frequencies
     if len(known) and known[-1] >= frequency:
         return int((known < frequency).sum())
-    return modes_below(model.statics, frequency)
+    below, model._pencil = modes_below(model.statics, frequency, reach)
+    return below

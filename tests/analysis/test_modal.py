@@ -240,6 +240,31 @@ def test_inertia_counts():
     assert [pencil.eigenvalues_below((2 * np.pi * f) ** 2) for f in middles] == list(range(1, 12))
 
 
+@pytest.mark.parametrize("count", [0, 2, 3, 4, 5, 7, 8, 10, 13, 15])
+def test_counted_modes_and_one_more(monkeypatch, count, exact):
+    """Modes below a frequency and one more are the lowest of a dense solution, by the matrices by which they
+    were counted alone: of double frequencies, too, where one of the two is the one more.
+    """
+    from sbfem_petsc.petsc import PETSc
+    from sbfem_petsc.system.solve import modes
+
+    if not PETSc.Sys.hasExternalPackage("mumps"):
+        pytest.skip("only MUMPS tells the inertia")
+    made, original = [], modes.Pencil
+
+    def pencil(*given):
+        made.append(given)
+        return original(*given)
+
+    monkeypatch.setattr(modes, "Pencil", pencil)
+    model = clamped_square()
+    frequency = 0.5 * (exact[count - 1] + exact[count]) if count else 0.9 * exact[0]
+    below = count_below(model, frequency, 6.0)
+    assert below == count
+    np.testing.assert_allclose(model.modes(below + 1).frequencies, exact[: below + 1], rtol=1e-8)
+    assert len(made) == 1
+
+
 @pytest.mark.parametrize("clamped, below", [("left", 0), (None, 3)])
 def test_inertia_counts_next_to_no_frequency(clamped, below):
     """Where S-elements would have no mass but rounding: rigid motions alone are below .1 Hz, of a beam whose

@@ -26,7 +26,7 @@ from ..structure import Structure
 from .demand import require_modes
 from .krylov_step import KrylovStep
 from .modal_result import Modal
-from .pencil import CondensedSolve, Pencil, top_of_band
+from .pencil import CondensedSolve, Pencil, is_small, top_of_band
 from .stiffness import Stiffness
 
 # Residual ||K x - w2 M x|| / ||w2 M x|| that a returned pair may have at most. Round-off leaves about
@@ -41,9 +41,14 @@ TOLERANCE = 1e-5
 
 
 def lowest_modes(
-    model: Structure, count: int, auxiliary_tolerance: float = TOLERANCE, verify: bool = True
+    model: Structure,
+    count: int,
+    auxiliary_tolerance: float = TOLERANCE,
+    verify: bool = True,
+    kept: Pencil | None = None,
 ) -> Modal:
-    """The `count` lowest modes; see `analysis.modal.modal` for the arguments. Collective.
+    """The `count` lowest modes; see `analysis.modal.modal` for the arguments, by a pencil that is kept of
+    having counted them, if any. Collective.
 
     Raises
     ------
@@ -55,26 +60,32 @@ def lowest_modes(
     require_modes(model.cells, count, _basis(count, 0), auxiliary_tolerance == 0.0)
     highest = top_of_band(model.cells, count)
     while True:
-        with Pencil(model.statics, highest, auxiliary_tolerance) as pencil:
-            below = pencil.eigenvalues_below(highest**2) if count >= COUNTED else None
+        with kept or Pencil(model.statics, highest, auxiliary_tolerance) as pencil:
+            below = pencil.eigenvalues_below(highest**2) if count >= COUNTED and not kept else None
             if below is not None and below < count:  # the law is too low
                 highest *= 1.1 * math.sqrt(count / max(below, 1))
                 continue
             found = _solve_lowest(model, pencil, count, verify)
         reached = 2.0 * math.pi * float(found.frequencies[-1])
-        if reached <= highest:
+        if reached <= pencil.highest:
             return found
         # The band was estimated too low: what was left out is bounded only up to its top.
-        highest = 1.1 * reached
+        highest, kept = 1.1 * reached, None
 
 
-def modes_below(stiffness: Stiffness, frequency: float) -> int | None:
-    """Number of modes below a frequency, Hz; None where the direct solver does not tell it. Collective."""
-    omega = 2.0 * math.pi * frequency
+def modes_below(stiffness: Stiffness, frequency: float, reach: float) -> tuple[int | None, Pencil | None]:
+    """Number of modes below a frequency, Hz; None where the direct solver does not tell it. Of a small
+    structure the pencil, up to `reach` times that frequency, is the caller's to keep. Collective.
+    """
+    omega, small = 2.0 * math.pi * frequency, is_small(stiffness.layout)
     # below it S-elements have no mass but rounding
-    highest = max(omega, math.sqrt(lowest_scale(stiffness.elements)))
+    highest = max(omega * (reach if small else 1.0), math.sqrt(lowest_scale(stiffness.elements)))
     with Pencil(stiffness, highest, TOLERANCE) as pencil:
-        return pencil.eigenvalues_below(omega**2)
+        below = pencil.eigenvalues_below(omega**2)
+        if below is None or not small:
+            return below, None
+        pencil.counted = omega**2, below
+    return below, pencil
 
 
 def _basis(count: int, attempt: int) -> int:
@@ -92,6 +103,8 @@ def _solve_lowest(model: Structure, pencil: Pencil, count: int, verify: bool) ->
     for attempt in range(4):
         found = _solve(model, pencil, wanted, attempt=attempt)
         values = (2.0 * math.pi * found.frequencies) ** 2
+        if verify and pencil.counted and pencil.counted[1] == count - 1 == (values < pencil.counted[0]).sum():
+            break  # above these, a further vector would be one of a value that is found
         # far enough below for round-off not to count the last one itself: a residual of 1e-7 is usual; the
         # eigenvalues that are counted are those of the assembled stiffness, refined or not
         chosen = found.shapes[:, :count]

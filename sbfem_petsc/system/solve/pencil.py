@@ -28,6 +28,7 @@ from ...ranks.parallel import alone
 from ...selement.leading_unknowns import reduced_fraction
 from ..elements.elements import Elements
 from ..elements.shapes import Group, turned, turned_both
+from ..layout.layout import Layout
 from ..layout.rows import Rows
 from .assembly import ElementBlocks, assemble, assemble_like, from_rows
 from .linear_solver import LinearSolver
@@ -67,14 +68,17 @@ class Pencil:
         Of the stiffness.
     unknowns : int
         Each rank holds its displacement unknowns, then its auxiliary ones.
+    counted : (float, int) or None
+        omega^2 and the eigenvalues below it, of a pencil that is kept for the modes that were counted so: it
+        is not freed behind a `with`.
     """
 
     def __init__(self, statics: Stiffness, highest: float, tolerance: float):
         require_thread()
         self.statics, self.elements, self.layout = statics, statics.elements, statics.layout
         layout, comm = self.layout, self.layout.comm
-        # a matter of caches, not of memory
-        self.small = comm.size == 1 and layout.count <= _SMALL
+        self.small, self.highest = is_small(layout), highest
+        self.counted: tuple[float, int] | None = None
         self._pieces = _pieces(self.elements, highest, tolerance)
         local = sum(piece.inertia.size for piece in self._pieces)
         self.auxiliary_ranges = np.concatenate([[0], np.cumsum(comm.allgather(local))]).astype(np.int64)
@@ -238,7 +242,8 @@ class Pencil:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.destroy()
+        if self.counted is None:
+            self.destroy()
 
     def destroy(self) -> None:
         """Free the PETSc matrices."""
@@ -432,6 +437,11 @@ def _products(matrix: PETSc.Mat, columns: np.ndarray, transposed: bool = False) 
             multiply(given, found)
             result[:, k] = found.array_r
     return result
+
+
+def is_small(layout: Layout) -> bool:
+    """Whether a structure is small: a matter of caches, not of memory."""
+    return layout.comm.size == 1 and layout.count <= _SMALL
 
 
 def top_of_band(elements: Elements, count: int) -> float:
