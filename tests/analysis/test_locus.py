@@ -283,6 +283,16 @@ def test_grazing_of_an_open_stop_in_closed_form(with_stops):
         assert amplitude(line) == pytest.approx(np.ones(len(line)), rel=1e-7)
 
 
+def test_grazing_over_the_gap(with_stops):
+    """As the stop comes nearer it is met where the linear motion's amplitude, force |H|, is the gap."""
+    branch = sb.load_response(
+        with_stops.reduced, 0.35, 0.7 / TURN, start=0.7, stop=0.6, parameter="gap", steps=512
+    )
+    (point,) = sb.grazing_points(branch)
+    amplitude = 0.35 / abs(1.0 - 0.7**2 + 2j * 0.1 * 0.7)
+    assert point.value == pytest.approx(amplitude, rel=1e-9)
+
+
 def test_grazing_points_that_are_found_are_kept(with_stops, monkeypatch):
     """One that is not found is told; the others, and lines from them, are there."""
     expected, own = sb.grazing_points(with_stops, every=True), locus_module._grazing

@@ -8,7 +8,7 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate, VNotch
-from sbfem_petsc.continuation.harmonic_errors import FAINT, harmonic_error_estimates, in_modes
+from sbfem_petsc.continuation.harmonic_errors import FAINT, harmonic_error_estimates, in_modes, lowest
 from sbfem_petsc.continuation.orbit import run_again
 from sbfem_petsc.motion.preparation import PeriodSettings, prepare
 from sbfem_petsc.motion.steps import free_motion
@@ -169,6 +169,17 @@ def test_told_of_viscosity_of_two_tones():
     told = found.mode_error
     assert true[1:].max() > 3e-3 and (true[1:] <= 1.1 * told[1:]).all(), (true, told)
     assert (told[1:] <= 2.0 * true[1:]).all(), (true, told)
+
+
+def test_harmonics_that_are_told_of():
+    """Those of the orbit, without a delay, in whose second there is no whole number of periods."""
+    push, frequency = sb.PointForce("A", fy=300.0), 433.3
+    r = sb.reduce(coarse_beam(0.002), push, modes=6)
+    found = sb.periodic(r, push, frequency, steps=128, stability=False)
+    driven = prepare("periodic", r, push, frequency, settings=PeriodSettings(steps=128)).at(frequency)
+    points, _ = lowest(run_again(driven, found.state))
+    expected = np.stack([found.harmonics(name)[:5] for name in found.points], axis=1)
+    np.testing.assert_allclose(points[:, :, 1], expected, atol=1e-12 * np.abs(expected).max())
 
 
 def test_told_of_viscosity_of_a_model():

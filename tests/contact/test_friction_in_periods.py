@@ -15,6 +15,7 @@ import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.contact.friction import AGAINST, ALONG, STICKS
 from sbfem_petsc.continuation import search as steady
+from sbfem_petsc.continuation.shooting import shoot
 from sbfem_petsc.motion.excitation import Excitation
 from sbfem_petsc.motion.period_map import DrivenPeriod, Period
 from tests.contact.test_friction_in_motion import FRICTION, PRESSURE, SLIDER, SPRING, jenkins, slider
@@ -82,6 +83,34 @@ def test_derivative_with_state_and_memory(chain_motion):
     for k, unit in enumerate(np.eye(len(state))):
         assert exact[:, k] == pytest.approx(slope(driven, state, unit, size), abs=1e-8 * np.abs(exact).max())
     assert np.abs(exact[:, 8:]).max() > 0.1
+
+
+def test_no_more_directions_than_rows(chain_motion):
+    """Where nothing changes and nothing is written contact has no more directions than rows are held."""
+    driven, _, motion = chain_motion
+    rates = tuple(
+        np.zeros((steps, motion.rows.shape[1], 0)) for steps in (len(motion.rows), len(motion.told))
+    )
+    found = driven._derivative(motion, rates, located=False, rough=False, keep=False).contacts
+    changes = (np.diff(motion.rows, axis=0) != 0).any(axis=1)
+    quiet = (found.instants > 0) & (found.instants < len(changes) - 1)
+    quiet[quiet] = ~(changes[found.instants[quiet] - 1] | changes[found.instants[quiet]])
+    held = (motion.rows[found.instants] != 0).sum(axis=1)
+    assert quiet.sum() > 100 and (found.counts[quiet] <= held[quiet]).all()
+
+
+def test_located_switches_of_several_rows():
+    """Beside the derivative of the steps as they are, the largest of whose multipliers, 4.56, jumps by a few
+    per cent with their length.
+    """
+    driven = driven_chain()
+    motion = shoot(driven, driven.linear_state).motion
+    unit = np.eye(driven.period.unknowns)
+    one, other = (
+        np.abs(np.linalg.eigvals(matrix)).max()
+        for matrix in (driven.carried(motion, unit), driven.monodromy(motion, rubbing=True))
+    )
+    assert other == pytest.approx(one, rel=0.01)
 
 
 @pytest.mark.parametrize("name", ["frequency", "load"])

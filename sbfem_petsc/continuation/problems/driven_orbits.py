@@ -110,7 +110,7 @@ class Family:
         On the oscillating loads, where the second parameter is another.
     """
 
-    def __init__(self, period: Period, parameter: str, factor: float = 1.0):
+    def __init__(self, period: Period, parameter: str, factor: float):
         self.period, self.parameter, self.factor = period, parameter, factor
 
     def at(self, frequency: float, value: float) -> DrivenPeriod:
