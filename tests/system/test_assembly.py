@@ -50,8 +50,8 @@ def test_blocks_are_summed(monkeypatch):
 
 
 def test_full_blocks_and_a_pattern_taken_over():
-    """Nodes of two unknowns, some held: in full blocks, and summed again with other values where a matrix has
-    its entries, the dense sums, and no room but what the entries take.
+    """Nodes of two unknowns, some held: in full blocks and in those of the upper half, and summed again with
+    other values where a matrix has its entries, the dense sums, and no room but what the entries take.
     """
     rng = np.random.default_rng(2)
     nodes = np.stack([rng.permutation(np.arange(-1, 15))[:4] for _ in range(6)])
@@ -63,16 +63,18 @@ def test_full_blocks_and_a_pattern_taken_over():
         blocks, expected = [], np.zeros((30, 30))
         for rows in (numbers, single):
             values = rng.standard_normal((*rows.shape, rows.shape[1]))
+            values += values.transpose(0, 2, 1)
             blocks.append(ElementBlocks(rows, rows, values.__getitem__))
             for r, v in zip(rows, values):
                 expected[np.ix_(r[r >= 0], r[r >= 0])] += v[np.ix_(r >= 0, r >= 0)]
         return blocks, expected
 
     blocks, expected = blocks_and_sum()
-    full = assemble(comm, ranges, blocks, "blocks", block_size=2)
+    full, half = (assemble(comm, ranges, blocks, kind, block_size=2) for kind in ("blocks", "upper"))
     plain = assemble(comm, ranges, blocks, "general")
     again, other = blocks_and_sum()
-    for matrix, total in ((full, expected), (plain, expected), (assemble_like(plain, again), other)):
+    like = assemble_like(plain, again, definite=False)
+    for matrix, total in ((full, expected), (half, expected), (plain, expected), (like, other)):
         np.testing.assert_allclose(dense(matrix.convert("aij")), total, rtol=1e-14, atol=1e-14)
         info = matrix.getInfo()
         assert info["mallocs"] == 0 and info["nz_unneeded"] == 0

@@ -64,22 +64,21 @@ def assemble(
         Rows owned by another rank are sent there.
     kind : {"symmetric", "upper", "blocks", "general"}
         All but "general" are marked as symmetric positive definite: PETSc then offers Cholesky and half the
-        work. "upper": the upper half alone is kept, which takes least memory, and products read half as much;
-        rows cannot be asked for. "blocks": full blocks of the block size, whose products are the fastest
-        where caches hold the matrix.
+        work. "upper": the upper half alone is kept, which takes least memory and time, and products read half
+        as much; rows cannot be asked for. "blocks": full blocks of the block size, whose products are the
+        fastest where caches hold the matrix.
     column_ranges : (ranks + 1,) int array, optional
         Column ownership of a rectangular matrix.
     block_size : int
-        Unknowns a node, where rows and columns of all blocks are all unknowns of nodes in their order; 1 for
-        "upper".
+        Unknowns a node, where rows and columns of all blocks are all unknowns of nodes in their order.
     """
     column_ranges = ranges if column_ranges is None else column_ranges
-    upper, width = kind == "upper", block_size
+    upper, width, blocked = kind == "upper", block_size, kind in _TYPES
     nodes = [ElementBlocks(_of_nodes(b.rows, width), _of_nodes(b.columns, width), b.values) for b in blocks]
     with solving("assembly"):
         # of nodes: a quarter of the entries to be counted where each has two unknowns
         lengths = row_lengths(comm, ranges // width, column_ranges // width, nodes, upper)
-        if kind == "blocks":
+        if blocked:
             blocks = nodes
         else:
             lengths = (np.repeat(width * lengths[0], width), np.repeat(width * lengths[1], width))
@@ -93,19 +92,21 @@ def assemble(
         matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
         if upper:
             matrix.setOption(PETSc.Mat.Option.IGNORE_LOWER_TRIANGULAR, True)
-        _add(matrix, blocks, matrix.setValuesBlockedRCV if kind == "blocks" else matrix.setValuesRCV)
+        _add(matrix, blocks, matrix.setValuesBlockedRCV if blocked else matrix.setValuesRCV)
     _mark(matrix, kind != "general")
     return matrix
 
 
 @stage("Assembly")
-def assemble_like(matrix: PETSc.Mat, blocks: list[ElementBlocks]) -> PETSc.Mat:
+def assemble_like(matrix: PETSc.Mat, blocks: list[ElementBlocks], definite: bool) -> PETSc.Mat:
     """Sum of other element blocks of all ranks where `matrix` has entries, itself assembled from blocks of
-    the same rows and columns: their lengths are not counted again. Collective.
+    the same rows and columns: their lengths are not counted again. Symmetric, and told whether it is
+    positive definite. Collective.
     """
     with solving("assembly"):
         result = matrix.duplicate(copy=False)
         _add(result, blocks, result.setValuesRCV)
+    _mark(result, True, definite)
     return result
 
 
@@ -181,10 +182,10 @@ def _sizes(comm: MPI.Comm, *ranges: np.ndarray) -> tuple[tuple[int, int], ...]:
     return tuple((int(r[comm.rank + 1] - r[comm.rank]), int(r[-1])) for r in ranges)
 
 
-def _mark(matrix: PETSc.Mat, symmetric: bool) -> None:
+def _mark(matrix: PETSc.Mat, symmetric: bool, definite: bool = True) -> None:
     if symmetric:
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        matrix.setOption(PETSc.Mat.Option.SPD, True)
+        matrix.setOption(PETSc.Mat.Option.SPD, definite)
 
 
 def row_lengths(

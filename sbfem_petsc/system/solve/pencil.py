@@ -130,7 +130,8 @@ class Pencil:
                 mass.append(ElementBlocks(pairs, pairs, inertia.__getitem__))
             first += numbers.size
         # products with it take most of an eigensolver's time
-        kind, size = ("blocks", 2) if self.small and self.statics.matrix.getBlockSize() == 2 else ("upper", 1)
+        size = self.statics.matrix.getBlockSize()
+        kind = "blocks" if self.small and size == 2 else "upper"
         return assemble(comm, self.ranges, mass, kind, block_size=size)
 
     def numbers(self, unknowns: np.ndarray) -> np.ndarray:
@@ -161,13 +162,12 @@ class Pencil:
         """K - shift M with the auxiliary unknowns eliminated, over the displacement unknowns alone."""
         if shift == 0.0:
             return copy.copy(self.statics.matrix)  # a reference of its own
-        blocks = self.statics.spring_blocks() + [
+        return assemble_like(self.statics.matrix, self._condensed_blocks(shift), definite=shift < 0.0)
+
+    def _condensed_blocks(self, shift: float) -> list[ElementBlocks]:
+        return self.statics.spring_blocks() + [
             ElementBlocks(piece.unknowns, piece.unknowns, piece.condensed(shift)) for piece in self._pieces
         ]
-        matrix = assemble_like(self.statics.matrix, blocks)
-        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        matrix.setOption(PETSc.Mat.Option.SPD, shift < 0.0)
-        return matrix
 
     @functools.cached_property
     def coupling(self) -> PETSc.Mat:
@@ -195,10 +195,11 @@ class Pencil:
         """(local auxiliary unknowns, ...): C' times displacements (m, 2, ...) of this rank's nodes."""
         width = math.prod(field.shape[2:])
         parts = [np.empty((0, width))]
-        for kind in self._kinds():
-            coupling = kind.turned_coupling()
-            moved = field[kind.group.nodes].reshape(len(coupling), coupling.shape[2], width)
-            parts.append(np.concatenate(coupling @ moved))
+        for piece in self._pieces:
+            for part in ElementBlocks(piece.unknowns, piece.numbers(0), piece.coupling).batches():
+                coupling = piece.transposed_coupling(part)
+                moved = field[piece.nodes[part]].reshape(len(coupling), coupling.shape[2], width)
+                parts.append(np.concatenate(coupling @ moved))
         found = np.concatenate(parts)
         return found.reshape(len(found), *field.shape[2:])
 
@@ -214,14 +215,10 @@ class Pencil:
         those of this rank, (k, a); of a pencil that keeps every one.
         """
         first = 0
-        for kind in self._kinds():
+        for kind in itertools.chain.from_iterable(piece.kinds for piece in self._pieces):
             count = len(kind.group.sizes) * len(kind.inertia)
             yield kind.group, kind.scale, first + np.arange(count).reshape(len(kind.group.sizes), -1)
             first += count
-
-    def _kinds(self) -> Iterator[_Kind]:
-        """In the order of their auxiliary unknowns."""
-        return itertools.chain.from_iterable(piece.kinds for piece in self._pieces)
 
     def auxiliary_inertia(self) -> np.ndarray:
         """J of this rank's auxiliary unknowns."""
@@ -231,12 +228,15 @@ class Pencil:
         """Number of eigenvalues omega^2 < `shift` by Sylvester's law of inertia; None where the direct solver
         does not tell it (MUMPS does). Collective.
         """
-        if direct_solver(self.layout.comm)[1] != "mumps":  # before a matrix is made for it
+        comm = self.layout.comm
+        if direct_solver(comm)[1] != "mumps":  # before a matrix is made for it
             return None
-        with freeing(self.layout.comm, self.condensed(shift)) as (matrix,):
-            negative = negative_eigenvalues(matrix, "modal")
+        size, blocks = self.statics.matrix.getBlockSize(), self._condensed_blocks(shift)
+        with freeing(comm, assemble(comm, self.layout.ranges, blocks, "upper", block_size=size)) as (half,):
+            half.setOption(PETSc.Mat.Option.SPD, False)
+            negative = negative_eigenvalues(half, "modal")
         own = int((self.auxiliary_diagonal(shift) < 0.0).sum())
-        return None if negative is None else negative + self.layout.comm.allreduce(own)
+        return None if negative is None else negative + comm.allreduce(own)
 
     def __enter__(self) -> Pencil:
         return self
@@ -270,10 +270,6 @@ class _Kind:
     coupling: np.ndarray
     inertia: np.ndarray
 
-    def turned_coupling(self) -> np.ndarray:
-        """(k, r, n), of each S-element in its own frame."""
-        return self.scale * self.group.turned(self.coupling).transpose(0, 2, 1)
-
 
 class _Piece:
     """S-elements of one material with as many boundary and as many auxiliary unknowns, of however many kinds:
@@ -284,7 +280,8 @@ class _Piece:
         self.kinds = kinds
         self._of = np.repeat(np.arange(len(kinds)), [len(kind.group.sizes) for kind in kinds])
         self._rotations = np.concatenate([kind.group.rotations for kind in kinds])
-        self.unknowns = np.concatenate([elements.unknowns_of(kind.group) for kind in kinds])
+        self.nodes = np.concatenate([kind.group.nodes for kind in kinds])
+        self.unknowns = elements.layout.part.unknowns[self.nodes].reshape(len(self.nodes), -1)
         self.modulus = elements.scales(kinds[0].group)[0]
         self._scales = np.array([kind.scale for kind in kinds])[self._of, None, None]
         self._coupling = np.stack([kind.coupling for kind in kinds])
@@ -332,7 +329,7 @@ def _pieces(elements: Elements, highest: float, tolerance: float) -> list[_Piece
     """All S-elements of this rank; see `Pencil`."""
     alike: dict[tuple[int, int, int], list[_Kind]] = {}
     for group in elements.moving:
-        for some in _of_one_size(group):
+        for some in _of_one_size(group) if len(group.sizes) > 1 else [group]:
             modulus, scales = elements.scales(some)
             w2 = highest**2 * scales[0] / modulus
             coupling, inertia = reduced_fraction(some.solution, w2, tolerance, elements.terms)
@@ -346,7 +343,7 @@ def _of_one_size(group: Group) -> list[Group]:
     sizes = group.sizes
     order = np.argsort(sizes, kind="stable")
     breaks = np.flatnonzero(np.diff(sizes[order]) > 1e-9 * sizes[order][1:]) + 1
-    return [group.select(rows) for rows in np.split(order, breaks)] if len(sizes) > 1 else [group]
+    return [group.select(rows) for rows in np.split(order, breaks)]
 
 
 class CondensedSolve:
