@@ -293,7 +293,9 @@ class FiniteElementModel:
     def _faces(self, nodes: np.ndarray) -> list[list[int]]:
         """Outer faces of elements between nodes of a set, by their places in it, corners first."""
         place, found = {row: k for k, row in enumerate(nodes.tolist())}, []
-        for face in outer_faces(self.elements):
+        # faces between three of these nodes or more are shared by elements that have them
+        near = {kind: cells[np.isin(cells, nodes).sum(axis=1) > 2] for kind, cells in self.elements.items()}
+        for face in outer_faces(near):
             own, count = [place[row] for row in face if row in place], corners(face)
             if own[:count] == [place.get(row) for row in face[:count]]:
                 found.append(own if len(own) == len(face) else own[:count])

@@ -41,15 +41,12 @@ class Row:
     weights: sparse.csr_matrix
     direction: str = ""
 
-    def __add__(self, other: Row) -> Row:
-        return self._with(_same("row", self, other), 1.0)
+    def __add__(self, other: Row, factor: float = 1.0) -> Row:
+        weights = sparse.csr_matrix(self.weights + factor * _same("row", self, other).weights)
+        return Row(weights, self.direction if self.direction == other.direction else "")
 
     def __sub__(self, other: Row) -> Row:
-        return self._with(_same("row", self, other), -1.0)
-
-    def _with(self, other: Row, factor: float) -> Row:
-        weights = sparse.csr_matrix(self.weights + factor * other.weights)
-        return Row(weights, self.direction if self.direction == other.direction else "")
+        return self.__add__(other, -1.0)
 
     def __mul__(self, factor: float) -> Row:
         factor = real("row", "factor", factor)
