@@ -421,6 +421,11 @@ def test_any_point(tmp_path):
     assert np.abs(u - exact[0]).max() < 2e-6 * np.abs(exact[0]).max()
     assert np.abs(stress - exact[1]).max() < 2e-6 * np.abs(exact[1]).max()
     assert np.abs(np.array(history.field(0.0)) - still.field).max() < 1e-9 * np.abs(still.field).max()
+    load = sb.PointForce("A", fy=100.0) + sb.EdgeLoad("crack1_left", pressure=sb.Harmonic(1e6, 5e4))
+    pressed = sb.transient(model, load, 2e-6, step=1e-6, initial="equilibrium", reduction=None)
+    inside = pressed.states.contact[:, pressed.states.pairs :]
+    assert np.abs(np.diff(inside, axis=0)).max(axis=1).min() > 0.01 * inside.max() > 0.0
+    assert pressed.field(2e-6).tip_forces[0][: inside.shape[1]] == pytest.approx(inside[2])
     place = model.points["A"][0]
     run = {"duration": 5e-5, "step": 1e-6, "decimation": 5, "reduction": None, "modes": 10}
     file = tmp_path / "history.h5"
