@@ -191,7 +191,7 @@ def test_more_points_go_on(tmp_path):
     path = str(tmp_path / "line.h5")
     point = next(item for item in curve().bifurcations if item.kind == "Neimark-Sacker")
     few = sb.locus(curve(), point, 0.9, 1.1, points=2, file=path)
-    assert few.reasons == ("2 points", "2 points")
+    assert few.reasons == ("2 points", "2 points") and len(few) == 1 + 2 * 2
     more = sb.locus(curve(), point, 0.9, 1.1, points=6, file=path, resume=True)
     np.testing.assert_array_equal(more.states, locus()[0][:, :-2])
 
