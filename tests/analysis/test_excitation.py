@@ -115,6 +115,7 @@ def test_frequency_response_without_contact(backwards):
     )
     assert (np.diff(curve.frequency) * (stop - start) > 0).all()
     for k, point in enumerate("ab"):
+        assert curve.harmonics(point).shape == (len(curve), 1 + 20)
         np.testing.assert_allclose(
             curve.harmonics(point)[:, 1], exact[:, k], atol=1e-12 * np.abs(exact).max()
         )
