@@ -145,9 +145,8 @@ def moments(
     """
     basis, rest, triangle, exponents = known.basis, known.rest, known.triangle, known.exponents
     count, n, k = basis.shape
-    right = np.concatenate([stiffness - turned(c.e1), np.broadcast_to(np.eye(n), stiffness.shape)], axis=2)
-    solved = np.linalg.solve(c.e0, right)
-    radial, flexibility = solved[:, :, :n], solved[:, :, n:]
+    flexibility = np.linalg.inv(c.e0)  # a third of the time of two solutions
+    radial = flexibility @ (stiffness - turned(c.e1))
     good = largest_of_each(turned(rest) @ (radial @ basis)) <= _MIXED * largest_of_each(radial)
     sizes = np.abs(np.diagonal(triangle, axis1=1, axis2=2))
     good &= sizes.min(axis=1) >= _APART * sizes.max(axis=1)
