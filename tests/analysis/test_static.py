@@ -401,3 +401,36 @@ def test_a_wide_notch_has_no_second_intensity():
     (note,) = found.notes
     assert "K_I of 'crack1' is in Pa m^0.426" in note and "a K_II is not there and stands as 0" in note
     assert "nan" not in found.tip_facts.common + found.tip_facts.unit("crack1") + note
+
+
+def test_multiples_of_a_load_are_solved_for_once(monkeypatch):
+    """One solve for the load and one for its contact forces, then the latter alone; to the last digit what a
+    model gives that has met no load before.
+    """
+    solved, solve = [], static_solver.StaticSolver.columns
+
+    def counted(solver, right, what):
+        if right.ndim == 2:
+            solved.append(what)
+        return solve(solver, right, what)
+
+    monkeypatch.setattr(static_solver.StaticSolver, "columns", counted)
+    mesh = paper_beam(0.0458366).mesh(order=3)
+    counts, found = [], []
+    with sb.Model(mesh, ALUMINIUM) as used:
+        for load in (
+            sb.PointForce("A", fy=100.0),
+            sb.PointForce("A", fy=300.0),
+            sb.PointForce("A", fx=20.0, fy=300.0),
+            sb.PointForce("A", fy=70.0),
+        ):
+            before = len(solved)
+            found.append((load, sb.static(used, load)))
+            counts.append(len(solved) - before)
+    assert counts == [2, 1, 2, 2]
+    for load, former in found:
+        with sb.Model(mesh, ALUMINIUM) as fresh:
+            alone = sb.static(fresh, load)
+            np.testing.assert_array_equal(former.field, alone.field)
+            np.testing.assert_array_equal(former.contact_force, alone.contact_force)
+            assert former.residual == alone.residual

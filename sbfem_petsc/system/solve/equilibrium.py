@@ -13,12 +13,13 @@ import numpy as np
 from ...contact.complementarity import Complementarity, active_set, solve_complementarity
 from ...contact.friction import Memory
 from ...contact.instant import solve_contact
-from ...petsc import freeing, stage
+from ...petsc import stage, summed
 from ..contact import bordered_contact, dual_contact
 from ..contact.expected_contact import expected_contact
 from ..contact.rows import Contact
 from ..fields.tips import Tips
 from ..loads import LoadColumns
+from .pencil import products
 from .stiffness import Stiffness
 
 
@@ -121,7 +122,7 @@ def _from_free_gaps(
     stiffness, operator, tips = owners
     solver = stiffness.solver
     right = load.forces[:, 0]
-    owned = solver.columns(right, "static")
+    owned = solver.of_load(right)
     gap = operator.rows(owned) + load.gaps[:, 0] + operator.initial
     result: Complementarity | None = None
     laws, friction, lost = operator.laws, operator.friction, 0.0
@@ -169,17 +170,15 @@ def _at_once(stiffness: Stiffness, contact: Contact, load: LoadColumns) -> _Foun
 
 def _imbalance(stiffness: Stiffness, contact: Contact, load: LoadColumns, found: _Found) -> float:
     """How well forces are in balance, see `Equilibrium.residual`."""
-    solution, right = stiffness.matrix.createVecs()
-    with freeing(stiffness.layout.comm, right.duplicate(), right, solution) as (residual, *_):
-        right.array, solution.array = load.forces[:, 0], found.owned
-        scale = right.norm()
-        right.array += contact.rows.forces(found.result.force)
-        stiffness.matrix.mult(solution, residual)
-        residual.axpy(-1.0, right)
-        if found.refined and stiffness.refinement.needed(right.norm(), solution.norm()):
-            # the product with the assembled stiffness is round-off; what refinement still moves tells
-            return stiffness.refinement.correction
-        return float(residual.norm() / scale) if scale > 0 else 0.0
+    right, comm = load.forces[:, 0], stiffness.layout.comm
+    forces = right + contact.rows.forces(found.result.force)
+    missed = products(stiffness.matrix, found.owned[:, None])[:, 0] - forces
+    vectors = np.stack([right, forces, found.owned, missed])
+    scale, given, moved, left = np.sqrt(summed(comm, (vectors * vectors).sum(axis=1))).tolist()
+    if found.refined and stiffness.refinement.needed(given, moved):
+        # the product with the assembled stiffness is round-off; what refinement still moves tells
+        return stiffness.refinement.correction
+    return left / scale if scale > 0.0 else 0.0
 
 
 @stage("Contact")

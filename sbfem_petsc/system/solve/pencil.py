@@ -156,7 +156,7 @@ class Pencil:
 
         One by one: PETSc 3.18 crashes in products of matrices kept by halves with blocks of columns.
         """
-        return _products(self.mass, columns)
+        return products(self.mass, columns)
 
     def condensed(self, shift: float) -> PETSc.Mat:
         """K - shift M with the auxiliary unknowns eliminated, over the displacement unknowns alone."""
@@ -403,7 +403,7 @@ class CondensedSolve:
         upper = self._solver.of_rows(rows, chosen, self.what)
         if self.shift == 0.0:
             return np.pad(upper, ((0, len(self.diagonal)), (0, 0)))
-        follow = _products(self.pencil.coupling, upper, transposed=True)
+        follow = products(self.pencil.coupling, upper, transposed=True)
         follow *= self.shift / self.diagonal[:, None]
         return np.concatenate([upper, follow])
 
@@ -421,7 +421,7 @@ class CondensedSolve:
         self.__dict__.clear()
 
 
-def _products(matrix: PETSc.Mat, columns: np.ndarray, transposed: bool = False) -> np.ndarray:
+def products(matrix: PETSc.Mat, columns: np.ndarray, transposed: bool = False) -> np.ndarray:
     """A matrix, or its transpose, times this rank's rows of columns, in Fortran's order. Collective."""
     given, found = matrix.createVecs()
     if transposed:

@@ -9,7 +9,7 @@ import numpy as np
 from meshing.warnings import SolverWarning
 
 from ...errors import warn
-from ...petsc import PETSc, make_ksp, solver_name, summed
+from ...petsc import MPI, PETSc, make_ksp, solver_name, summed
 from ..elements.element_stiffness import Refinement
 from ..layout.layout import Layout
 from .linear_solver import LinearSolver
@@ -52,9 +52,24 @@ class StaticSolver(LinearSolver):
     def __init__(self, matrix: PETSc.Mat, refinement: Refinement, by_ranks: Callable[[], PETSc.Mat]):
         super().__init__(make_ksp(matrix, "static_", by_ranks=by_ranks, later=True), matrix, refinement)
         self.factorised = False
+        # the last load in units of its largest force, its displacements and their last correction
+        self._last: tuple[np.ndarray, np.ndarray, float] | None = None
         # the stiffness never changes, though it becomes a block of bordered matrices
         self.ksp.getPC().setReusePreconditioner(True)
         self.name = solver_name(self.ksp)
+
+    def of_load(self, load: np.ndarray) -> np.ndarray:
+        """(owned,): displacements under a load (owned,) N, solved for in units of its largest force: once
+        where loads are multiples of the one before, and with the same digits whatever came before.
+        Collective.
+        """
+        assert self.refinement is not None
+        largest = self._comm.allreduce(float(np.abs(load).max(initial=0.0)), MPI.MAX)
+        unit = load / max(largest, np.finfo(float).tiny)
+        if self._last is None or not self._comm.allreduce(np.array_equal(unit, self._last[0]), MPI.LAND):
+            self._last = unit, self.columns(unit, "static"), self.refinement.correction
+        _, found, self.refinement.correction = self._last
+        return largest * found
 
     def of_contact(self, load: np.ndarray, free: np.ndarray, contact: np.ndarray) -> np.ndarray:
         """(owned,): displacements under a load and contact forces (owned,) N, from those under the load
