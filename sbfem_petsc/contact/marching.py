@@ -182,6 +182,39 @@ def _sets(room: Room, level: int) -> Sets:
 
 
 @inner_loops
+def _touch(
+    step: StepConstants, free_gap: np.ndarray, state: StepState, room: Room, forces_of: Callable[..., int]
+) -> bool:
+    """Contact at an instant from which no step leads back, where the modes are, under the free gaps (pairs,),
+    from the slips and states before: forces, states and slips of `state` are written; whether there is a
+    solution.
+    """
+    (q, _, force, rows, slip), gap, former = state, room.before.gap, room.after.gap
+    pairs, count, m, rank, touches = gap.size, gap.size - slip.size, q.size, room.thin.size, False
+    for i in range(pairs):
+        gap[i], force[i] = free_gap[i], 0.0
+    products(step.right, q, rank, (m, m), room.thin)
+    add_rows(step.left, room.sets.every, room.thin, rank, (pairs, pairs), gap)
+    for i in range(count):
+        former[i] = 0.0
+        if slip.size == 0:
+            rows[i] = caught(step.laws, i, gap[i])
+        touches |= rows[i] != FREE or caught(step.laws, i, gap[i]) != FREE
+    for k in range(slip.size):
+        former[count + k] = slip[k]
+    sets = _sets(room, 0)
+    if touches:
+        sets.members[pairs] = -1
+        given = Problem(step.residual, gap, former, step.laws, step.rubbing, rows, sets, force)
+        if forces_of(given) < 0:
+            return False
+    for k in range(slip.size):
+        if rows[count + k] != STICKS:
+            slip[k] = sets.free[count + k] if touches else gap[count + k]
+    return True
+
+
+@inner_loops
 def _take(step: StepConstants, loads: StepLoads, place: tuple[int, int, float, float], room: Room) -> bool:
     """A step of a level without the contact at its end, from one share of a given step to another; whether
     there is any.
@@ -258,16 +291,21 @@ def _follow(before: End, after: End) -> None:
 
 
 @inner_loops
-def _tell(history: StepHistory, done: int, end: End, sets: Sets) -> None:
-    """What a step leads to."""
+def _tell(history: StepHistory, place: int, end: End) -> None:
+    """What the motion is at an end of a step."""
     for j in range(end.q.size):
-        history.states[done, j] = end.q[j]
-        history.velocities[done, j] = end.v[j]
+        history.states[place, j] = end.q[j]
+        history.velocities[place, j] = end.v[j]
     for i in range(end.force.size):
-        history.forces[done, i] = end.force[i]
+        history.forces[place, i] = end.force[i]
     for i in range(history.rows.shape[1]):
-        history.rows[done, i] = end.rows[i]
-    count = end.force.size - history.landings.shape[1]
+        history.rows[place, i] = end.rows[i]
+
+
+@inner_loops
+def _tell_landings(history: StepHistory, done: int, pairs: int, sets: Sets) -> None:
+    """Where rows land in a step."""
+    count = pairs - history.landings.shape[1]
     for k in range(history.landings.shape[1] if sets.told[sets.told.size - 1] != 0 else 0):
         for n in range(3):
             history.landings[done, k, n] = sets.landed[count + k, n]
@@ -286,11 +324,15 @@ def _march(
 ) -> tuple[int, int, int, int]:
     works, parts, losses, kept = history.work, history.parts, history.lost, history.kept
     halving, levels, rubbing = step.halving, loads.levels, step.rubbing
-    steps, m = history.states.shape
-    pairs, last = state.force.size, step.coefficients.shape[0] - 1
+    steps, m, pairs, last = levels.size, state.q.size, state.force.size, step.coefficients.shape[0] - 1
     exchanges = unresolved = taken = 0
+    touched = history.states.shape[0] - steps
+    if touched > 0 and not _touch(step, loads.free_gap[0], state, room, forces_of):
+        return 0, 0, 0, 0
     _begin(step, loads, state, room)
     before, after = room.before, room.after
+    if touched > 0:
+        _tell(history, 0, before)
     for done in range(steps):
         works[done] = 0.0
         if losses.size > 0:
@@ -329,7 +371,8 @@ def _march(
             # a second half is done, and with it what it is a half of
             while level > first and place % (1 << (last - level + 1)) == 0:
                 level -= 1
-        _tell(history, done, before, room.sets)
+        _tell(history, touched + done, before)
+        _tell_landings(history, done, pairs, room.sets)
     for j in range(m):
         state.q[j], state.v[j] = before.q[j], before.v[j]
     for i in range(pairs):

@@ -8,11 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .compiled import compiled_loops
-from .friction import STICKS
 from .law import FREE
-from .marching import Room, _march, _sets, begun
-from .pivoting import add_rows, caught, products
-from .rubbing import Problem
+from .marching import Room, _march, begun
 from .step_data import StepConstants, StepHistory, StepLoads, StepState
 
 # What a motion has come to; from 0 on the number of a known one.
@@ -95,7 +92,7 @@ def settle(
         periods done; periods after which the motion repeats itself, 0 unless it does.
     """
     steps, pairs, m, slips = len(free_gap) - 1, step.left.shape[1], len(known.weights), len(known.units)
-    told = np.empty((steps, m)), np.empty((steps, m)), np.empty((steps, pairs)), np.empty(steps)
+    told = np.empty((steps + 1, m)), np.empty((steps + 1, m)), np.empty((steps + 1, pairs)), np.empty(steps)
     stepping, forces_of = begun(step)
     room = _Repetition(
         np.zeros((patience.longest + 1, 2 * m + slips)),
@@ -105,39 +102,6 @@ def settle(
     moving = StepState(*state[:2], np.zeros(pairs), np.zeros(pairs, dtype=np.int8), state[2])
     loads = StepLoads(np.zeros((0, m)), np.ascontiguousarray(free_gap), np.zeros(steps, dtype=np.int8))
     return _settle(step, loads, moving, (known, patience), room, forces_of)
-
-
-@compiled_loops
-def touch(
-    step: StepConstants, free_gap: np.ndarray, state: StepState, room: Room, forces_of: Callable[..., int]
-) -> bool:
-    """Contact at an instant from which no step leads back, where the modes are, under the free gaps (pairs,),
-    from the slips and states before: forces, states and slips of `state` are written; whether there is a
-    solution.
-    """
-    (q, _, force, rows, slip), gap, former = state, room.before.gap, room.after.gap
-    pairs, count, m, rank, touches = gap.size, gap.size - slip.size, q.size, room.thin.size, False
-    for i in range(pairs):
-        gap[i], force[i] = free_gap[i], 0.0
-    products(step.right, q, rank, (m, m), room.thin)
-    add_rows(step.left, room.sets.every, room.thin, rank, (pairs, pairs), gap)
-    for i in range(count):
-        former[i] = 0.0
-        if slip.size == 0:
-            rows[i] = caught(step.laws, i, gap[i])
-        touches |= rows[i] != FREE or caught(step.laws, i, gap[i]) != FREE
-    for k in range(slip.size):
-        former[count + k] = slip[k]
-    sets = _sets(room, 0)
-    if touches:
-        sets.members[pairs] = -1
-        given = Problem(step.residual, gap, former, step.laws, step.rubbing, rows, sets, force)
-        if forces_of(given) < 0:
-            return False
-    for k in range(slip.size):
-        if rows[count + k] != STICKS:
-            slip[k] = sets.free[count + k] if touches else gap[count + k]
-    return True
 
 
 @compiled_loops
@@ -176,8 +140,6 @@ def _settle(
             break
         for i in range(rows.size):
             rows[i] = FREE
-        if not touch(step, loads.free_gap[0], state, room.steps, forces_of):
-            return UNSOLVED, done, 0
         reached, _, _, _ = _march(step, loads, state, room.history, room.steps, forces_of)
         if reached < steps:
             return UNSOLVED, done, 0

@@ -109,7 +109,9 @@ class StepHistory(NamedTuple):
     Attributes
     ----------
     states, velocities, forces : (n, m), (n, m), (n, pairs) arrays
-        q, v and the contact forces after each step.
+        q, v and the contact forces after each step. With a row more, the first one is of the beginning, an
+        instant from which no step leads back and where contact is solved first, from the state's slips and
+        rows before.
     work : (n,) array
         Of the contact forces in each, J: mean force times change of the gap, of its parts one by one, but for
         what is lost to friction.
@@ -118,7 +120,7 @@ class StepHistory(NamedTuple):
     lost : (n,) or (0,) array
         To friction in each, J; not kept in an empty one.
     rows : (n, pairs) or (0, 0) int8 array
-        States of the rows after each step; not kept in an empty one.
+        States of the rows, as forces; not kept in an empty one.
     kept : (k,) or (0,) array
         Slips that the tangential rows keep in the last step, m; not told in an empty one.
     landings : (n, k, 3) or (0, 0, 3) array

@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -173,6 +174,8 @@ class Follower:
         self.line, self.within, self.settings = line, within, settings
         self.problem, self.points = line.problem.unrestricted, line.points
         line.length, line.most = line.length or settings.first, settings.points
+        # the last state of which `_known` was asked, and what it is
+        self.kept: tuple[Any, Any] = None, None
         # why no step has been found, and why none ever will be
         self.why = self.fallen = ""
         self.tried = 0  # points at the last leap in vain
@@ -266,31 +269,34 @@ class Follower:
         Its sign is such that the determinant of the linearised equations and the tangent keeps its sign along
         the branch: so it passes folds and corners, also those that a step has skipped.
         """
-        last, behind = self.points[-1], self._behind()
-        self.metric = Metric(self.problem, last.u)
-        if behind is not None:
-            near = self.metric.chord(behind, last)
-        elif self.problem.begins is not None:
-            near = self.problem.begins
-        else:
-            slope = self.problem.value(last.u)[1] * self.metric.units
-            near = self.metric.unit(slope * self.within.direction)
-        tangent, sign = self._tangent(last.linear, near)
+        self.metric, tangent, sign = self._known(self.points[-1], self._behind())
+        tangent = self._signed(tangent, sign)
         if self.line.sign is None or sign is None:
             self.line.sign = sign
         return tangent
+
+    def _known(self, point: Point, behind: Point | None) -> tuple[Metric, np.ndarray, float | None]:
+        """The metric at a point, the tangent in it and the determinant's sign."""
+        if self.kept[0] is not point.state:
+            metric = Metric(self.problem, point.u)
+            if behind is not None:
+                near = metric.chord(behind, point)
+            elif self.problem.begins is not None:
+                near = self.problem.begins
+            else:
+                near = metric.unit(self.problem.value(point.u)[1] * metric.units * self.within.direction)
+            self.kept = point.state, (metric, *metric.tangent(point.linear, near))
+        found: tuple[Metric, np.ndarray, float | None] = self.kept[1]
+        return found
 
     def _behind(self) -> Point | None:
         """The point before the last one, where both are of one discretisation."""
         one = self.points[-2] if len(self.points) > 1 else None
         return one if one is not None and len(one.u) == len(self.points[-1].u) else None
 
-    def _tangent(self, linear: Linear, near: np.ndarray) -> tuple[np.ndarray, float | None]:
-        """Direction in which the linearised equations do not change, in units, and the determinant's sign;
-        `near` is a direction not across it.
-        """
-        tangent, sign = self.metric.tangent(linear, near)
-        return (tangent if sign is None or self.line.sign in (None, sign) else -tangent), sign
+    def _signed(self, tangent: np.ndarray, sign: float | None) -> np.ndarray:
+        """A tangent with the determinant's sign, as the branch goes."""
+        return tangent if sign is None or self.line.sign in (None, sign) else -tangent
 
     def _found(self, tangent: np.ndarray) -> Point | None:
         """The next point by steps, or beyond what stops or turns the branch by a leap."""
@@ -341,11 +347,11 @@ class Follower:
         the derivative on the corner's far side.
         """
         there = self.points[-1].u + length * tangent * self.metric.units
-        beyond = attempt(lambda: self._tangent(problem.at(there).linear(), tangent))
+        beyond = attempt(lambda: self._signed(*self.metric.tangent(problem.at(there).linear(), tangent)))
         if beyond is None:
             return None
         for reach in REACHES:
-            step = functools.partial(self._step, problem, beyond[0], min(reach * length, CORNER), -tangent)
+            step = functools.partial(self._step, problem, beyond, min(reach * length, CORNER), -tangent)
             point = attempt(step)
             if point is not None:
                 return point
@@ -366,7 +372,8 @@ class Follower:
         self.fallen = refused or self.fallen
         if refused or self._aside(point, chord, tangent, behind):
             return None
-        onward, _ = self._tangent(point.linear, chord)
+        there, onward, sign = self._known(point, last)
+        onward = self._signed(self.metric.unit(onward * there.units / self.metric.units), sign)
         straight = min(self.metric.dot(onward, chord), self.metric.dot(chord, tangent))
         turn = math.acos(min(max(straight, -1.0), 1.0))
         if length > CORNER and turn > TOO_SHARP:

@@ -36,12 +36,13 @@ class Dense:
 
 
 class Factors:
-    """LU factors of a square matrix.
+    """LU factors of a square matrix, by LAPACK itself: of small ones the checks of its wrappers take most of
+    the time.
 
     Attributes
     ----------
     sign : float
-        Of the determinant.
+        Of the determinant; of a real matrix.
 
     Raises
     ------
@@ -50,16 +51,24 @@ class Factors:
     """
 
     def __init__(self, matrix: np.ndarray):
-        self._factors, self._exchanged, singular = linalg.lapack.dgetrf(matrix)
+        lapack, whole = linalg.lapack, np.iscomplexobj(matrix)
+        factorise, self._solve = (lapack.zgetrf, lapack.zgetrs) if whole else (lapack.dgetrf, lapack.dgetrs)
+        self._factors, self._exchanged, singular = factorise(matrix)
         if singular:
             raise Lost(f"solutions are not isolated: pivot {singular} of {len(matrix)} is zero")
         # each exchange of rows turns the determinant
-        turned = (self._exchanged != np.arange(len(matrix))).sum() + (np.diagonal(self._factors) < 0.0).sum()
+        turned = (self._exchanged != np.arange(len(matrix))).sum() + (
+            np.diagonal(self._factors).real < 0.0
+        ).sum()
         self.sign: float | None = -1.0 if turned % 2 else 1.0
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """The inverse times a right side."""
-        return linalg.lapack.dgetrs(self._factors, self._exchanged, right)[0]
+        return self._solve(self._factors, self._exchanged, right)[0]
+
+    def solve_transposed(self, right: np.ndarray) -> np.ndarray:
+        """That of the transposed matrix."""
+        return self._solve(self._factors, self._exchanged, right, trans=1)[0]
 
 
 class DenseBorder(Factors):

@@ -20,7 +20,6 @@ from ..contact.closed_sets import exact_contacts, located_contacts
 from ..contact.friction import STICKS
 from ..contact.located_rubbing import located_rubbing
 from ..contact.marching import Address, Room, begun, march
-from ..contact.repeating import touch
 from ..contact.rubbing_tangent import LEAST, ROUGH, rubbing_contacts
 from ..contact.step_data import StepConstants, StepHistory, StepLoads, StepState
 from ..contact.tangent import Derivative
@@ -228,6 +227,18 @@ def require_waves(steps: int, lines: int) -> None:
         raise ValueError(f"{steps} steps a period need more memory than is free")
 
 
+def _rubbing(steps: int, pairs: int, slips: int) -> dict[str, np.ndarray]:
+    """Room for what a `StepHistory` tells of rows that rub."""
+    return {
+        "lost": np.empty(steps),
+        "rows": np.empty((steps + 1, pairs), dtype=np.int8),
+        "kept": np.empty(slips),
+        "landings": np.zeros((steps, slips, 3)),
+        "told": np.zeros((steps, pairs), dtype=np.int8),
+        "aside": np.zeros((steps, pairs)),
+    }
+
+
 def _recent(known: dict[Key, Value], key: Key, make: Callable[[], Value], others: int = 4) -> Value:
     """What a key stands for, made where it is not known beside a few others."""
     if key not in known:
@@ -298,29 +309,21 @@ class DrivenPeriod:
         p, m, steps = self.period, self.period.modes, self.period.steps
         difference = state[: 2 * m] - self.linear_state[: 2 * m]
         q, v, slip = difference[:m] / p.weights, difference[m:].copy(), p.slip_units * state[2 * m :]
-        states, velocities = np.empty((steps + 1, m)), np.empty((steps + 1, m))
-        forces, work = np.zeros((steps + 1, p.pairs)), np.empty(steps)
-        kept = (steps + 1, p.pairs) if len(slip) else (0, 0)
-        rows, lost = np.empty(kept, dtype=np.int8), np.empty(max(kept[0] - 1, 0))
-        begin = StepState(q, v, forces[0].copy(), former.copy(), slip.copy())
-        room, solves = p.kept(self.constants)
-        reached, touches = 0, touch(self.constants, self.free_gap[0], begin, room, solves)
-        states[0], velocities[0], forces[0] = q, v, begin.force
-        rows[:1], left = begin.rows[: rows.shape[1]], np.empty(len(slip))
-        landed = np.zeros((len(lost), len(slip), 3)), np.zeros((len(lost), kept[1]), dtype=np.int8)
-        landings = *landed, np.zeros((len(lost), kept[1]))
-        if touches:
-            loads = StepLoads(np.zeros((0, m)), self.free_gap, np.zeros(steps, dtype=np.int8))
-            told = states[1:], velocities[1:], forces[1:], work, np.empty(0, dtype=np.int8), lost
-            history = StepHistory(*told, rows[1:], left, *landings)
-            reached = march(self.constants, loads, begin, history, (room, solves)).steps
+        begin = StepState(q, v, np.empty(p.pairs), former.copy(), slip.copy())
+        told = np.empty((steps + 1, m)), np.empty((steps + 1, m)), np.empty((steps + 1, p.pairs))
+        history = StepHistory(*told, np.empty(steps))
+        if len(slip):
+            history = history._replace(**_rubbing(steps, p.pairs, len(slip)))
+        loads = StepLoads(np.empty((0, m)), self.free_gap, np.zeros(steps, dtype=np.int8))
+        reached = march(self.constants, loads, begin, history, p.kept(self.constants)).steps
         if reached < steps:
             raise failed_solve(
                 f"{called()}: the contact problem of step {reached} of {steps} at {self.frequency:g} Hz "
                 "was not solved; use more steps, or pairs of like size"
             )
-        residual = self._state(q, v, (left - slip) / p.slip_units)
+        residual = self._state(q, v, (history.kept - slip) / p.slip_units)
         residual[: 2 * m] -= difference
+        states, velocities, forces, work, _, lost, rows, _, *landings = history
         return PeriodMotion(residual, states, velocities, forces, work, rows, lost, *landings)
 
     def oscillations(self) -> tuple[np.ndarray, np.ndarray]:

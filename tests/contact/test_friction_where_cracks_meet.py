@@ -8,8 +8,8 @@ import pytest
 import sbfem_petsc as sb
 from meshing import CrackLine, Plate
 from sbfem_petsc.contact.law import FREE
-from sbfem_petsc.contact.repeating import touch
-from sbfem_petsc.contact.step_data import StepState
+from sbfem_petsc.contact.marching import march
+from sbfem_petsc.contact.step_data import StepHistory, StepLoads, StepState
 from sbfem_petsc.motion.preparation import PeriodSettings, prepare
 from tests.contact.test_friction import LINES
 from tests.systems import ALUMINIUM
@@ -136,13 +136,16 @@ def test_contact_as_a_period_begins_ends_in_a_solution():
         driven, rng = period.at(FREQUENCY), np.random.default_rng(1)
         count, flexibility = len(period.laws), period.residual_flexibility
         rubs, moving, sticking = driven.constants.rubbing.rows, 0, 0
+        # no step, but contact where the first one begins
+        loads = StepLoads(np.empty((0, MODES)), driven.free_gap[:1], np.zeros(0, dtype=np.int8))
+        history = StepHistory(*(np.empty((1, n)) for n in (MODES, MODES, period.pairs)), np.empty(0))
         for _ in range(60):
             state = np.linalg.norm(driven.linear_state) / 4.0 * rng.standard_normal(period.unknowns)
             q, former = state[:MODES] / period.weights, period.slip_units * state[2 * MODES :]
             begin = StepState(
                 q, q.copy(), np.zeros(period.pairs), np.zeros(period.pairs, dtype=np.int8), former.copy()
             )
-            assert touch(driven.constants, driven.free_gap[0], begin, *period.kept(driven.constants))
+            march(driven.constants, loads, begin, history, period.kept(driven.constants))
             gap = driven.free_gap[0] + period.left @ (period.right.T @ q) + flexibility @ begin.force
             pressure, friction = begin.force[:count], begin.force[count:]
             size, least = np.abs(gap).max(), 1e-9 * pressure.max()

@@ -26,6 +26,7 @@ from scipy import linalg
 
 from ...motion.period_map import DrivenPeriod
 from ...motion.period_motion import PeriodMotion
+from ..linear import Factors
 from ..multipliers import inverse_iteration
 from ..newton import correct
 from ..problem import Linear, Lost, Metric, Point, Problem
@@ -179,11 +180,11 @@ class LocusState:
         self.residual = np.append(motion.residual, FINE * self.scale * off)
         self.rows = len(self.residual)
         # orthonormal directions in units, and the slopes of g along them
-        self._known: list[tuple[np.ndarray, np.ndarray]] = []
+        self._known, self._rates = np.empty((0, len(u))), np.empty((0, len(self.condition)))
 
     def forget(self) -> None:
         """See `problem.State`."""
-        for name in ("_run", "surface"):
+        for name in ("_run", "factors"):
             self.__dict__.pop(name, None)
 
     @functools.cached_property
@@ -204,34 +205,37 @@ class LocusState:
 
     def slope(self, direction: np.ndarray) -> np.ndarray:
         """Of g along a change of the unknowns in units, by differences only along what is not known of it."""
-        rest, total = direction.copy(), np.zeros(len(self.condition))
+        rest, total = direction, np.zeros(len(self.condition))
         for _ in range(2):  # twice is enough for orthogonal to rounding
-            for known, rate in self._known:
-                share = float(known @ rest)
-                rest, total = rest - share * known, total + share * rate
+            shares = self._known @ rest
+            rest, total = rest - shares @ self._known, total + shares @ self._rates
         length = float(np.linalg.norm(rest))
         if length > NEGLECTED * float(np.linalg.norm(direction)):
-            steepest = max((float(np.abs(rate).max()) for _, rate in self._known), default=0.0)
+            steepest = float(np.abs(self._rates).max(initial=0.0))
             for apart in (APART, 10.0 * APART):
                 u = self.u + apart / length * rest * self.problem.units(self.u)[0]
                 change = self._change(u, *self.problem.run(u))
                 if max(float(np.abs(change).max()), apart * steepest) > CLEAR:
                     break
             rate = change / apart
-            self._known.append((rest / length, rate))
+            self._known = np.vstack([self._known, rest / length])
+            self._rates = np.vstack([self._rates, rate])
             total = total + length * rate
         return total
 
     @functools.cached_property
-    def surface(self) -> np.ndarray:
-        """Derivative of the motion's residual along the unknowns in units, (2 m, n)."""
+    def factors(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Q and R of the transposed derivative of the motion's residual along the unknowns in units, and
+        directions in which it does not change.
+        """
         problem = self.problem
         x, _, value = problem.split(self.u)
         part = problem.family.derivative(*self._run, x, value)
         part[:, : len(x)] -= np.eye(len(x))
-        result = np.zeros((len(x), len(self.u)))
-        result[:, : len(x) + 2] = part
-        return result * problem.units(self.u)[0]
+        surface = np.zeros((len(self.u), len(x)))
+        surface[: len(x) + 2] = part.T
+        q, r = np.linalg.qr(surface * problem.units(self.u)[0][:, None], mode="complete")
+        return q[:, : len(x)], r[: len(x)], q[:, len(x) :]
 
     def linear(self, smooth: bool = False) -> LocusState:
         """Itself, for Newton's method and for tangents: a `problem.Linear` too."""
@@ -256,8 +260,8 @@ class _AtMultiplier(LocusState):
         bordered[:n, :n] = matrix
         bordered[range(n), range(n)] -= place
         bordered[:n, n], bordered[n, :n] = left.conj(), right.conj()
-        factors, unit = linalg.lu_factor(bordered, check_finite=False), np.eye(n + 1, dtype=bordered.dtype)[n]
-        a, b = (linalg.lu_solve(factors, unit, trans, check_finite=False) for trans in (0, 1))
+        factors, unit = Factors(bordered), np.eye(1, n + 1, n, dtype=bordered.dtype)[0]
+        a, b = factors.solve(unit), factors.solve_transposed(unit)
         self.right, self.left = a[:n], b[:n]
         self.image = matrix @ self.right
         self.condition = self._real(a[n])
@@ -297,28 +301,30 @@ class _AtGrazing(LocusState):
 
 
 class _AugmentedBorder:
-    """By orthogonal factors of the motion's rows and the border, [J; row] = R^T Q^T, and of g within their
-    null space (one direction, two for Neimark-Sacker points).
+    """By orthogonal factors of the motion's rows, J = R^T Q^T; of the directions in which these do not change
+    the border tells one, and g the others (one, two for Neimark-Sacker points).
     """
 
     sign: float | None = None
 
     def __init__(self, state: LocusState, row: np.ndarray):
         self.state, self.units = state, state.problem.units(state.u)[0]
-        surface, scaled = state.surface, row * self.units
-        self.size = float(np.linalg.norm(surface, axis=1).max()) / max(float(np.linalg.norm(scaled)), 1e-300)
-        q, r = linalg.qr(np.vstack([surface, self.size * scaled]).T, check_finite=False)
-        self.known = len(surface) + 1
-        self.range, self.null, self.triangle = q[:, : self.known], q[:, self.known :], r[: self.known]
+        self.range, self.triangle, null = state.factors
+        self.row = row * self.units
+        turned, _ = np.linalg.qr((self.row @ null)[:, None], mode="complete")
+        self.along, self.null = null @ turned[:, 0], null @ turned[:, 1:]
         self.slopes = np.array([state.slope(direction) for direction in self.null.T]).T
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """See `problem.Border`: of the motion's rows, g and the border."""
-        known = np.append(right[: self.known - 1], self.size * right[-1])
+        known, singular = linalg.lapack.dtrtrs(self.triangle, right[: len(self.triangle)], trans=1)
+        steep = float(self.row @ self.along)
+        if singular or not steep:
+            raise Lost("the locus has no single direction")
+        particular = self.range @ known
+        particular += (right[-1] - self.row @ particular) / steep * self.along
+        wanted = right[len(known) : -1] / (FINE * self.state.scale) - self.state.slope(particular)
         try:
-            known = linalg.solve_triangular(self.triangle, known, trans="T", check_finite=False)
-            particular = self.range @ known
-            wanted = right[self.known - 1 : -1] / (FINE * self.state.scale) - self.state.slope(particular)
             return self.units * (particular + self.null @ np.linalg.solve(self.slopes, wanted))
         except np.linalg.LinAlgError:
             raise Lost("the locus has no single direction") from None
