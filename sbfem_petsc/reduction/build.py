@@ -109,11 +109,9 @@ def reduce(
         )
         ranks = checked_communicator("reduce", comm)
         found = _reduced_body(model, contact, (loads, points), modes, damped, ranks)
-        return (
-            replace(found, body=model, contact=contact)
-            if flag("reduce", "shapes", shapes)
-            else replace(found, whole=None)
-        )
+        if flag("reduce", "shapes", shapes):
+            return replace(found, body=model, contact=contact)
+        return replace(found, whole=None)
     if not isinstance(model, Model):
         raise TypeError(
             f"reduce: model = {shown(model)} is not a Model or FiniteElementModel; for matrices use "

@@ -1,4 +1,6 @@
-"""Lowest modes by block Lanczos: several right-hand sides pass over a factor once, and ranks share them."""
+"""Lowest modes by block Lanczos, rational at its end: several right-hand sides pass over a factor once, and
+ranks share them.
+"""
 
 from __future__ import annotations
 
@@ -20,6 +22,10 @@ TOLERANCE = 1e-11
 LOST, ENOUGH = 1e-12, 0.1
 # Vectors at most, in modes and in blocks.
 SPACE, BLOCKS = 2, 60
+# Of the last eigenvalue, its residual and the gap after it where a place is chosen, at most and at least;
+# blocks within which it lies in a space, and after which it is looked at again. Of those that are found,
+# residuals at most.
+NEAR, GAP, LOOK, FOUND = 0.02, 1e-3, 2, 1e-6
 
 
 def share(comm: MPI.Comm, count: int) -> slice:
@@ -67,11 +73,15 @@ def lowest(
     comm: MPI.Comm,
     solve: Callable[[np.ndarray], np.ndarray],
     mass: sparse.csr_matrix,
-    count: int,
-    width: int,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The largest eigenvalues of K^-1 M, falling, their mass-normalised vectors and M times these, on each
-    rank alike; `solve` takes and gives this rank's rows. Collective.
+    sizes: tuple[int, int],
+    near: Callable[[float], int | None] | None,
+) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], int, int | None]:
+    """The largest eigenvalues of K^-1 M, so many, falling, their mass-normalised vectors and M times these,
+    on each rank alike, by blocks of so many columns; how many of K below a place beyond the last of these
+    are found, and how many there are. Collective.
+
+    `solve` gives K^-1 of this rank's columns, and (K - place M)^-1 once `near` was called with a place, below
+    which it counts eigenvalues. Those about it come in fewer blocks so.
 
     Eigenvalues of multiplicity `width` or less are all found but by round-off. All vectors are out of K^-1 M,
     and have no part in what has no mass.
@@ -83,12 +93,15 @@ def lowest(
     SolveError
         If modes are not found.
     """
+    (count, width), size = sizes, mass.shape[0]
     space, random = _Space(comm, mass, SPACE * count + BLOCKS * width), np.random.default_rng(0)
-    projected = np.zeros((space.most, space.most))
-    done, due = 0, count
+    # Coefficients: K^-1 M of the former are the latter.
+    before, after = np.eye(space.most), np.zeros((space.most, space.most))
+    done, due, place = 0, count, 0.0
+    below: int | None = None
     while True:
         if space.used == done:  # at the beginning, and where vectors are those of an invariant part
-            space.add(solve(space.mass @ random.standard_normal((mass.shape[0], width))))
+            space.add(by_columns(comm, space.mass @ random.standard_normal((size, width)), size, solve))
         last = slice(done, space.used)
         done = space.used
         if last.start == done or done + width > space.most:
@@ -96,19 +109,30 @@ def lowest(
                 f"modal: fewer than {count} modes were found in {done} vectors; keep fewer modes, or "
                 "check that the mass moves in so many ways"
             )
-        inside, outside = space.add(solve(space.inertia[:, last]))
-        projected[:done, last], projected[done : space.used, last] = inside, outside
-        if done < count or (done < due and len(outside)):
+        block = by_columns(comm, space.inertia[:, last], size, solve)
+        after[:done, last], after[done : space.used, last] = space.add(block)
+        before[:, last] += place * after[:, last]
+        if done < count or (done < due and space.used > done):
             continue
-        values, parts = np.linalg.eigh(projected[:done, :done])  # by its lower triangle
-        left = np.linalg.norm(outside @ parts[last, -count:], axis=0)
-        excess = (left / (TOLERANCE * np.abs(values[-count:]))).max()
+        span, triangle = np.linalg.qr(before[: space.used, :done])
+        images = after[: space.used, :done] @ np.linalg.inv(triangle)
+        projected = span.T @ images
+        values, parts = (part[..., ::-1] for part in np.linalg.eigh(projected))  # by its lower triangle
+        left = np.linalg.norm((images - span @ projected) @ parts, axis=0)
+        excess = (left[:count] / (TOLERANCE * np.abs(values[:count]))).max()
         if excess <= 1.0:
-            chosen = np.ascontiguousarray(parts[:, : -count - 1 : -1])
-            found = (part[:, :done] @ chosen for part in (space.basis, space.inertia))
-            vectors, inertia = (whole(comm, part, mass.shape[0]) for part in found)
-            return values[: -count - 1 : -1], vectors, inertia
-        due = done + width * int(0.5 * np.log10(excess))  # a block gains two digits at most
+            own = (part[:, : space.used] @ (span @ parts[:, :count]) for part in (space.basis, space.inertia))
+            vectors, inertia = (whole(comm, part, size) for part in own)
+            known = int(((values * place > 1.0) & (left <= FOUND * values)).sum())
+            return (values[:count], vectors, inertia), known, below
+        # a block gains two digits at most
+        due = done + min(width * int(0.5 * np.log10(excess)), max(LOOK * width, count // 4))
+        ends = np.arange(count, min(count + width, done - LOOK * width))
+        gaps = values[ends - 1] - values[ends]
+        ends = ends[(gaps >= GAP * values[ends - 1]) & (left[ends - 1] <= NEAR * values[ends - 1])]
+        if near is not None and not place and len(ends):
+            place = 2.0 / (values[ends[0] - 1] + values[ends[0]])
+            below = near(place)
 
 
 class _Space:
@@ -137,7 +161,7 @@ class _Space:
         before, size = slice(self.used), block.shape[1]
         inside, outside, rows = np.zeros((self.used, size)), np.eye(size), np.asfortranarray(block)
         for lost in (LOST, ENOUGH):
-            along = self._summed(self.inertia[:, before].T @ rows)
+            along = summed(self.comm, self.inertia[:, before].T @ rows)
             if rows.size:  # in place, without an array of that size
                 rows = dgemm(-1.0, self.basis[:, before], along, 1.0, rows, overwrite_c=True)
             heavy = np.asfortranarray(self.mass @ whole(self.comm, rows, self.mass.shape[1]))
@@ -156,7 +180,7 @@ class _Space:
         """Make columns orthonormal in place; those of which more than `lost` is their own, their
         coefficients, and the least such part, `along` being squares of what was taken off before.
         """
-        products = self._summed(rows.T @ heavy)
+        products = summed(self.comm, rows.T @ heavy)
         squares = along + products.diagonal()
         with contextlib.suppress(np.linalg.LinAlgError):  # at once, where that leaves no more than rounding
             triangle = np.linalg.cholesky(products).T
@@ -167,7 +191,7 @@ class _Space:
                 return list(range(len(along))), triangle, least
         kept, triangle, least = list[int](), np.zeros((len(along), len(along))), 1.0
         for j, square in enumerate(squares):
-            row = self._summed(rows[:, j] @ heavy[:, j:])
+            row = summed(self.comm, rows[:, j] @ heavy[:, j:])
             if not np.isfinite(row).all():
                 raise failed_solve(
                     "modal: a solve overflows; are all entries of mass and stiffness of usual size?"
@@ -187,6 +211,3 @@ class _Space:
                 if part[:, j + 1 :].size:
                     dger(-1.0 / length, part[:, j], row[1:], a=part[:, j + 1 :], overwrite_a=True)
         return kept, triangle[: len(kept)], least
-
-    def _summed(self, array: np.ndarray) -> np.ndarray:
-        return summed(self.comm, array) if self.comm.size > 1 else array

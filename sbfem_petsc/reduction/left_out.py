@@ -202,8 +202,7 @@ def _patterns(own: ReducedModel, model: Model) -> np.ndarray:
     sizes = np.where(slack > ROUNDING * slack.max(initial=0.0), slack, (seen**2).sum(axis=1))
     units = np.where(sizes > 0.0, 1.0 / np.sqrt(np.where(sizes > 0.0, sizes, 1.0)), 0.0)
     patterns, values, _ = np.linalg.svd(units[:, None] * seen, full_matrices=False)
-    patterns = patterns[:, values > PATTERN * values.max(initial=0.0)]
-    patterns = patterns[:, :MOST]
+    patterns = patterns[:, values > PATTERN * values.max(initial=0.0)][:, :MOST]
     known, size = patterns.shape[1], len(units)
     count = min(math.ceil(BESIDE * known), MOST - known, size)
     if count > 0:

@@ -255,8 +255,7 @@ class ReducedModel(Record):
     def slip_units(self) -> np.ndarray:
         """(k,): of slips beside modal coordinates, m: roots of their compliance."""
         slack = np.diagonal(self.gap.contact)[self.gaps :]
-        result: np.ndarray = np.sqrt(np.where(slack > 0.0, slack, 1.0))
-        return result
+        return np.asarray(np.sqrt(np.where(slack > 0.0, slack, 1.0)))
 
     @functools.cached_property
     def thin_gaps(self) -> tuple[np.ndarray, np.ndarray]:

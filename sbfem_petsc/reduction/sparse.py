@@ -29,7 +29,7 @@ from ..ranks.parallel import collective
 from ..system.layout.rows import Rows
 from ..system.solve.linear_solver import LinearSolver
 from .chosen import by_options, lowest_by_slepc
-from .krylov import by_columns, lowest, share, whole
+from .krylov import lowest, share, whole
 
 # Relative residual of K x = b that a solve may have, and the energy of a mode, beside that of its parts, that
 # is told from their round-off; the residual above which a second solve gives digits back.
@@ -42,6 +42,8 @@ SHIFT, SAME, APART, TIMES = 1e-9, 1e-4, 1e-6, 2
 MANY, ROUNDED = 6, 1e-10
 # Unknowns of a node, or half as many of a shell's.
 WIDTHS = (3, 2)
+# Squares of frequencies, modes and M times these, or what is left of flexibilities.
+Modes = tuple[np.ndarray, np.ndarray, np.ndarray]
 # Right-hand sides at a time: more of them share a pass over the factor, fewer make a smaller space.
 WIDTH = 12
 
@@ -52,7 +54,7 @@ def sparse_modes(
     columns: sparse.csr_matrix,
     count: int,
     comm: MPI.Comm = MPI.COMM_SELF,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> Modes:
     """The lowest modes of K phi = w2 M phi and what is left of the flexibility, on each rank alike.
     Collective.
 
@@ -72,7 +74,8 @@ def sparse_modes(
         If modes are not found, or some have been left out; on all ranks.
     """
     require_thread()
-    heavy = _heavy(mass, count)
+    with collective(comm):
+        _require_mass(_negative_parts(_heavy(mass, count)))
     carried = mass.diagonal() > 0.0
     ratio = float(np.median(stiffness.diagonal()[carried] / mass.diagonal()[carried]))
     for shift in (0.0, SHIFT * ratio):  # the latter with rigid-body motions
@@ -81,7 +84,7 @@ def sparse_modes(
             with closing(_Columns(comm, definite, "modal_st_")) as solver:
                 if not solver.factorised(sure=shift > 0.0):
                     break
-                found = _solved(solver, (mass, heavy, stiffness), columns, (count, WIDTH << doubled), shift)
+                found = _solved(solver, (mass, stiffness), columns, (count, WIDTH << doubled), shift)
             if found is None:
                 break
             known, below, result = found
@@ -106,11 +109,11 @@ def sparse_modes(
 
 def _solved(
     solver: _Columns,
-    matrices: tuple[sparse.csr_matrix, sparse.csr_matrix, sparse.csr_matrix],
+    matrices: tuple[sparse.csr_matrix, sparse.csr_matrix],
     columns: sparse.csr_matrix,
     sizes: tuple[int, int],
     shift: float,
-) -> tuple[int, int | None, tuple[np.ndarray, np.ndarray, np.ndarray]] | None:
+) -> tuple[int, int | None, Modes] | None:
     """How many modes are below the last one, how many there are, and what `sparse_modes` gives, by a factor
     of K + shift M, in whose place eigenvalues are counted; None where a shift of 0 meets rigid-body motions,
     or some so soft beside all others that they would take digits of these.
@@ -118,17 +121,20 @@ def _solved(
     As many vectors of a multiple eigenvalue are found as there are right-hand sides at a time, further ones
     through round-off only.
     """
-    (mass, heavy, stiffness), (count, width), comm = matrices, sizes, solver.comm
+    (mass, stiffness), comm = matrices, solver.comm
+    own = columns[:, share(comm, columns.shape[1])]
+    answers = None if shift else solver.of_few(own)  # by the factor of K, which modes take the place of
     try:
-        values, vectors, inertia = _lowest(solver, mass, count, width, shift)
+        (values, vectors, inertia), known, below = _lowest(solver, mass, sizes, shift)
     except (ValueError, SolveError):
-        _require_mass(solver.counted(*_negative_parts(heavy)))
         if shift or by_options():
             raise
         return None  # pivots of rigid-body motions that rounding has left above 0 give these alone
     rigid = values[-1] <= shift * (1.0 + SAME)
     last = shift * (1.0 + SAME) if rigid else values[-1] * (1.0 - 1e-6)
-    known, values = int((values < last).sum()), values - shift
+    if again := rigid or known != below:
+        known = int((values < last).sum())
+    values = values - shift
     if shift:  # which costs frequencies digits, but quotients of shapes have few errors of these
         values, parts = linalg.eigh(vectors.T @ (stiffness @ vectors), vectors.T @ inertia)
         vectors, inertia = vectors @ parts, inertia @ parts
@@ -140,29 +146,27 @@ def _solved(
     if not shift and energies[0] <= (SHIFT if len(apart) else ZERO) * parts[0]:
         return None
     values[low[energies <= ZERO * parts]] = 0.0
-    own, modes = columns[:, share(comm, columns.shape[1])], (values, vectors, inertia)
     soft = max((values == 0.0).sum(), (1 + apart[values[apart] <= shift]).max(initial=0))
-    answers = _left_out(solver, own, stiffness, modes, shift=shift, soft=int(soft))
-    below, *negative = solver.counted(partial(solver.below, last, mass), *_negative_parts(heavy))
-    _require_mass(negative)
+    answers = _left_out(solver, (own, answers), matrices, (values, vectors, inertia), soft=int(soft))
+    below = solver.below(last, mass) if again else below
     if rigid and below is not None and below > known:
-        raise _not_held(count)
+        raise _not_held(len(values))
     return known, below, (values, vectors, whole(comm, answers.T, columns.shape[1]).T)
 
 
 def _left_out(
     solver: _Columns,
-    columns: sparse.csr_matrix,
-    stiffness: sparse.csr_matrix,
-    modes: tuple[np.ndarray, np.ndarray, np.ndarray],
+    given: tuple[sparse.csr_matrix, np.ndarray | None],
+    matrices: tuple[sparse.csr_matrix, sparse.csr_matrix],
+    modes: Modes,
     *,
-    shift: float,
     soft: int,
 ) -> np.ndarray:
-    """P K^-1 P^T of this rank's columns: P K^-1 of these as they are, whose zeros a factor passes over. Where
-    low modes, which P takes out, have taken digits, a solve for what is missed gives them back. With a shift
+    """P K^-1 P^T of this rank's columns, given with their K^-1: P K^-1 of these as they are. Where low modes,
+    which P takes out, have taken digits, a solve for what is missed gives them back. Where K^-1 is not given
     unknowns are held in the place of the `soft` lowest. Collective.
     """
+    (columns, answers), (mass, stiffness) = given, matrices
     (values, vectors, inertia), comm = modes, solver.comm
 
     def beside(forces: np.ndarray) -> np.ndarray:
@@ -180,18 +184,20 @@ def _left_out(
         return flexible(answers + solve(np.asfortranarray(left)))
 
     mixture = np.random.default_rng(0).uniform(1.0, 2.0, columns.shape[1])  # which tells of any column
-    given = columns @ mixture
-    forces = beside(given)  # rounding alone, where kept modes take all of them
-    largest = comm.allreduce(max(np.abs(forces).max(), RESIDUAL * np.abs(given).max()), MPI.MAX)
-    if shift:
+    pushed = columns @ mixture
+    forces = beside(pushed)  # rounding alone, where kept modes take all of them
+    largest = comm.allreduce(max(np.abs(forces).max(), RESIDUAL * np.abs(pushed).max()), MPI.MAX)
+    if answers is None:
         with closing(_Pinned(comm, stiffness, vectors, soft)) as held:
             answers = again(held.own, np.zeros(columns.shape))
             for _ in range(int(values[:soft].any()) and TIMES):
                 answers = again(held.own, answers)
     else:
-        answers = flexible(solver.of_few(columns))
+        answers = flexible(answers)
         if missed(answers) <= DIGITS * largest:
             return answers
+        if solver.place:
+            solver.below(0.0, mass)
         answers += solver.own(np.asfortranarray(beside(columns.toarray()) - stiffness @ answers))
     if not missed(answers) <= RESIDUAL * largest:
         raise _not_held(len(values))
@@ -209,7 +215,7 @@ class _Columns:
     """Solves for columns that ranks share out, each by a factor of its own."""
 
     def __init__(self, comm: MPI.Comm, matrix: sparse.csr_matrix, prefix: str):
-        self.comm, self.csr, self.matrix = comm, matrix, _matrix(matrix)
+        self.comm, self.csr, self.matrix, self.place = comm, matrix, _matrix(matrix), 0.0
         self.ksp = make_ksp(self.matrix, prefix, positive_definite=False, later=True)
         self.solver = LinearSolver(self.ksp, self.matrix)
 
@@ -243,40 +249,37 @@ class _Columns:
                 return columns.toarray(order="F")
             return self.solver.of_rows(Rows(MPI.COMM_SELF, columns.T.tocsr()), slice(None), "reduction")
 
-    def shared(self, rows: np.ndarray) -> np.ndarray:
-        """Solve for columns of which each rank has its rows, (own, k). Collective."""
-        return by_columns(self.comm, rows, self.csr.shape[0], self.own)
+    def of_modes(self, values: np.ndarray, inertia: np.ndarray) -> np.ndarray:
+        """Modes of such eigenvalues by a mass times these, which all ranks have. Collective."""
+        own = share(self.comm, len(values))
+        found = self.own(inertia[:, own]) * (values[own] - self.place)
+        return whole(self.comm, found.T, len(values)).T
 
-    def of_all(self, right: np.ndarray) -> np.ndarray:
-        """Solve for (n, k) columns that all ranks have. Collective."""
-        found = self.own(right[:, share(self.comm, right.shape[1])])
-        return whole(self.comm, found.T, right.shape[1]).T
-
-    def by_slepc(
-        self, mass: sparse.csr_matrix, count: int, width: int
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def by_slepc(self, mass: sparse.csr_matrix, count: int, width: int) -> Modes:
         """See `lowest_by_slepc`, with some more modes as further vectors of multiple ones. Collective."""
         with freeing(MPI.COMM_SELF, _matrix(mass)) as (inertia,), collective(self.comm):
             wanted = min(count + width, mass.shape[0])
             return lowest_by_slepc(self.ksp, inertia, mass, count, wanted)
 
-    def counted(self, *counts: Callable[[], int | None]) -> list[int | None]:
-        """What counts give, which ranks share out. Collective."""
-        with collective(self.comm):
-            found = [count() for count in counts[self.comm.rank :: self.comm.size]]
-        told = self.comm.allgather(found)
-        return [told[k % self.comm.size][k // self.comm.size] for k in range(len(counts))]
+    def movable(self, mass: sparse.csr_matrix) -> bool:
+        """Whether the factor can be that of the matrix less masses with entries where it has some."""
+        ones = [sparse.csr_matrix((np.ones(a.nnz), a.indices, a.indptr), a.shape) for a in (mass, self.csr)]
+        return self.ksp.getPC().getFactorSolverType() == "mumps" and sum(ones).nnz == self.csr.nnz
 
     def below(self, value: float, mass: sparse.csr_matrix) -> int | None:
-        """Eigenvalues below one; None where PETSc has nothing that counts them. The factor is lost."""
+        """Eigenvalues below one; None where PETSc has nothing that counts them. The factor is that of the
+        matrix less so many masses afterwards, if it is `movable`, in the same order. Collective.
+        """
         pc = self.ksp.getPC()
-        if pc.getFactorSolverType() == "mumps" and _within(mass, self.csr):  # its order stays
+        with collective(self.comm):
+            if not self.movable(mass):
+                return _negative(sparse.csr_matrix(self.csr - value * mass))
             with freeing(MPI.COMM_SELF, _matrix(mass)) as (added,):
-                self.matrix.axpy(-value, added, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+                self.matrix.axpy(self.place - value, added, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+            self.place = value
             with solving("modal"):
                 factorise(pc, pc.setUp, count_pivots)
             return pivot_signs(pc, "modal")[0]
-        return _negative(sparse.csr_matrix(self.csr - value * mass))
 
     def close(self) -> None:
         """Destroy what PETSc has of it."""
@@ -309,33 +312,34 @@ class _Pinned(_Columns):
 
 
 def _lowest(
-    solver: _Columns, mass: sparse.csr_matrix, count: int, width: int, shift: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lowest eigenvalues of K + shift M, mass-normalised vectors and M times these, by so many right-hand
-    sides at a time.
+    solver: _Columns, mass: sparse.csr_matrix, sizes: tuple[int, int], shift: float
+) -> tuple[Modes, int, int | None]:
+    """Lowest eigenvalues of K + shift M, so many, mass-normalised vectors and M times these, by so many
+    right-hand sides at a time, and how many are found and counted, see `lowest`.
     """
     if shift and by_options():
         raise failed_solve(
             "modal: -modal_eps_ options are for bodies that are held: of others rigid motions take the "
             "digits of what SLEPc finds; leave these options out, or hold the body"
         )
-    if by_options():
-        inverse, vectors, inertia = solver.by_slepc(mass, count, width)
-        again = solver.of_all(inertia) / inverse
+    if not by_options():
+        near = partial(solver.below, mass=mass) if solver.movable(mass) else None
+        (inverse, vectors, inertia), known, below = lowest(solver.comm, solver.own, mass, sizes, near)
+    else:
+        (inverse, vectors, inertia), known, below = solver.by_slepc(mass, *sizes), 0, None
+        again = solver.of_modes(1.0 / inverse, inertia)
         missed = float(np.sqrt(((again - vectors) * (mass @ (again - vectors))).sum(axis=0)).max())
         if not missed <= RESIDUAL:
             raise failed_solve(
                 f"modal: SLEPc's modes miss their equations by {missed:.1g}, above {RESIDUAL:g}; "
                 "lower -modal_eps_tol, raise -modal_eps_ncv, or leave -modal_eps_ options out"
             )
-    else:
-        inverse, vectors, inertia = lowest(solver.comm, solver.shared, mass, count, width)
     if mass.diagonal().min() <= 0.0:  # rounding in what has no mass
-        vectors = solver.of_all(inertia) / inverse
+        vectors = solver.of_modes(1.0 / inverse, inertia)
         inertia = mass @ vectors
         lengths = np.sqrt((vectors * inertia).sum(axis=0))
         vectors, inertia = vectors / lengths, inertia / lengths
-    return 1.0 / inverse, vectors, inertia
+    return (1.0 / inverse, vectors, inertia), known, below
 
 
 def _heavy(mass: sparse.csr_matrix, count: int) -> sparse.csr_matrix:
@@ -356,38 +360,26 @@ def _heavy(mass: sparse.csr_matrix, count: int) -> sparse.csr_matrix:
     return sparse.csr_matrix(mass + sparse.diags(np.where(diagonal == 0.0, diagonal.max(), 0.0)))
 
 
-def _within(one: sparse.csr_matrix, other: sparse.csr_matrix) -> bool:
-    """Whether one matrix has entries where the other has, and nowhere else."""
-    both = [sparse.csr_matrix((np.ones(a.nnz), a.indices, a.indptr), a.shape) for a in (one, other)]
-    return int((both[0] + both[1]).nnz) == other.nnz
-
-
-def _negative_parts(mass: sparse.csr_matrix) -> list[Callable[[], int | None]]:
-    """What counts negative eigenvalues of a mass by parts that nothing couples, those along x, y and z say,
+def _negative_parts(mass: sparse.csr_matrix) -> list[int | None]:
+    """Negative eigenvalues of a mass by parts that nothing couples, those along x, y and z say,
     alike ones once; of all of it where they are many. Single unknowns have none, see `_heavy`.
     """
     part = connected_components(mass, directed=False)[1]
     several = np.flatnonzero(np.bincount(part) > 1)
     if len(several) > MANY:
-        return [partial(_negative, mass)]
-    parts = list[list[sparse.csr_matrix]]()
-    for own in (mass[part == k][:, part == k] for k in several):
-        alike = [some for some in parts if own.shape == some[0].shape and not (own != some[0]).nnz]
-        if alike:
-            alike[0].append(own)
-        else:
-            parts.append([own])
-    return [partial(_negative, alike[0], len(alike)) for alike in parts]
+        return [_negative(mass)]
+    parts = [mass[part == k][:, part == k] for k in several]
+    alike = all(own.shape == parts[0].shape and not (own != parts[0]).nnz for own in parts)
+    return [_negative(parts[0])] * len(parts) if alike and parts else [_negative(own) for own in parts]
 
 
-def _negative(matrix: sparse.csr_matrix, times: int = 1) -> int | None:
-    """Negative eigenvalues of so many alike, beyond rounding of those that are 0, as of masses that are
-    integrated at few points; None where PETSc has nothing that counts them.
+def _negative(matrix: sparse.csr_matrix) -> int | None:
+    """Negative eigenvalues, beyond rounding of those that are 0, as of masses that are integrated at few
+    points; None where PETSc has nothing that counts them.
     """
     lifted = sparse.csr_matrix(matrix + ROUNDED * sparse.diags(matrix.diagonal()))
     with freeing(MPI.COMM_SELF, _matrix(lifted)) as (made,):
-        found = negative_eigenvalues(made, "modal")
-    return None if found is None else times * found
+        return negative_eigenvalues(made, "modal")
 
 
 def _require_mass(negative: Sequence[int | None]) -> None:
