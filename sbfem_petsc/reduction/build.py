@@ -38,8 +38,6 @@ BAND, LEAST_MODES = 8.0, 80
 # them; of loads of no known band the default is the least. The error falls as the square of the band, with
 # vectors faster: 15 motions of beams, plates, bimaterials.
 ACCURATE_BAND, BAND_BESIDE, ACCURATE_LEAST, ACCURATE = 16.0, 12.0, 12, 1e-3
-# How far a pencil that counts modes goes: to where vectors behind them have frequencies, and one mode more.
-REACH = 1.2 * OF_BOTH.top
 # Most modes that it begins with, unless the usual ones are more, and that it grows to; the same by default
 # of what computes many motions or cycles: twice as many take eight times as long.
 MOST_MODES, MOST_OF_MANY = 320, 2 * LEAST_MODES
@@ -244,7 +242,7 @@ def _below(model: Model, frequency: float, count: int) -> int:
     stout = min(1.0, 4.0 * math.sqrt(elements.layout.area) / elements.layout.perimeter)
     beyond = has_modes(model) or omega > stout * top_of_band(elements, count)
     while True:
-        below = count_below(model, frequency, REACH) if beyond else None
+        below = count_below(model, frequency) if beyond else None
         if below is not None:
             return min(below, most)
         known = model.modes(count).frequencies

@@ -118,9 +118,8 @@ def left_out(own: ReducedModel, spaces: tuple[Space, ...]) -> dict[Space, LeftOu
     last = spaces[-1]
     require_modes(model.statics.elements, pushes.shape[1], len(own.omega) + 3 * last.blocks * pushes.shape[1])
     forces = model.load_columns(own.loads).forces
-    highest = last.top * float(own.omega.max())
-    kept = counted_pencil(model, len(own.omega), highest)
-    with kept or Pencil(model.statics, highest, TOLERANCE) as pencil:
+    count, top = len(own.omega), last.top * float(own.omega.max())
+    with counted_pencil(model, count, top) or Pencil(model.statics, top, TOLERANCE) as pencil:
         found = _vectors(own, model, pencil, (pushes, forces), spaces)
         return {space: _of(own, pencil, forces, space, *found[space]) for space in spaces}
 

@@ -295,16 +295,15 @@ def counted_pencil(model: Model, count: int, highest: float = 0.0) -> Pencil | N
     rad/s.
     """
     kept = model._pencil
-    fits = kept is not None and kept.counted and kept.counted[1] == count - 1 and kept.highest >= highest
-    return kept if fits else None
+    return kept if kept and kept.counted[1] == count - 1 and kept.highest >= highest else None
 
 
-def count_below(model: Model, frequency: float, reach: float = 1.0) -> int | None:
+def count_below(model: Model, frequency: float) -> int | None:
     """Number of modes below a frequency, Hz; None where the direct solver tells none. A small model keeps the
-    pencil, up to `reach` times it, for these modes and one more. Collective.
+    pencil for these modes and one more. Collective.
     """
     known = np.empty(0) if model._modes is None else model._modes.frequencies
     if len(known) and known[-1] >= frequency:
         return int((known < frequency).sum())
-    below, model._pencil = modes_below(model.statics, frequency, reach)
+    below, model._pencil = modes_below(model.statics, frequency)
     return below

@@ -259,7 +259,7 @@ def test_counted_modes_and_one_more(monkeypatch, count, exact):
     monkeypatch.setattr(modes, "Pencil", pencil)
     model = clamped_square()
     frequency = 0.5 * (exact[count - 1] + exact[count]) if count else 0.9 * exact[0]
-    below = count_below(model, frequency, 6.0)
+    below = count_below(model, frequency)
     assert below == count
     np.testing.assert_allclose(model.modes(below + 1).frequencies, exact[: below + 1], rtol=1e-8)
     assert len(made) == 1

@@ -36,6 +36,9 @@ RESIDUAL_LIMIT = 1e-5
 WORSE = 3.0
 # So many modes take far longer than to count whether they lie in the band that is estimated for them.
 COUNTED = 100
+# How far a small structure's pencil that counts modes goes: to where vectors behind these modes and one more
+# have frequencies.
+REACH = 6.0
 # What the auxiliary unknowns that are left out may contribute to an S-element, see `Pencil`.
 TOLERANCE = 1e-5
 
@@ -73,19 +76,18 @@ def lowest_modes(
         highest, kept = 1.1 * reached, None
 
 
-def modes_below(stiffness: Stiffness, frequency: float, reach: float) -> tuple[int | None, Pencil | None]:
+def modes_below(stiffness: Stiffness, frequency: float) -> tuple[int | None, Pencil | None]:
     """Number of modes below a frequency, Hz; None where the direct solver does not tell it. Of a small
-    structure the pencil, up to `reach` times that frequency, is the caller's to keep. Collective.
+    structure the pencil, up to `REACH` times that frequency, is the caller's to keep. Collective.
     """
     omega, small = 2.0 * math.pi * frequency, is_small(stiffness.layout)
     # below it S-elements have no mass but rounding
-    highest = max(omega * (reach if small else 1.0), math.sqrt(lowest_scale(stiffness.elements)))
+    highest = max(omega * (REACH if small else 1.0), math.sqrt(lowest_scale(stiffness.elements)))
     with Pencil(stiffness, highest, TOLERANCE) as pencil:
         below = pencil.eigenvalues_below(omega**2)
-        if below is None or not small:
-            return below, None
-        pencil.counted = omega**2, below
-    return below, pencil
+        if small and below is not None:
+            pencil.counted = omega**2, below
+    return below, pencil if pencil.counted[1] >= 0 else None
 
 
 def _basis(count: int, attempt: int) -> int:
@@ -103,7 +105,7 @@ def _solve_lowest(model: Structure, pencil: Pencil, count: int, verify: bool) ->
     for attempt in range(4):
         found = _solve(model, pencil, wanted, attempt=attempt)
         values = (2.0 * math.pi * found.frequencies) ** 2
-        if verify and pencil.counted and pencil.counted[1] == count - 1 == (values < pencil.counted[0]).sum():
+        if verify and pencil.counted[1] == count - 1 == (values < pencil.counted[0]).sum():
             break  # above these, a further vector would be one of a value that is found
         # far enough below for round-off not to count the last one itself: a residual of 1e-7 is usual; the
         # eigenvalues that are counted are those of the assembled stiffness, refined or not

@@ -68,17 +68,16 @@ class Pencil:
         Of the stiffness.
     unknowns : int
         Each rank holds its displacement unknowns, then its auxiliary ones.
-    counted : (float, int) or None
+    counted : (float, int)
         omega^2 and the eigenvalues below it, of a pencil that is kept for the modes that were counted so: it
-        is not freed behind a `with`.
+        is not freed behind a `with`. Of others -1.
     """
 
     def __init__(self, statics: Stiffness, highest: float, tolerance: float):
         require_thread()
         self.statics, self.elements, self.layout = statics, statics.elements, statics.layout
         layout, comm = self.layout, self.layout.comm
-        self.small, self.highest = is_small(layout), highest
-        self.counted: tuple[float, int] | None = None
+        self.small, self.highest, self.counted = is_small(layout), highest, (0.0, -1)
         self._pieces = _pieces(self.elements, highest, tolerance)
         local = sum(piece.inertia.size for piece in self._pieces)
         self.auxiliary_ranges = np.concatenate([[0], np.cumsum(comm.allgather(local))]).astype(np.int64)
@@ -242,7 +241,7 @@ class Pencil:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self.counted is None:
+        if self.counted[1] < 0:
             self.destroy()
 
     def destroy(self) -> None:
