@@ -66,18 +66,24 @@ def cards(lines: Iterable[tuple[str, str]]) -> list[Card]:
     return found
 
 
+def _require_written_out(card: Card) -> None:
+    """Refuse what is made by a rule, is placed in another system, or stands in another file."""
+    system = card.given.get("SYSTEM", "R").upper() if card.keyword == "NODE" else "R"
+    if card.keyword in _MADE or system not in ("R", ""):
+        card.refuse("makes nodes or elements, or places them; write all of them out")
+    if ("INPUT" in card.given and card.keyword in _READ) or card.keyword == "INCLUDE":
+        card.refuse(
+            f"reads the file {card.given.get('INPUT', '')!r}, which is not done here; put all in one file"
+        )
+
+
 def of_one_part(cards: Iterable[Card]) -> Iterator[Card]:
     """The cards of the part, and those of the assembly that speak of it."""
     seen: dict[str, int] = {}
     assembly = instance = False
     for card in cards:
         keyword = card.keyword
-        if keyword in _MADE or (keyword == "NODE" and card.given.get("SYSTEM", "R").upper() not in ("R", "")):
-            card.refuse("makes nodes or elements, or places them; write all of them out")
-        if ("INPUT" in card.given and keyword in _READ) or keyword == "INCLUDE":
-            card.refuse(
-                f"reads the file {card.given.get('INPUT', '')!r}, which is not done here; put all in one file"
-            )
+        _require_written_out(card)
         if keyword in ("PART", "INSTANCE"):
             seen[keyword] = seen.get(keyword, 0) + 1
             moves = "".join(part for _, row in card.rows for part in row).strip("+-0.eEdD")
