@@ -19,7 +19,7 @@ from ..petsc import MPI, summed
 TOLERANCE = 1e-11
 # Parts of a vector that are rounding, and that one pass of orthogonalisation leaves exact enough: what loses
 # more than that in a second one has been rounding.
-LOST, ENOUGH = 1e-12, 0.1
+LOST, ENOUGH = 1e-12, 0.5
 # Vectors at most, in modes and in blocks.
 SPACE, BLOCKS = 2, 60
 # Of the last eigenvalue, its residual and the gap after it where a place is chosen, at most and at least;
