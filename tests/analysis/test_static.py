@@ -434,3 +434,10 @@ def test_multiples_of_a_load_are_solved_for_once(monkeypatch):
             np.testing.assert_array_equal(former.field, alone.field)
             np.testing.assert_array_equal(former.contact_force, alone.contact_force)
             assert former.residual == alone.residual
+
+
+def test_a_load_below_the_least_normal_number():
+    """Displacements are those of the same load in other units, as far as numbers below 2.2e-308 tell them."""
+    with sb.Model(paper_beam(0.0458366).mesh(order=1), ALUMINIUM) as model:
+        unit, least = (sb.static(model, sb.PointForce("A", fy=-f), contact=False) for f in (1.0, 1e-308))
+    np.testing.assert_allclose(least.field, 1e-308 * unit.field, rtol=0.0, atol=1e-320)

@@ -65,7 +65,7 @@ class StaticSolver(LinearSolver):
         """
         assert self.refinement is not None
         largest = self._comm.allreduce(float(np.abs(load).max(initial=0.0)), MPI.MAX)
-        unit = load / max(largest, np.finfo(float).tiny)
+        unit = load / (largest or 1.0)
         if self._last is None or not self._comm.allreduce(np.array_equal(unit, self._last[0]), MPI.LAND):
             self._last = unit, self.columns(unit, "static"), self.refinement.correction
         _, found, self.refinement.correction = self._last
