@@ -123,8 +123,8 @@ def _solved(
     """
     (mass, stiffness), comm = matrices, solver.comm
     own = columns[:, share(comm, columns.shape[1])]
-    answers = None if shift else solver.of_few(own)  # by the factor of K, which modes take the place of
     try:
+        answers = None if shift else solver.of_few(own)  # by the factor of K, which modes take the place of
         (values, vectors, inertia), known, below = _lowest(solver, mass, sizes, shift)
     except (ValueError, SolveError):
         if shift or by_options():
@@ -245,7 +245,7 @@ class _Columns:
     def of_few(self, columns: sparse.csr_matrix) -> np.ndarray:
         """Solve for (n, k) columns of few entries of this rank's. Collective."""
         with collective(self.comm):
-            if not columns.shape[1]:
+            if not columns.nnz:  # which MUMPS refuses at times
                 return columns.toarray(order="F")
             return self.solver.of_rows(Rows(MPI.COMM_SELF, columns.T.tocsr()), slice(None), "reduction")
 
