@@ -361,9 +361,11 @@ def _heavy(mass: sparse.csr_matrix, count: int) -> sparse.csr_matrix:
 
 
 def _negative_parts(mass: sparse.csr_matrix) -> list[int | None]:
-    """Negative eigenvalues of a mass by parts that nothing couples, those along x, y and z say,
-    alike ones once; of all of it where they are many. Single unknowns have none, see `_heavy`.
+    """Negative eigenvalues of a mass, beyond rounding of those that are 0, as of one that is integrated at
+    few points; by parts that nothing couples, those along x, y and z say, alike ones once; of all of it
+    where they are many. Single unknowns have none, see `_heavy`.
     """
+    mass = sparse.csr_matrix(mass + ROUNDED * sparse.diags(mass.diagonal()))
     part = connected_components(mass, directed=False)[1]
     several = np.flatnonzero(np.bincount(part) > 1)
     if len(several) > MANY:
@@ -374,11 +376,8 @@ def _negative_parts(mass: sparse.csr_matrix) -> list[int | None]:
 
 
 def _negative(matrix: sparse.csr_matrix) -> int | None:
-    """Negative eigenvalues, beyond rounding of those that are 0, as of masses that are integrated at few
-    points; None where PETSc has nothing that counts them.
-    """
-    lifted = sparse.csr_matrix(matrix + ROUNDED * sparse.diags(matrix.diagonal()))
-    with freeing(MPI.COMM_SELF, _matrix(lifted)) as (made,):
+    """Negative eigenvalues; None where PETSc has nothing that counts them."""
+    with freeing(MPI.COMM_SELF, _matrix(matrix)) as (made,):
         return negative_eigenvalues(made, "modal")
 
 

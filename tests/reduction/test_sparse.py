@@ -556,3 +556,21 @@ def test_vectors_of_many_blocks_stay_orthonormal():
     values, vectors, _ = sparse.sparse_modes(mass, stiffness, mass[:, :1], count)
     assert values == pytest.approx(squares[:count], rel=1e-12)
     assert vectors.T @ vectors == pytest.approx(np.eye(count), abs=1e-12)
+
+
+def test_eigenvalues_are_counted_beside_stiff_rows():
+    """Of a long chain of springs, whose lowest eigenvalues are 1e-10 of its rows, by their closed form: what
+    is added to a mass for its rounding, 1e-10 of the diagonal, would lift them over the place here. The mass
+    has an entry where the stiffness has none, so that a matrix of its own is counted.
+    """
+    n = 100_000
+    squares = 4.0 * np.sin((2.0 * np.arange(1, 3) - 1.0) * np.pi / (4.0 * n + 2.0)) ** 2
+    diagonal = np.full(n, 2.0)
+    diagonal[-1] = 1.0
+    stiffness = scipy.sparse.diags([-np.ones(n - 1), diagonal, -np.ones(n - 1)], [-1, 0, 1]).tocsr()
+    far = scipy.sparse.csr_matrix((np.full(2, 1e-9), ([0, n - 1], [n - 1, 0])), (n, n))
+    mass = (scipy.sparse.identity(n) + far).tocsr()
+    solver = sparse._Columns(MPI.COMM_SELF, stiffness, "modal_st_")
+    assert solver.factorised(sure=False) and not solver.movable(mass)
+    assert [solver.below(place, mass) for place in 1.05 * squares] == [1, 2]
+    solver.close()
