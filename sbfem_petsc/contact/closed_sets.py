@@ -1,5 +1,5 @@
 """Rows in contact, condensed: what contact does to a small disturbance of a history of time steps
-(`marching.march`) at each of their instants.
+(`marching.march`) at each of their instants, where switches are located inside their steps and nothing rubs.
 
 Where no row changes sides a step is linear: with the set A of rows that keep their gaps at its end, the thin
 contact forces p = U^T force obey dp = -K (V^T dq + ...) with the position dq before they act and
@@ -24,11 +24,8 @@ from .law import RowLaws
 # Singular values of the gaps below this share of the largest are those of rounding.
 ROUND_OFF = 1e-12
 # Directions of contact that change the position by less than this share in a step are left out. Over 174
-# instants of contact of the default mesh this changes the derivative by 7e-10 of its size, so that an
-# iteration of Newton's method gains nine digits, and leaves two thirds of its rows.
-LEAST = 1e-12
-# The same where switches are located, which changes the derivative by what the steps are in error, some 1e-3:
-# this changes the same one by 1.5e-8, its multipliers by 6e-9, and leaves half of the rows.
+# instants of contact of the default mesh this changes the derivative by 1.5e-8 of its size, its multipliers
+# by 6e-9; located switches change it by what the steps are in error, some 1e-3.
 LEAST_LOCATED = 1e-10
 
 
@@ -95,15 +92,6 @@ class ClosedSet:
         self.operator = self._half.T @ self._half
 
     @functools.cached_property
-    def spread(self) -> np.ndarray:
-        """(r, c): U_A^T R_AA^-1 over all rows."""
-        result = np.zeros((self._half.shape[1], self.count))
-        if len(self.rows):
-            solved, _ = linalg.lapack.dtrtrs(self._factor, self._half, lower=1, trans=1)
-            result[:, self.rows] = solved.T * self._weight
-        return result
-
-    @functools.cached_property
     def stiffness(self) -> np.ndarray:
         """Diagonal of R_AA^-1 at its rows, N/m; zero at the others, (c,)."""
         result = np.zeros(self.count)
@@ -159,7 +147,7 @@ class Contacts:
     pushes : (s, m) array
         What the rows' forces push; where nothing rubs, the factors themselves.
     reads, writes : (s, k) arrays
-        Factors on what rows that rub remember, and what is taken off that; see `rubbing_tangent`.
+        Factors on what rows that rub remember, and what is taken off that; see `step_tangent`.
     """
 
     instants: np.ndarray
@@ -171,46 +159,6 @@ class Contacts:
     writes: np.ndarray
 
 
-def exact_contacts(
-    sets: ClosedSets,
-    right: np.ndarray,
-    coefficients: np.ndarray,
-    *,
-    closed: np.ndarray,
-    gap_rates: np.ndarray,
-) -> Contacts:
-    """Of the steps as they are.
-
-    Parameters
-    ----------
-    sets : ClosedSets
-    right : (m, r) array
-        V.
-    coefficients : (10, m) array
-        See `marching`.
-    closed : (n + 1, c) bool array
-        Rows that keep their gaps at the steps' ends.
-    gap_rates : (n + 1, c, e) array
-        Rates of the free gaps with e parameters.
-    """
-    instants = np.flatnonzero(closed.any(axis=1))
-    changed = np.ones(len(instants), dtype=bool)
-    changed[1:] = (closed[instants[1:]] != closed[instants[:-1]]).any(axis=1)
-    # the first instant has no step before it: the force there follows from the position through R alone
-    changed[1:2] |= instants[:1] == 0
-    which = np.cumsum(changed) - 1
-    found = [sets[closed[n]] for n in instants[changed]]
-    operators = np.array([item.operator for item in found]).reshape(len(found), *[right.shape[1]] * 2)
-    thin = _Thin(operators, right, coefficients[4], instants[changed] == 0)
-    parameters = gap_rates.shape[2]
-    pressed = np.zeros((len(instants), right.shape[1], parameters))
-    if parameters:
-        ends = np.append(np.flatnonzero(changed), len(instants))
-        for item, first, last in zip(found, ends[:-1], ends[1:]):
-            pressed[first:last] = item.spread @ gap_rates[instants[first:last]]
-    return thin.contacts(instants, which, pressed)
-
-
 def located_contacts(
     sets: ClosedSets,
     right: np.ndarray,
@@ -220,8 +168,7 @@ def located_contacts(
     gaps: Callable[[np.ndarray, np.ndarray], np.ndarray],
     forces: np.ndarray,
 ) -> Contacts:
-    """As `exact_contacts` without parameters, for the variational equation with each switch located inside
-    its step.
+    """For the variational equation with each switch located inside its step, where nothing rubs.
 
     The steps hold a row's force at the mean of their ends, so a row acts over whole steps, and multipliers
     jump where a switch passes an instant of the grid. Here a switch stands where the gap without the row's
@@ -271,52 +218,28 @@ def located_contacts(
     _, kinds, which = np.unique(key, return_index=True, return_inverse=True)
     kinds = instants[kinds]
     means = 0.5 * (table[pairs[kinds, 0]] + table[pairs[kinds, 1]])
-    thin = _Thin(means, right, coefficients[4], kinds == 0, least=LEAST_LOCATED)
-    return thin.contacts(instants, which.ravel(), np.zeros((len(instants), right.shape[1], 0)))
+    rows, ranks = _condensed(means, right, coefficients[4], kinds == 0)
+    counts = ranks[which.ravel()]
+    owner = np.repeat(np.arange(len(instants)), counts)
+    place = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    factors, nothing = rows[which.ravel()[owner], place], np.zeros((len(owner), 0))
+    return Contacts(instants, counts, factors, nothing, factors, nothing, nothing)
 
 
-class _Thin:
-    """B^T of operators K_R (k, r, r). Where `fixed`, K_R itself acts and not (K_R^-1 + M)^-1.
+def _condensed(
+    operators: np.ndarray, right: np.ndarray, gain: np.ndarray, fixed: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """B^T (k, n, m) of operators K_R (k, r, r), and how many rows each has. Where `fixed`, K_R itself acts
+    and not (K_R^-1 + M)^-1.
 
     With S^T K_R S = F F^T by Cholesky with pivots, up to columns that move the state by less than rounding,
     and 1 + F^T F = C C^T, B^T = C^-1 F^T S^-1 V^T.
     """
-
-    def __init__(
-        self,
-        operators: np.ndarray,
-        right: np.ndarray,
-        gain: np.ndarray,
-        fixed: np.ndarray,
-        *,
-        least: float = LEAST,
-    ):
-        self.scaled, unscaled = thin_axes(right.T, gain)  # S
-        scaled = _congruent(operators, self.scaled)
-        self.columns, self.pivots, self.ranks = pivoted_cholesky(scaled, least)
-        rank = self.columns.shape[2]
-        transposed = np.swapaxes(self.columns, 1, 2)
-        moved = np.where(fixed[:, None, None], 0.0, transposed @ self.columns) + np.eye(rank)
-        self.held = np.linalg.cholesky(moved)  # C
-        self.factors = np.linalg.solve(self.held, transposed) @ (unscaled.T @ right.T)
-
-    def contacts(self, instants: np.ndarray, which: np.ndarray, pressed: np.ndarray) -> Contacts:
-        """Of instants with these operators; `pressed` (k, r, e) are U_A^T R_AA^-1 times changes of the
-        gaps.
-        """
-        counts = self.ranks[which]
-        owner = np.repeat(np.arange(len(instants)), counts)
-        place = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-        shifts = np.zeros((len(owner), pressed.shape[2]))
-        if shifts.size:
-            # in the range of F: its coordinates follow from the rows of the pivots, which are triangular
-            known = np.take_along_axis(self.columns, self.pivots[:, :, None], axis=1)
-            empty = np.arange(known.shape[1]) >= self.ranks[:, None]
-            known[empty] = np.eye(known.shape[1])[np.nonzero(empty)[1]]
-            maps = np.linalg.solve(self.held, np.linalg.solve(known, self.scaled.T[self.pivots]))
-            shifts = (maps[which] @ pressed)[owner, place]
-        factors, nothing = self.factors[which[owner], place], np.zeros((len(owner), 0))
-        return Contacts(instants, counts, factors, shifts, factors, nothing, nothing)
+    scaled, unscaled = thin_axes(right.T, gain)  # S
+    columns, ranks = pivoted_cholesky(_congruent(operators, scaled), LEAST_LOCATED)
+    transposed = np.swapaxes(columns, 1, 2)
+    moved = np.where(fixed[:, None, None], 0.0, transposed @ columns) + np.eye(columns.shape[2])
+    return np.linalg.solve(np.linalg.cholesky(moved), transposed) @ (unscaled.T @ right.T), ranks
 
 
 def _congruent(matrices: np.ndarray, columns: np.ndarray) -> np.ndarray:
@@ -328,9 +251,9 @@ def _congruent(matrices: np.ndarray, columns: np.ndarray) -> np.ndarray:
     return matrices
 
 
-def pivoted_cholesky(matrices: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """F (k, r, n) with F F^T = the semidefinite matrices (k, r, r) but for what is below `least`, the rows of
-    the pivots (k, n), and the number of columns of each (k,); the columns beyond are zero.
+def pivoted_cholesky(matrices: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
+    """F (k, r, n) with F F^T = the semidefinite matrices (k, r, r) but for what is below `least`, and the
+    number of columns of each (k,); the columns beyond are zero.
     """
     count, size = matrices.shape[:2]
     every = np.arange(count)
@@ -354,4 +277,4 @@ def pivoted_cholesky(matrices: np.ndarray, least: float) -> tuple[np.ndarray, np
         columns[every[:, None], pivots[:, :n], n] = 0.0
         ranks += more
     rank = int(ranks.max(initial=0))
-    return columns[:, :, :rank], pivots[:, :rank], ranks
+    return columns[:, :, :rank], ranks

@@ -23,8 +23,8 @@ from .closed_sets import Contacts, thin_axes
 from .friction import ALONG, STICKS
 from .held_rows import extent_of
 from .law import FREE
-from .rubbing_tangent import LEAST
 from .step_data import StepConstants
+from .step_tangent import LEAST
 
 # Condition of sets of which rows are held twice, which share their forces.
 _TWICE = 1e13

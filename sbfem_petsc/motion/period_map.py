@@ -3,7 +3,7 @@
 The unknowns are the state x = (Omega q, q') at t = 0, whose norm is that of energy. The linear steady state
 is subtracted in closed form: what is integrated is the difference z, driven by contact alone, so that a
 motion without contact is exact whatever the step. Where faces rub, the slips at the instant before t = 0, in
-units of energy, stand behind: what the faces remember (`contact.rubbing_tangent`).
+units of energy, stand behind: what the faces remember (`contact.step_tangent`).
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..contact.closed_sets import exact_contacts, located_contacts
+from ..contact.closed_sets import located_contacts
 from ..contact.friction import STICKS
 from ..contact.located_rubbing import located_rubbing
 from ..contact.marching import Address, Room, begun, march
-from ..contact.rubbing_tangent import LEAST, ROUGH, rubbing_contacts
 from ..contact.step_data import StepConstants, StepHistory, StepLoads, StepState
+from ..contact.step_tangent import LEAST, ROUGH, step_contacts
 from ..contact.tangent import Derivative
 from ..errors import called, failed_solve
 from ..petsc import MPI
@@ -399,24 +399,28 @@ class DrivenPeriod:
             residual = np.einsum("kc,kc->k", motion.forces[instants], p.residual_flexibility[rows])
             return self.free_gap[instants, rows] + elastic + residual
 
-        if p.friction is not None and located:
+        if not located:
+            left_out = ROUGH if rough and p.friction is not None else LEAST
+            contacts = step_contacts(self.constants, self._held(motion), p.slip_units, rates, left_out)
+        elif p.friction is not None:
             history = motion.rows, motion.forces, motion.landings
             contacts = located_rubbing(self.constants, history, gaps, p.slip_units)
-        elif p.friction is not None:
-            steps, left_out = (motion.rows, motion.landings, motion.told), ROUGH if rough else LEAST
-            contacts = rubbing_contacts(self.constants, steps, p.slip_units, rates, left_out)
-        elif located:
+        else:
             closed = p.laws.acting(motion.forces)
             contacts = located_contacts(
                 p.sets, p.right, self.coefficients, closed=closed, gaps=gaps, forces=motion.forces
             )
-        else:
-            closed = p.laws.acting(motion.forces)
-            contacts = exact_contacts(p.sets, p.right, self.coefficients, closed=closed, gap_rates=gap_rates)
         result = Derivative(p.length(self.step).propagation, contacts, p.steps)
         if gap_rates.shape[2] == 0 and keep:
             self._kept = key, result
         return result
+
+    def _held(self, motion: PeriodMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """States of the rows, where they land, and from which states that is told."""
+        if self.period.friction is not None:
+            return motion.rows, motion.landings, motion.told
+        states = self.period.laws.acting(motion.forces).astype(np.int8)
+        return states, np.zeros((len(states) - 1, 0, 3)), states[1:]
 
     def monodromy(self, motion: PeriodMotion, rubbing: bool = False) -> np.ndarray:
         """dx(T) / dx(0) of a periodic motion, with switches located inside their steps, see `carried`;

@@ -1,4 +1,5 @@
-"""What contact with friction does to a small disturbance of a history of time steps (`marching.march`).
+"""What contact, with friction or without, does to a small disturbance of a history of time steps
+(`marching.march`).
 
 While no row changes its state a step is linear in the position dq before contact acts and in what the rows
 remember: the forces f of the rows a that keep a gap or stick, E f of all rows (those that slip pull by their
@@ -55,7 +56,7 @@ class _Room(NamedTuple):
     along: np.ndarray
 
 
-def rubbing_contacts(
+def step_contacts(
     step: StepConstants,
     history: tuple[np.ndarray, np.ndarray, np.ndarray],
     units: np.ndarray,
