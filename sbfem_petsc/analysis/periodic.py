@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from ..checks import instance
 from ..continuation.accuracy import Accuracy, Told
-from ..continuation.harmonic_errors import added, begun, harmonic_error_estimates
+from ..continuation.harmonic_errors import added, begun, harmonic_error_estimates, known_derivative
 from ..continuation.newton import attempt
 from ..continuation.orbit import Orbit, make_orbit, orbit_stability
 from ..continuation.problems.driven_orbits import ParameterRange
@@ -44,6 +45,8 @@ from .options import PeriodicOptions
 
 # Times the steps are doubled to meet a tolerance.
 DOUBLINGS = 7
+# Of an attempt in more modes and steps, what finding the motion takes; the rest is telling its error.
+HALF = 0.5
 # A motion, by what it was found first, and what is told of it.
 _Told = Told[Period, tuple[FixedPoint, str]]
 
@@ -128,7 +131,7 @@ def periodic(
         of a fast tone in one of a slow one. The period's steps are a multiple of it; the default is.
     progress : callable, "auto" or None
         As for `transient`: the share that is behind of the search where Newton's method does not converge at
-        once, and of an unreduced model's iteration.
+        once, of each attempt in more modes and steps, and of an unreduced model's iteration.
 
     Raises
     ------
@@ -190,7 +193,11 @@ class _Task:
     progress: Progress
 
     def found(
-        self, settings: PeriodSettings, period: Period, state: np.ndarray, derivative: np.ndarray | None
+        self,
+        settings: PeriodSettings,
+        period: Period,
+        state: np.ndarray,
+        derivative: Callable[[], np.ndarray] | None,
     ) -> tuple[FixedPoint, str]:
         """The motion near a state, where its derivative may about be known, in so many times the steps as
         contact asks for.
@@ -200,8 +207,7 @@ class _Task:
         )
         driven, known, path = period.at(self.frequency), None, "Newton"
         if derivative is not None:
-            near = functools.partial(shoot, driven, state, settings.jacobian, near=derivative)
-            known = attempt(near, SolveError)
+            known = attempt(lambda: shoot(driven, state, settings.jacobian, near=derivative()), SolveError)
         if known is None:
             known, path = find(driven, state, multiples=settings.periods is None)
         fixed = known
@@ -225,19 +231,22 @@ def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
         return period
 
     def found(period: Period, near: _Told | None) -> _Told:
-        driven, derivative, way = period.at(task.frequency), None, task
-        if near is not None:
-            way = replace(task, search=NEWTON_ALONE)  # a search might find another motion
-            (fixed, first), former = near.found, near.where
-            state = driven.linear_state + added(fixed, period)
+        if near is None:
+            fixed, path = task.found(settings, period, begun(guess, period.at(task.frequency)), None)
+            return Told(fixed.driven.period, (fixed, path), harmonic_error_estimates(fixed))
+        former, (fixed, path) = near.where, near.found
+        state = period.at(task.frequency).linear_state + added(fixed, period)
+        alone = replace(task, search=NEWTON_ALONE, progress=None)  # a search might find another motion
+        words = f"steady state in {period.reduced.in_words}"
+        with progress_bar(period.comm, words, task.progress) as report:
             # more steps alone, whose derivative their error has been told by
-            if period.unknowns == former.unknowns <= WHOLE:
-                derivative = fixed.monodromy
-        else:
-            state = begun(guess, driven)
-        fixed, path = way.found(settings, period, state, derivative)
-        path = path if near is None else first
-        return Told(fixed.driven.period, (fixed, path), harmonic_error_estimates(fixed))
+            more = period.unknowns == former.unknowns <= WHOLE
+            derivative = functools.partial(known_derivative, fixed) if more else None
+            fixed, _ = alone.found(settings, period, state, derivative)
+            report(HALF)
+            errors = harmonic_error_estimates(fixed)
+            report(1.0)
+        return Told(fixed.driven.period, (fixed, path), errors)
 
     if settings.segments > 1:
         period, most = prepared(settings, None), MOST if settings.steps is None else 1

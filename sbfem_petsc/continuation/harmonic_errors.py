@@ -19,7 +19,7 @@ from ..reduction.reduced_model import ReducedModel, share_modes
 from .newton import attempt
 from .orbit import LOWEST, Orbit, modal_motion
 from .problem import FINER_GAIN
-from .shooting import WHOLE, Shooting
+from .shooting import WHOLE, Shooting, rough_derivative
 
 # A harmonic is beside itself, or this share of the largest; of a body at rest all that oscillates is
 # rounding, below this share of the mean.
@@ -58,14 +58,14 @@ def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
     if not fixed.touching.any():  # known in closed form
         errors[1] = 0.0
     elif period := attempt(lambda: finer(OWNER, p, 2), ValueError):  # there may be no memory for it
-        if found := _nearby(period.at(*where), fixed.state, lambda: fixed.monodromy):
+        if found := _nearby(period.at(*where), fixed.state, lambda: known_derivative(fixed)):
             errors[1], best = SECOND * change(lowest(fixed), lowest(found)), found
     # Where faces rub, motions in more modes are dear in twice the steps; elsewhere they ring in the own ones.
     base, other = (fixed, best) if p.friction is not None else (best, fixed)
     delay, late = p.reduced.delay, base
     if not delay:
         errors[2] = 0.0
-    elif found := _nearby(delayed(base.driven, base), base.state, lambda: fixed.monodromy):
+    elif found := _nearby(delayed(base.driven, base), base.state, lambda: known_derivative(fixed)):
         errors[2], late = change(lowest(base), lowest(found, delay)), found
     factor = beyond(p.reduced, more)
     if np.isfinite(factor):
@@ -162,14 +162,20 @@ def _nearby(
     return None
 
 
+def known_derivative(fixed: FixedPoint) -> np.ndarray:
+    """dx(T) / dx(0) of a motion, where faces rub about."""
+    if fixed.driven.period.friction is None:
+        return fixed.monodromy
+    return rough_derivative(fixed.driven, fixed.state)
+
+
 def carried_derivative(fixed: FixedPoint, beside: DrivenPeriod, state: np.ndarray) -> np.ndarray:
     """dx(T) / dx(0) in more modes, about: further ones move freely; where faces rub, that near a state in
     fewer steps.
     """
     driven, r, p = fixed.driven, beside.period.reduced, beside.period
     if p.friction is not None:
-        coarse = beside.in_steps(driven.period.steps)
-        return coarse.carried(coarse.run(state), np.eye(p.unknowns), rough=True)
+        return rough_derivative(beside.in_steps(driven.period.steps), state)
     result = free_motion((r.omega, r.damping), beside.duration, p.weights, p.unknowns)
     signs, places = _shared(driven.period.reduced, r)
     m, count = len(driven.period.reduced.omega), len(places) // 2

@@ -82,19 +82,37 @@ def shoot(
 
 
 def _from_fewer_steps(driven: DrivenPeriod, state: np.ndarray) -> FixedPoint | None:
-    """As `shoot`, by way of the motion with far fewer steps; None without any, or by a good guess."""
-    period = driven.period
-    steps = max(period.steps // COARSER, RESOLVED * int(period.excitation.orders.max(initial=1)))
-    if 2 * steps > period.steps:
+    """As `shoot`, by way of the motion with far fewer steps, or by a good guess, where faces rub, of their
+    derivative alone; None without any, or by a good guess.
+    """
+    fewer = in_fewer_steps(driven)
+    if fewer is None:
         return None
-    coarse = Shooting(driven.in_steps(steps), "updated")
+    coarse, fine = Shooting(fewer, "updated"), Shooting(driven, "updated")
+    if np.linalg.norm(fine.motion_at(state).residual) <= ROUGH * driven.oscillation:
+        if driven.period.friction is None:
+            return None
+        fine.near = rough_derivative(driven, state) - np.eye(len(state))
+        return fine.solve(state)
     coarse.relative = ROUGHLY
-    fine = Shooting(driven, "updated")
-    if np.linalg.norm(driven.run(state).residual) <= ROUGH * driven.oscillation:
-        return None
     rough = coarse.solve(state)
     fine.near = coarse.derivative
     return fine.solve(rough.state)
+
+
+def in_fewer_steps(driven: DrivenPeriod) -> DrivenPeriod | None:
+    """A driven period in far fewer steps, None where these were too coarse."""
+    period = driven.period
+    steps = max(period.steps // COARSER, RESOLVED * int(period.excitation.orders.max(initial=1)))
+    return None if 2 * steps > period.steps else driven.in_steps(steps)
+
+
+def rough_derivative(driven: DrivenPeriod, state: np.ndarray) -> np.ndarray:
+    """dx(T) / dx(0) near a state where faces rub, of many modes in far fewer steps: in all of them it costs
+    several times what they do.
+    """
+    fewer = (in_fewer_steps(driven) if driven.period.modes >= MANY else None) or driven
+    return fewer.carried(fewer.run(state), np.eye(len(state)), rough=True)
 
 
 class Steady(abc.ABC):

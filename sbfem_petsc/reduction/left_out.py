@@ -27,6 +27,9 @@ from .reduced_model import ReducedModel
 PATTERN, BESIDE, MOST = 0.01, 0.5, 16
 # So many vectors at least: beyond a few modes frequencies lie far apart.
 LEAST = 3
+# Least damping ratio of vectors where faces rub: a few of them ring where the many modes that they stand for
+# run apart, and each change between stick and slip sets them off.
+RUBBED = 0.02
 # What is rounding in a flexibility, and in a basis.
 ROUNDING = 1e-10
 
@@ -69,13 +72,15 @@ class LeftOut:
     shapes: np.ndarray | None
 
     def beside(self, own: ReducedModel) -> ReducedModel:
-        """The model with these vectors behind its modes, damped as its last one is."""
+        """The model with these vectors behind its modes, damped as its last one is, where faces rub more."""
         omega, count = 2.0 * np.pi * self.frequencies, len(own.omega)
         model = own.model
         assert model is not None  # whose vectors these are
         ratios = model.damping_ratios(np.append(own.omega, omega))
         top = ratios[count - 1]
         further = ratios[count:] * (own.damping[-1] / top) if top else np.full(len(omega), own.damping[-1])
+        if own.friction is not None:
+            further = np.maximum(further, RUBBED)
 
         still = self.load_modes / omega[:, None] ** 2, self.gap.T / omega[:, None] ** 2
         supports = None

@@ -623,6 +623,27 @@ def test_errors_told_of_faces_that_press_as_the_period_begins():
     assert (true < found.mode_error).all() and (found.mode_error[3:] < 10.0 * true[3:]).all()
 
 
+@pytest.mark.long
+def test_accuracy_of_faces_that_rub():
+    """50 N at 1 kHz come to 1e-3 in few modes, with vectors behind them that do not ring: damped as lightly
+    as the modes they took 47 and 2,048 steps. From 80 modes without vectors, in 2,048 steps, harmonics are
+    no further than is told of both.
+    """
+    load, shares = sb.PointForce("A", fy=50.0), list[float]()
+    with tilted(0.3) as model:
+        found = sb.periodic(model, load, 1000.0, stability=False, progress=shares.append)
+        other = sb.periodic(model, load, 1000.0, modes=80, steps=2048, stability=False)
+    assert found.reduced.natural < 40 and len(found.time) <= 1024
+    assert found.reduced.damping[found.reduced.natural :].min() == 0.02
+    one, two = (orbit.harmonics("A")[1:5] for orbit in (found, other))
+    apart = np.abs(one - two) / np.maximum(np.abs(two), 1e-3 * np.abs(two).max())
+    told = found.mode_error[1:], other.mode_error[1:]
+    assert (told[0] / np.arange(1, 5)).max() < 1e-3
+    assert (apart < told[0] + told[1]).all()
+    # each attempt in more modes tells that its motion is found, and its error
+    assert shares and shares == [0.5, 1.0] * (len(shares) // 2)
+
+
 RANKS = """
 import json
 import numpy as np
