@@ -337,8 +337,14 @@ def _petsc(file: str) -> sparse.csr_matrix:
     return sparse.csr_matrix((values, places, np.append(0, np.cumsum(lengths))), (rows, columns))
 
 
+def _market(file: str) -> Any:
+    if io.mminfo(file)[4] == "pattern":
+        raise ValueError("its field is pattern, places without values; write it with field real")
+    return io.mmread(file)
+
+
 # What reads a matrix, by how its file begins.
-FORMATS = {b"%%MatrixMarket": io.mmread, b"PK": sparse.load_npz, (1211216).to_bytes(4, "big"): _petsc}
+FORMATS = {b"%%MatrixMarket": _market, b"PK": sparse.load_npz, (1211216).to_bytes(4, "big"): _petsc}
 
 
 def _numbered(files: list[str], tables: list[np.ndarray]) -> tuple[list[sparse.csr_matrix], np.ndarray, Any]:

@@ -94,7 +94,8 @@ def lowest(
         If modes are not found.
     """
     (count, width), size = sizes, mass.shape[0]
-    space, random = _Space(comm, mass, SPACE * count + BLOCKS * width), np.random.default_rng(0)
+    most = min(SPACE * count + BLOCKS * width, size + width)
+    space, random = _Space(comm, mass, most), np.random.default_rng(0)
     # Coefficients: K^-1 M of the former are the latter.
     before, after = np.eye(space.most), np.zeros((space.most, space.most))
     done, due, place = 0, count, 0.0
@@ -114,8 +115,10 @@ def lowest(
         before[:, last] += place * after[:, last]
         if done < count or (done < due and space.used > done):
             continue
-        span, triangle = np.linalg.qr(before[: space.used, :done])
-        images = after[: space.used, :done] @ np.linalg.inv(triangle)
+        span, images = before[: space.used, :done], after[: space.used, :done]
+        if place:  # else these are unit vectors
+            span, triangle = np.linalg.qr(span)
+            images = images @ np.linalg.inv(triangle)
         projected = span.T @ images
         values, parts = (part[..., ::-1] for part in np.linalg.eigh(projected))  # by its lower triangle
         left = np.linalg.norm((images - span @ projected) @ parts, axis=0)

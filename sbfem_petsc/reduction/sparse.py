@@ -337,8 +337,8 @@ def _lowest(
     if mass.diagonal().min() <= 0.0:  # rounding in what has no mass
         vectors = solver.of_modes(1.0 / inverse, inertia)
         inertia = mass @ vectors
-        lengths = np.sqrt((vectors * inertia).sum(axis=0))
-        vectors, inertia = vectors / lengths, inertia / lengths
+        parts = linalg.inv(linalg.cholesky(vectors.T @ inertia))  # a solve leaves digits of them
+        vectors, inertia = vectors @ parts, inertia @ parts
     return (1.0 / inverse, vectors, inertia), known, below
 
 

@@ -383,6 +383,11 @@ WRONG = [
         lambda text: text.replace(b"150 150", b"9" * 11 + b" " + b"9" * 11),
         "mtx is missing or cut.*alloc",
     ),
+    (
+        "mtx",
+        lambda text: b"%%MatrixMarket matrix coordinate pattern symmetric\n3 3 3\n1 1\n2 2\n3 3\n",
+        r"mtx is missing or cut.*\(its field is pattern, places without values; write it with field real",
+    ),
     ("npz", lambda text: compressed("indices", 150), r"npz is missing or cut.*indices must be < 150"),
     ("npz", lambda text: compressed("indices", -1), r"npz is missing or cut.*indices must be >= 0"),
     ("npz", lambda text: compressed("indptr", 150), r"npz is missing or cut.*"),

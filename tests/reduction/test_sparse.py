@@ -118,6 +118,16 @@ def test_unknowns_without_mass(beam):
     assert found.omega**2 == pytest.approx(own, rel=1e-8)
 
 
+def test_modes_beside_unknowns_without_mass_are_orthonormal(beam):
+    """Products by the mass are sums over all unknowns, whose rounding is so many times a double's at most."""
+    mass, stiffness, (_, _, z) = beam
+    weights = np.asarray(mass.sum(axis=1)).ravel()
+    weights[::2] = 0.0
+    n = len(weights)
+    vectors = sparse.sparse_modes(scipy.sparse.diags(weights).tocsr(), stiffness, rows_of(z[:1], n).T, 40)[1]
+    assert np.abs(vectors.T @ (weights[:, None] * vectors) - np.eye(40)).max() < n * np.finfo(float).eps
+
+
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
