@@ -60,7 +60,9 @@ class SolverWarning(UserWarning):
 
 
 class OptionWarning(UserWarning):
-    """An option of the command line looks like one of PETSc's with a misspelt prefix."""
+    """An option of the command line looks like one of PETSc's with a misspelt prefix, or lets a solve end
+    before there is a result.
+    """
 
 
 class BranchWarning(UserWarning):

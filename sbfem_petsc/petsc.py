@@ -130,8 +130,8 @@ def negative_eigenvalues(matrix: PETSc.Mat, what: str) -> int | None:
         configure(pc)
         with solving(what):
             factorise(pc, pc.setUp, count_pivots)
-        negative = pivot_signs(pc, what)[0]
-        pc.getFactorMatrix().destroy()  # before its owner, which would otherwise leave MUMPS' memory behind
+            negative = pivot_signs(pc, what)[0]
+            pc.getFactorMatrix().destroy()  # before its owner, which would leave MUMPS' memory behind
     return negative
 
 
@@ -231,7 +231,8 @@ def configure(item: Any) -> None:
     Raises
     ------
     PetscFailure
-        If PETSc refuses one of them; the sentence has PETSc's reason.
+        If PETSc refuses one of them; the sentence has PETSc's reason. If an eigensolver is to find all
+        eigenvalues of an interval, for which it needs a factor that PETSc has: without, SLEPc crashes.
     """
     require_thread()
     try:
@@ -243,6 +244,14 @@ def configure(item: Any) -> None:
                 "it another value or leave it out"
             )
         ) from None
+    if isinstance(item, SLEPc.EPS) and item.getWhichEigenpairs() == SLEPc.EPS.Which.ALL:
+        prefix = item.getOptionsPrefix()
+        raise on_all_ranks(
+            PetscFailure(
+                f"-{prefix}eps_interval or -{prefix}eps_all asks for all eigenvalues of an interval, which "
+                "no solve here finds; leave it out: modal(model, band=(low, high)) has all of a band"
+            )
+        )
 
 
 def finite(tolerance: float) -> float:

@@ -8,10 +8,12 @@ import math
 
 import numpy as np
 
-from ..errors import PetscFailure, SolveError, called, failed_solve, on_all_ranks
+from meshing.warnings import OptionWarning
+
+from ..errors import PetscFailure, SolveError, called, failed_solve, on_all_ranks, warn
 from ..motion.period_map import DrivenPeriod, FixedPoint
 from ..motion.period_motion import PeriodMotion
-from ..petsc import MPI, PETSc, asked, configure, finite, free, reason_of, require_thread, scripted
+from ..petsc import MPI, PETSc, all_asked, asked, configure, finite, free, reason_of, require_thread, scripted
 from .linear import PREFIX, Factors, Operator, by_operator, operator, preconditioned
 from .newton import ITERATIONS, Updated, attempt
 from .problem import GAIN, Lost
@@ -19,6 +21,8 @@ from .problem import GAIN, Lost
 # SNES by default: residual relative to the first one, with updated derivatives, which converge more slowly,
 # a smaller one, and relative to the state.
 RELATIVE, RELATIVE_UPDATED, ROUND_OFF = 1e-10, 1e-11, 1e-12
+# Share of the motion's size below which what options of the command line leave of x(T) - x(0) is not told.
+LEFT = 1e-6
 # Iterations that do not halve the residual, after which a search that hurries is given up.
 SLOW = 3
 # Unknowns up to which matrices of the period map are made whole.
@@ -157,7 +161,7 @@ class Steady(abc.ABC):
             with scripted(*in_python):
                 configure(snes)
                 snes.solve(None, x)
-            self._check(snes, size)
+                self._check(snes, max(relative * (self.residuals or [0.0])[0], absolute, LEFT * size), size)
             return x.array_r.copy()
         finally:
             # also what Python alone still holds: PETSc would only put it aside until all ranks collect
@@ -180,9 +184,25 @@ class Steady(abc.ABC):
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, matrix: PETSc.Mat, preconditioner: PETSc.Mat) -> None:
         """Set what it is at x."""
 
-    def _check(self, snes: PETSc.SNES, size: float) -> None:
+    def _compare(self, snes: PETSc.SNES, expected: float, size: float) -> None:
+        """Warn of what the options of the command line have left of x(T) - x(0) beyond what was expected."""
+        missed = snes.getFunction()[0].duplicate()
+        snes.computeFunction(snes.getSolution(), missed)  # not all of PETSc's methods do at their end
+        left = missed.norm()
+        missed.destroy()
+        if left > expected:
+            warn(
+                f"{called()}: the options -{PREFIX}snes_... let Newton's method end ({reason_of(snes)}) with "
+                f"x(T) - x(0) at {left / size:.2e} of the motion's size, so that it is no steady state; "
+                "leave them out, or ask for less to be left",
+                OptionWarning,
+            )
+
+    def _check(self, snes: PETSc.SNES, expected: float, size: float) -> None:
         reason = snes.getConvergedReason()
         if reason > 0:
+            if any(name.startswith(f"{PREFIX}snes_") for name in all_asked()):
+                self._compare(snes, expected, size)
             return
         missed = (
             f"x(T) - x(0) is at {snes.getFunctionNorm() / size:.2e} of the motion's size, from "

@@ -179,3 +179,45 @@ def test_unreachable_tolerance_is_an_error():
     finally:
         options.delValue("modal_eps_max_it")
         options.delValue("modal_eps_ncv")
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"modal_inertia_pc_type": "jacobi"}, "modal: PETSc gave up .*options for PETSc right"),
+        ({"modal_inertia_pc_factor_mat_solver_type": "petsc"}, "modal: PETSc gave up .*options for PETSc"),
+        ({"modal_eps_interval": "0,1e9"}, "-modal_eps_interval .* leave it out: modal.*band"),
+    ],
+)
+def test_options_that_find_no_modes(options, sentence):
+    """They had been raw errors of PETSc, the last one the end of the process: SLEPc looks for a factor."""
+    from sbfem_petsc.petsc import PETSc
+    from tests.reference import paper_beam
+
+    model = sb.Model(paper_beam().mesh(order=2), sb.Material(70e9, 0.33, 2700))
+    for name, value in options.items():
+        PETSc.Options().setValue(name, value)
+    try:
+        with pytest.raises(sb.SolverFailure, match=sentence):
+            sb.modal(model, 8)
+    finally:
+        for name in options:
+            PETSc.Options().delValue(name)
+
+
+@pytest.mark.parametrize("option", [("type", "ksponly"), ("atol", "1e9"), ("rtol", "1")])
+def test_newton_that_options_end_early(option):
+    """A motion that does not come back to where it began is warned of, by what it misses."""
+    from meshing.warnings import OptionWarning
+    from sbfem_petsc.petsc import PETSc
+    from tests.systems import one_mass
+
+    stop = one_mass(0.5, 0.05, stiffness=5.0)
+    PETSc.Options().setValue(f"shooting_snes_{option[0]}", option[1])
+    try:
+        with pytest.warns(
+            OptionWarning, match=r"end \(CONVERGED_.* with x\(T\) - x\(0\) at .* no steady state"
+        ):
+            sb.periodic(stop, 1.0, 0.15, steps=256, stability=False)
+    finally:
+        PETSc.Options().delValue(f"shooting_snes_{option[0]}")
