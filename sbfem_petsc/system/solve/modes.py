@@ -197,6 +197,8 @@ def _solve(model: Structure, pencil: Pencil, count: int, *, target: float = 0.0,
         # have come up; each new attempt gives it more room.
         eps.setDimensions(count, _basis(count, attempt))
         eps.setTolerances((1e-12, 1e-14)[min(attempt, 1)], 200)
+        # convergence is looked at where a basis is full: a shorter way there from its restart saves solves
+        eps.setKrylovSchurRestart(0.8)
         eps.setPurify(False)  # the mass is definite: no infinite eigenvalues to purify from
         eps.setOperators(pencil.stiffness, pencil.mass)
         eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
@@ -241,15 +243,15 @@ def _collect(model: Structure, eps: SLEPc.EPS, solve: CondensedSolve, count: int
     x.destroy()
     kx, mx = pencil.stiff_products(array), pencil.heavy_products(array)
     # modes whose product with the assembled stiffness is mostly round-off, and so is their Rayleigh quotient
-    squares = _inner(comm, array, array)
-    noise = statics.refinement.scale * np.sqrt(squares) / np.sqrt(_inner(comm, mx, mx))
+    lengths, momenta = (np.sqrt(_inner(comm, field, field)) for field in (array, mx))
+    noise = statics.refinement.scale * lengths / momenta
     slender = np.flatnonzero(noise > NEEDED * np.abs(values))
     if not (statics.supported and solve.refinement):
         slender = slender[:0]
     if len(slender):
         # those next to them, too, for a factorisation's round-off reaches ten times that of the matrix,
         # unless it makes them worse by more than round-off would
-        noise = np.maximum(noise, 10.0 * statics.refinement.scale * squares / _inner(comm, array, mx))
+        noise = np.maximum(noise, 10.0 * statics.refinement.scale * lengths**2 / _inner(comm, array, mx))
         near = np.flatnonzero(noise > NEEDED * np.abs(values))
         shapes, inertia = array[:, near], mx[:, near]
         refined = kx[:, near].copy()
@@ -261,18 +263,10 @@ def _collect(model: Structure, eps: SLEPc.EPS, solve: CondensedSolve, count: int
         ]
         kept = np.isin(near, slender) | (errors[1] <= WORSE**2 * errors[0])
         kx[:, near[kept]], values[near[kept]] = refined[:, kept], quotients[kept]
-    sums = np.stack(
-        [
-            _inner(comm, array, mx),
-            _inner(comm, mx, mx),
-            comm.allreduce(_misfits(kx, values, mx)),
-            squares,
-        ]
-    )
     # a rigid-body mode has no strain energy to compare with: an elastic scale of the structure stands in
     floor = lowest_scale(pencil.elements) if not statics.supported else 0.0
-    sizes = np.maximum(np.abs(values), floor) * np.sqrt(sums[1])
-    residuals = np.sqrt(sums[2]) / sizes
+    sizes = np.maximum(np.abs(values), floor) * momenta
+    residuals = np.sqrt(comm.allreduce(_misfits(kx, values, mx))) / sizes
     if len(slender):
         # the forces of rounded displacements hide the residual; the change by an inverse iteration does not
         shapes = array[:, slender]
@@ -280,15 +274,10 @@ def _collect(model: Structure, eps: SLEPc.EPS, solve: CondensedSolve, count: int
         residuals[slender] = np.sqrt(_inner(comm, change, change) / _inner(comm, shapes, shapes))
     # what round-off in K x alone may leave: a slender or softly held structure's lowest modes meet this limit
     # first
-    round_off = (
-        1e3
-        * np.finfo(float).eps
-        * statics.matrix.norm(PETSc.NormType.NORM_INFINITY)
-        * np.sqrt(sums[3])
-        / sizes
-    )
+    stiffest = statics.matrix.norm(PETSc.NormType.NORM_INFINITY)
+    round_off = 1e3 * np.finfo(float).eps * stiffest * lengths / sizes
+    array /= np.sqrt(_inner(comm, array, mx))
     del kx, mx
-    array /= np.sqrt(sums[0])
     shapes = array[: pencil.owned].copy(order="F")
     inertia = summed(comm, array[pencil.owned :].T @ pencil.auxiliary_translation())
     limits = np.maximum(RESIDUAL_LIMIT, round_off)
