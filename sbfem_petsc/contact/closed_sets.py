@@ -12,9 +12,9 @@ rounding is left out, and of some twenty rows in contact about six directions re
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -50,56 +50,19 @@ def thin_axes(right: np.ndarray, gain: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return axes * root, axes / root
 
 
-class ClosedSet:
+class ClosedSet(NamedTuple):
     """Rows that keep their gaps, condensed.
-
-    Parameters
-    ----------
-    left : (c, r) array
-        U.
-    residual : (c, c) array
-        R.
-    weight : (c,) array
-        Inverse roots of R's diagonal, which make the rows of one size.
-    closed : (c,) bool array
 
     Attributes
     ----------
     operator : (r, r) array
         K_R.
-
-    Raises
-    ------
-    LinAlgError
-        If R is not definite in these rows.
+    stiffness : (c,) array
+        Diagonal of R_AA^-1 at its rows, N/m; zero at the others.
     """
 
-    def __init__(self, left: np.ndarray, residual: np.ndarray, weight: np.ndarray, closed: np.ndarray):
-        (self.rows,), self.count = closed.nonzero(), len(closed)
-        self._weight = weight[self.rows]
-        scaled = residual[self.rows[:, None], self.rows]
-        scaled *= self._weight
-        scaled *= self._weight[:, None]
-        # LAPACK itself: of matrices this small, the checks of its wrappers take most of the time
-        self._factor, failed = linalg.lapack.dpotrf(scaled.T, lower=1) if len(scaled) else (scaled, 0)
-        if failed:
-            raise np.linalg.LinAlgError(
-                "the residual flexibility of the rows in contact is not positive definite"
-            )
-        self._half = self._weight[:, None] * left[self.rows]
-        if len(scaled):
-            self._half, _ = linalg.lapack.dtrtrs(self._factor, self._half, lower=1)
-        self.operator = self._half.T @ self._half
-
-    @functools.cached_property
-    def stiffness(self) -> np.ndarray:
-        """Diagonal of R_AA^-1 at its rows, N/m; zero at the others, (c,)."""
-        result = np.zeros(self.count)
-        if len(self.rows):
-            inverse, _ = linalg.lapack.dtrtri(self._factor, lower=1)
-            inverse = np.tril(inverse)
-            result[self.rows] = np.einsum("ij,ij->j", inverse, inverse) * self._weight**2
-        return result
+    operator: np.ndarray
+    stiffness: np.ndarray
 
 
 class ClosedSets:
@@ -126,8 +89,28 @@ class ClosedSets:
         if found is None:
             if len(self._known) > 4096:
                 self._known.clear()
-            found = self._known[key] = ClosedSet(self.left, self.residual, self._weight, closed)
+            found = self._known[key] = self._condensed(closed)
         return found
+
+    def _condensed(self, closed: np.ndarray) -> ClosedSet:
+        """LinAlgError unless R is definite in these rows."""
+        (rows,), stiffness, rank = closed.nonzero(), np.zeros(len(closed)), self.left.shape[1]
+        if not len(rows):
+            return ClosedSet(np.zeros((rank, rank)), stiffness)
+        # rows of one size
+        weight, scaled = self._weight[rows], self.residual[rows[:, None], rows]
+        scaled *= weight
+        scaled *= weight[:, None]
+        # LAPACK itself: of matrices this small, the checks of its wrappers take most of the time
+        factor, failed = linalg.lapack.dpotrf(scaled.T, lower=1)
+        if failed:
+            raise np.linalg.LinAlgError(
+                "the residual flexibility of the rows in contact is not positive definite"
+            )
+        inverse = linalg.lapack.dtrtri(factor, lower=1)[0] * weight
+        half = inverse @ self.left[rows]
+        stiffness[rows] = np.einsum("ij,ij->j", inverse, inverse)
+        return ClosedSet(half.T @ half, stiffness)
 
 
 @dataclass(frozen=True, eq=False)

@@ -64,15 +64,6 @@ class _Switch(NamedTuple):
     slope: float = 0.0
 
 
-class _Segment(NamedTuple):
-    """What holds from a time on, and of the switch there the slip that begins to be kept, and its slope."""
-
-    time: float
-    state: np.ndarray
-    begins: int
-    slope: float
-
-
 def located_rubbing(
     step: StepConstants,
     history: tuple[np.ndarray, np.ndarray, np.ndarray],
@@ -228,15 +219,15 @@ class _Located:
         leaves = turns + (n + 1 - turns) * math.sqrt(whole / max(whole + lacks, 1e-300))
         return [switch, _Switch(leaves, ((row, after),), -1)]
 
-    def _segments(self) -> list[_Segment]:
-        """From time 0 on. What sticks at the end has begun to do so before it."""
+    def _segments(self) -> list[tuple[_Switch, np.ndarray]]:
+        """What holds from time 0 and each switch on. What sticks at the end has begun to do so before it."""
         switches, c = self._switches(), self.count
         state = self.states[0].copy()
         last = {row: new for item in switches for row, new in item.states}
         for row, new in last.items():
             if row >= c and state[self.step.rubbing.rows[row - c]] != FREE:
                 state[row] = new
-        result = [_Segment(0.0, state, -1, 0.0)]
+        result = [(_Switch(0.0, (), -1), state)]
         for item in switches:
             state = state.copy()
             for row, new in item.states:
@@ -245,14 +236,14 @@ class _Located:
             shown = state[c:]
             shown[apart] = FREE
             shown[~apart & (shown == FREE) & (self.step.rubbing.static > 0.0)] = STICKS
-            result.append(_Segment(item.time, state, item.begins, item.slope))
+            result.append((item, state))
         return result
 
     # ------------------------------------------------------------------ what they do at the instants
     def contacts(self) -> Contacts:
         """See `Contacts`."""
         segments = self._segments()
-        times = np.array([item.time for item in segments])
+        times = np.array([item.time for item, _ in segments])
         rows = list[tuple[np.ndarray, ...]]()
         instants, counts, known = [], [], dict[tuple[bool, bytes], tuple[np.ndarray, ...]]()
         for n in range(self.steps + 1):
@@ -263,7 +254,7 @@ class _Located:
                 ends = [*times[first + 1 : last], n + 1.0]
                 found = self._at(n, within, ends)
             else:
-                key = n == 0, within[0].state.tobytes()
+                key = n == 0, within[0][1].tobytes()
                 if key not in known:
                     known[key] = self._at(n, within, [n + 1.0])
                 found = known[key]
@@ -275,14 +266,16 @@ class _Located:
         shifts = np.zeros((len(factors), 0))
         return Contacts(np.array(instants), np.array(counts), factors, shifts, pushes, reads, writes)
 
-    def _at(self, n: int, within: list[_Segment], ends: list[float]) -> tuple[np.ndarray, ...]:
+    def _at(
+        self, n: int, within: list[tuple[_Switch, np.ndarray]], ends: list[float]
+    ) -> tuple[np.ndarray, ...]:
         """Factors, pushes, reads and writes at an instant beside which these segments lie."""
         rank, k = len(self.scaled), len(self.units)
         by_position, by_memory = np.zeros((rank, rank)), np.zeros((rank, k))
         slips, kept, kinds = np.zeros((k, rank)), np.eye(k), dict[int, float]()
         former = None
-        for item, end in zip(within, ends):
-            found = self._of(item.state)
+        for (item, state), end in zip(within, ends):
+            found = self._of(state)
             t, place = item.begins, math.floor(item.time)
             if t >= 0 and former is not None and n - 1 <= place <= n:
                 share = item.time - place
@@ -315,7 +308,7 @@ class _Located:
         memory = np.array([kinds[t] * kept[t] for t in written]).reshape(-1, k)
         unit = np.eye(k)[written]
         if n == self.steps:  # what does not stick there is forgotten
-            gone = within[-1].state[self.count :] != STICKS
+            gone = within[-1][1][self.count :] != STICKS
             rest = [t for t in range(k) if gone[t]]
             stay = [a for a, t in enumerate(written) if not gone[t]]
             values = np.concatenate([values[stay], np.zeros((len(rest), rank))])
@@ -331,10 +324,6 @@ class _Located:
         """Integral of an instant's hat function between two times; at the first and last one of half of it,
         twice.
         """
-        total = 0.0
-        for side in (-1, 1):
-            low, high = (max(begin, n - 1), min(end, n)) if side < 0 else (max(begin, n), min(end, n + 1))
-            if low < high and 0 <= n + min(side, 0) < self.steps:
-                low, high = (n - high, n - low) if side < 0 else (low - n, high - n)
-                total += (high - low) - 0.5 * (high**2 - low**2)
-        return total * (2.0 if n in (0, self.steps) else 1.0)
+        first, last = 0.0 if n == 0 else -1.0, 0.0 if n == self.steps else 1.0
+        a, b = (min(max(time - n, first), last) for time in (begin, end))
+        return (b - a - 0.5 * (b * abs(b) - a * abs(a))) * (2.0 if n in (0, self.steps) else 1.0)
