@@ -36,9 +36,10 @@ from .driven_orbits import Family, OpenRowFamily, least
 SPAN, FINE = 20.0, 0.3
 # Multipliers scatter by up to 2e-7 from switch to switch within the steps. What g is left with, and what it
 # has to change by in the step of a difference (in units) along the steepest direction, or that is made ten
-# times as long.
+# times as long, as those of the same state behind it.
 BAND, CLEAR, APART = 3e-9, 1e-6, 1e-4
-# Slopes along what is left of a direction beside known ones are not made where it is so little of it.
+# Slopes along what is left of a direction beside known ones are not made where it is so little of it, or
+# where it would change g by so little of what is missed of it.
 NEGLECTED = 0.1
 PLACES = {"fold": 1.0, "period doubling": -1.0}
 
@@ -181,6 +182,7 @@ class LocusState:
         self.rows = len(self.residual)
         # orthonormal directions in units, and the slopes of g along them
         self._known, self._rates = np.empty((0, len(u))), np.empty((0, len(self.condition)))
+        self._aparts: tuple[float, ...] = (APART, 10.0 * APART)
 
     def forget(self) -> None:
         """See `problem.State`."""
@@ -203,25 +205,35 @@ class LocusState:
         """Right and left, of length one, where there are any."""
         return ()
 
-    def slope(self, direction: np.ndarray) -> np.ndarray:
-        """Of g along a change of the unknowns in units, by differences only along what is not known of it."""
+    def slope(self, direction: np.ndarray, missed: float = 0.0) -> np.ndarray:
+        """Of g, of which so much is missed, along a change of the unknowns in units, by differences only
+        along what is not known of it.
+        """
         rest, total = direction, np.zeros(len(self.condition))
         for _ in range(2):  # twice is enough for orthogonal to rounding
             shares = self._known @ rest
             rest, total = rest - shares @ self._known, total + shares @ self._rates
-        length = float(np.linalg.norm(rest))
-        if length > NEGLECTED * float(np.linalg.norm(direction)):
-            steepest = float(np.abs(self._rates).max(initial=0.0))
-            for apart in (APART, 10.0 * APART):
-                u = self.u + apart / length * rest * self.problem.units(self.u)[0]
-                change = self._change(u, *self.problem.run(u))
-                if max(float(np.abs(change).max()), apart * steepest) > CLEAR:
-                    break
-            rate = change / apart
+        length, least = float(np.linalg.norm(rest)), NEGLECTED * float(np.linalg.norm(direction))
+        # how steep g is beside the motions is not known before one such direction is
+        if len(self._known) > len(self.u) - self.problem.modes2:
+            least = max(least, max(NEGLECTED * missed, self.problem.band) / float(np.abs(self._rates).max()))
+        if length > least:
+            rate = self._difference(rest / length)
             self._known = np.vstack([self._known, rest / length])
             self._rates = np.vstack([self._rates, rate])
             total = total + length * rate
         return total
+
+    def _difference(self, direction: np.ndarray) -> np.ndarray:
+        """The slope along a direction of length one."""
+        steepest = float(np.abs(self._rates).max(initial=0.0))
+        for apart in self._aparts:
+            u = self.u + apart * direction * self.problem.units(self.u)[0]
+            change = self._change(u, *self.problem.run(u))
+            if max(float(np.abs(change).max()), apart * steepest) > CLEAR:
+                break
+        self._aparts = tuple(other for other in self._aparts if other >= apart)
+        return change / apart
 
     @functools.cached_property
     def factors(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -323,7 +335,8 @@ class _AugmentedBorder:
             raise Lost("the locus has no single direction")
         particular = self.range @ known
         particular += (right[-1] - self.row @ particular) / steep * self.along
-        wanted = right[len(known) : -1] / (FINE * self.state.scale) - self.state.slope(particular)
+        missed = right[len(known) : -1] / (FINE * self.state.scale)
+        wanted = missed - self.state.slope(particular, float(np.abs(missed).max()))
         try:
             return self.units * (particular + self.null @ np.linalg.solve(self.slopes, wanted))
         except np.linalg.LinAlgError:
