@@ -123,7 +123,7 @@ def reduce_matrices(
     given, factors = _damping(damping, n), checked_rayleigh("reduce_matrices", rayleigh)
 
     pushed = loads.T.tocsr()
-    columns = sparse.hstack([contact_rows.T, loads]).tocsr()
+    columns = sparse.vstack([contact_rows, pushed]).T.tocsr()
     rigid = bool((stops <= 0.0).any())
     lowest = _modes(mass, stiffness, columns, comm)
     found = lowest(modes)
@@ -137,7 +137,7 @@ def reduce_matrices(
 
     def at_sensors(array: np.ndarray) -> np.ndarray:
         result = np.zeros((len(sensors), 1 if along else 2, array.shape[1]))
-        result[:, -1] = _seen(seen, array)
+        result[:, -1] = array
         return result
 
     def made(
@@ -148,24 +148,26 @@ def reduce_matrices(
         omega, kept = np.sqrt(values), len(values)
         ratios = _ratios(given, shapes, omega, modes) + rayleigh_ratios(factors, omega)
         by_contact, by_loads = np.split(flexibility, [len(stops)], axis=1)
-        own = _seen(contact_rows, by_contact) + np.diag(stops)
-        gaps = LinearOutput((), _seen(contact_rows, shapes), _seen(contact_rows, by_loads), own)
+        fields = shapes, by_loads, by_contact
+        gap_modes, gap_loads, own = _seen(contact_rows, *fields)
+        gaps = LinearOutput((), gap_modes, gap_loads, own + np.diag(stops))
+        load_modes, loaded = _seen(pushed, shapes, by_loads)
         return ReducedModel(
             omega / (2.0 * np.pi),
             ratios,
             gaps,
             np.append(RowLaws.of(laws).rest(gap), np.zeros(len(stops) - pairs)),
             pairs,
-            _seen(pushed, shapes).T,
-            _seen(pushed, by_loads),
-            LinearOutput(tuple(sensors), at_sensors(shapes), at_sensors(by_loads), at_sensors(by_contact)),
+            load_modes.T,
+            loaded,
+            LinearOutput(tuple(sensors), *map(at_sensors, _seen(seen, *fields))),
             LinearOutput((), *(np.zeros((0, 2, k)) for k in (kept, loads.shape[1], len(stops)))),
             np.zeros((kept, 2)),
             contact_laws=RowLaws.of(laws),
             friction=friction,
             directions=along or None,
             ranks=comm if large else None,
-            whole=LinearOutput((), shapes, by_loads, by_contact),
+            whole=LinearOutput((), *fields),
             wider=wider,
             lag=Lag.of(factors[1], omega[-1], ratios[-1], stops),
         )
@@ -206,11 +208,11 @@ def _require_compliance(gaps: LinearOutput, contact_rows: sparse.csr_matrix, pai
 
 def _warn_of_superelement(mass: Any, stiffness: Any, omega: np.ndarray) -> None:
     """Warn of modes above the highest one that a Craig-Bampton superelement has inside."""
-    k, m = sparse.csr_matrix(stiffness), sparse.csr_matrix(mass)
-    inside = ~_coupled(k) & _coupled(m)  # modal coordinates: coupled by their mass alone
+    # modal coordinates: coupled by their mass alone
+    inside = ~_coupled(stiffness) & _coupled(mass)
     if not inside.any() or inside.all():
         return
-    highest = float(np.sqrt((k.diagonal()[inside] / m.diagonal()[inside]).max()))
+    highest = float(np.sqrt((stiffness.diagonal()[inside] / mass.diagonal()[inside]).max()))
     if beyond := int((omega > highest).sum()):
         warn(
             f"reduce_matrices: {beyond} of {len(omega)} modes lie above {highest / (2.0 * np.pi):.6g} Hz, "
@@ -220,16 +222,17 @@ def _warn_of_superelement(mass: Any, stiffness: Any, omega: np.ndarray) -> None:
         )
 
 
-def _coupled(matrix: sparse.csr_matrix) -> np.ndarray:
+def _coupled(matrix: np.ndarray | sparse.csr_matrix) -> np.ndarray:
     """Which unknowns have an entry beside the diagonal."""
     size = abs(matrix)
     return np.asarray(size @ np.ones(matrix.shape[0]) > size.diagonal())
 
 
-def _seen(rows: sparse.csr_matrix, fields: np.ndarray) -> np.ndarray:
-    """rows @ fields, of which few unknowns are copied."""
+def _seen(rows: sparse.csr_matrix, *fields: np.ndarray) -> list[np.ndarray]:
+    """rows @ each of the fields, of which few unknowns are copied."""
     used = np.unique(rows.indices)
-    return rows[:, used] @ fields[used]
+    few = rows[:, used]
+    return [few @ field[used] for field in fields]
 
 
 def _sliding(
