@@ -13,13 +13,13 @@ rounding is left out, and of some twenty rows in contact about six directions re
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
 
 from .law import RowLaws
+from .tangent import Contacts, thin_axes
 
 # Singular values of the gaps below this share of the largest are those of rounding.
 ROUND_OFF = 1e-12
@@ -41,13 +41,6 @@ def thin_factors(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     rank = int((values > ROUND_OFF * values[:1]).sum())
     left[~rows.any(axis=1)] = 0.0
     return np.ascontiguousarray(left[:, :rank] * values[:rank]), np.ascontiguousarray(right[:rank].T)
-
-
-def thin_axes(right: np.ndarray, gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """S and S^-T (r, r) of V^T (r, m): S S^T = V^T diag(gain) V, what thin forces do to the thin position."""
-    values, axes = np.linalg.eigh((right * gain) @ right.T)
-    root = np.sqrt(np.maximum(values, 1e-15 * values[-1:]))
-    return axes * root, axes / root
 
 
 class ClosedSet(NamedTuple):
@@ -111,35 +104,6 @@ class ClosedSets:
         half = inverse @ self.left[rows]
         stiffness[rows] = np.einsum("ij,ij->j", inverse, inverse)
         return ClosedSet(half.T @ half, stiffness)
-
-
-@dataclass(frozen=True, eq=False)
-class Contacts:
-    """What contact does to a small disturbance at the instants 0 .. n of a history.
-
-    Attributes
-    ----------
-    instants : (k,) int array
-        Those at which it does something.
-    counts : (k,) int array
-        How many rows of the next arrays belong to each.
-    factors : (s, m) array
-        The rows of B^T of all instants, one instant after the other.
-    shifts : (s, e) array
-        B^T dq is added to by so much for each of e parameters.
-    pushes : (s, m) array
-        What the rows' forces push; where nothing rubs, the factors themselves.
-    reads, writes : (s, k) arrays
-        Factors on what rows that rub remember, and what is taken off that; see `step_tangent`.
-    """
-
-    instants: np.ndarray
-    counts: np.ndarray
-    factors: np.ndarray
-    shifts: np.ndarray
-    pushes: np.ndarray
-    reads: np.ndarray
-    writes: np.ndarray
 
 
 def located_contacts(

@@ -19,12 +19,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg
 
-from .closed_sets import Contacts, thin_axes
 from .friction import ALONG, STICKS
 from .held_rows import extent_of
 from .law import FREE
 from .step_data import StepConstants
 from .step_tangent import LEAST
+from .tangent import Contacts, thin_axes
 
 # Condition of sets of which rows are held twice, which share their forces.
 _TWICE = 1e13

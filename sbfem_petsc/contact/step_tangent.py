@@ -19,13 +19,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .closed_sets import Contacts, thin_axes
 from .compiled import compiled_loops, inner_loops, inner_sums
 from .friction import STICKS
 from .held_rows import Rubbing, Sets, empty_sets, follow, pull_of, pulled
 from .law import FREE
 from .pivoting import add_rows, products
 from .step_data import StepConstants
+from .tangent import Contacts, thin_axes
 
 # Directions of contact that change the position in a step, in units of it, by less than this are left out, or
 # where that is enough by less than another.

@@ -1,4 +1,5 @@
-"""Exact derivative of the time steps (`marching.march`) with the contact sets of a history (`closed_sets`).
+"""Exact derivative of the time steps (`marching.march`) with the contact sets of a history (`step_tangent`,
+`closed_sets`).
 
 Contact at consecutive instants is condensed into blocks: the B^T dq of a block's instants are rows of the
 state at its beginning, coupled by a small triangular matrix, so that many columns are carried through a block
@@ -10,17 +11,52 @@ their own instants.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg.blas import dgemm, dtrsm
-
-from .closed_sets import Contacts
 
 # Rows that are condensed into one block.
 BLOCK = 48
 # Longest frame, and what it may not exceed: condition of a mode's free motion over its length, decades by
 # which areas in its phase plane shrink. The decay itself costs no digits, each mode only changes its unit.
 FRAME, WORST, DECAY = 2048, 1e6, 40.0
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """What contact does to a small disturbance at the instants 0 .. n of a history.
+
+    Attributes
+    ----------
+    instants : (k,) int array
+        Those at which it does something.
+    counts : (k,) int array
+        How many rows of the next arrays belong to each.
+    factors : (s, m) array
+        The rows of B^T of all instants, one instant after the other.
+    shifts : (s, e) array
+        B^T dq is added to by so much for each of e parameters.
+    pushes : (s, m) array
+        What the rows' forces push; where nothing rubs, the factors themselves.
+    reads, writes : (s, k) arrays
+        Factors on what rows that rub remember, and what is taken off that; see `step_tangent`.
+    """
+
+    instants: np.ndarray
+    counts: np.ndarray
+    factors: np.ndarray
+    shifts: np.ndarray
+    pushes: np.ndarray
+    reads: np.ndarray
+    writes: np.ndarray
+
+
+def thin_axes(right: np.ndarray, gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """S and S^-T (r, r) of V^T (r, m): S S^T = V^T diag(gain) V, what thin forces do to the thin position."""
+    values, axes = np.linalg.eigh((right * gain) @ right.T)
+    root = np.sqrt(np.maximum(values, 1e-15 * values[-1:]))
+    return axes * root, axes / root
 
 
 class Propagation:

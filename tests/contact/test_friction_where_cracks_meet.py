@@ -75,7 +75,7 @@ def test_derivative_of_a_period(name, law):
         ways[: 2 * MODES, :2] = rng.standard_normal((2 * MODES, 2))
         ways[2 * MODES :, 2] = rng.standard_normal(len(state) - 2 * MODES)
         found = driven.carried(motion, ways, ("frequency", "load"))
-        step, share = 1e-8 * scale, 1e-7
+        step, share = 1e-7 * scale, 1e-7  # of 1e-8 rounding leaves 2e-8, of 1e-7 1e-9
         pairs = [(driven.run(state + step * w), driven.run(state - step * w), 2.0 * step) for w in ways.T]
         for at, size in (([1.0, 0.0], FREQUENCY), ([0.0, 1.0], 1.0)):
             ends = [
