@@ -83,8 +83,7 @@ def modes_below(stiffness: Stiffness, frequency: float) -> tuple[int | None, Pen
     omega, small = 2.0 * math.pi * frequency, is_small(stiffness.layout)
     # below it S-elements have no mass but rounding
     highest = max(omega * (REACH if small else 1.0), math.sqrt(lowest_scale(stiffness.elements)))
-    # what is left out falls with the frequency's fourth power: in modes it is 1 / REACH**2 of the usual
-    with Pencil(stiffness, highest, TOLERANCE * (REACH**2 if small else 1.0)) as pencil:
+    with Pencil(stiffness, highest, TOLERANCE) as pencil:
         below = pencil.eigenvalues_below(omega**2)
         if small and below is not None:
             pencil.counted = omega**2, below
