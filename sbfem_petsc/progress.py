@@ -159,6 +159,24 @@ def silent(done: float) -> None:
     """Nobody is told the fraction that is done."""
 
 
+def refused(error: Exception) -> bool:
+    """Whether a caller's own `progress` has raised it, which no attempt in another way mends."""
+    return bool(getattr(error, "of_progress", False))
+
+
+def _marked(progress: Callable[[float], None]) -> Callable[[float], None]:
+    """A caller's own, whose errors `refused` knows."""
+
+    def told(done: float) -> None:
+        try:
+            progress(done)
+        except Exception as error:
+            error.of_progress = True  # type: ignore[attr-defined]
+            raise
+
+    return told
+
+
 @contextlib.contextmanager
 def progress_bar(comm, text: str, progress: Progress = "auto"):
     """A callable of the fraction done, `silent` where nobody is to be told.
@@ -177,7 +195,7 @@ def progress_bar(comm, text: str, progress: Progress = "auto"):
         For another value.
     """
     if check_progress(text, progress) != "auto":
-        yield silent if progress is None else progress
+        yield _marked(progress) if callable(progress) else silent
         return
     if comm.rank > 0 or not (in_notebook() or sys.stderr.isatty()):
         yield silent

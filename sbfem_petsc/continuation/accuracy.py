@@ -19,6 +19,7 @@ from ..errors import SolveError, warn
 from ..motion.contact_work import MOST
 from ..motion.period_map import FixedPoint, Period
 from ..motion.preparation import PeriodSettings
+from ..progress import refused
 from ..reduction.build import LEAST_MODES, MOST_MODES, modes_beyond, most_modes
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
@@ -136,6 +137,8 @@ class Accuracy:
                 where = prepare(settings, told)
                 told = find(where, told)
             except (SolveError, ValueError) as error:
+                if refused(error):
+                    raise
                 lost = where if isinstance(error, SolveError) else None
                 usual = None if lost is None else self._usual(lost)
                 if usual is not None:

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..errors import SolveError
+from ..progress import refused
 from .problem import Border, Condition, Linear, Lost, Point, Problem
 
 # Iterations at most.
@@ -28,6 +29,8 @@ def attempt(
     try:
         return call()
     except failures as error:
+        if refused(error):
+            raise
         if told is not None:
             told.append(error)
         return None

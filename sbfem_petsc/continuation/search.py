@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import SolveError, failed_solve
 from ..motion.period_map import DrivenPeriod, FixedPoint, Period
-from ..progress import Progress, progress_bar, silent
+from ..progress import Progress, progress_bar, refused, silent
 from .follow import Line, Settings, follow
 from .newton import attempt
 from .problem import Point
@@ -203,6 +203,8 @@ class _History:
                 self.done += 1
                 tell(self.done)
         except SolveError as error:  # a contact problem that was not solved
+            if refused(error):
+                raise
             self.failed, self.over = str(error), True
         if self.over:
             return False

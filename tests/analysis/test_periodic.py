@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from meshing import Beam, VNotch
 from sbfem_petsc.contact.closed_sets import thin_factors
 from sbfem_petsc.contact.step_data import Marched
 from sbfem_petsc.continuation import search as steady
@@ -671,3 +672,25 @@ def test_steps_follow_the_fastest_tone():
     with pytest.warns(sb.StepWarning, match="512 steps a forcing period are 5.1 a period of the highest"):
         few, _ = sidebands(512)
     assert (abs(few - exact) > 0.1 * abs(exact)).any()
+
+
+@pytest.mark.parametrize("kind", [ValueError, sb.SolveError])
+@pytest.mark.parametrize("within", ["more modes", "a search"])
+def test_errors_of_progress_end_the_analysis(kind, within):
+    """In an attempt in more modes, and in a search, where others of that kind call for another way."""
+    told = list[float]()
+
+    def closed(done):
+        told.append(done)
+        raise kind("I/O operation on closed file")
+
+    if within == "a search":
+        asked = one_mass(0.0, 0.005, stiffness=30.0), 0.5, 0.2546554
+    else:
+        mesh = Beam(0.4, 0.005, [VNotch(0.08, 0.0025, 0.0, tilt=45.0)]).mesh(order=3, tip_size=2e-4)
+        rubs = {"crack1": sb.Coulomb(0.3)}
+        model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700), damping=0.002, contact_laws=rubs)
+        asked = model, sb.PointForce("A", fy=50.0), 1000.0
+    with pytest.raises(kind, match="^I/O operation on closed file$"):
+        sb.periodic(*asked, steps=256 if within == "a search" else None, stability=False, progress=closed)
+    assert len(told) == 1
