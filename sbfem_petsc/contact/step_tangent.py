@@ -206,6 +206,21 @@ def _drawn(
 
 
 @inner_loops
+def _sharpened(
+    flexibility: np.ndarray, held: tuple[Rubbing, np.ndarray], rank: int, sets: Sets, room: _Room
+) -> None:
+    """Solve again for what the inverse leaves of the thin forces."""
+    (rubbing, state), members, left = held, sets.members, room.along
+    unknowns = members[state.size]
+    for q in range(rank):
+        for b in range(unknowns):
+            left[b] = room.drawn[q, b]
+            for a in range(unknowns):
+                left[b] -= room.forces[q, a] * pulled(flexibility, rubbing, state, (members[a], members[b]))
+        add_rows(sets.inverse, sets.every, left, unknowns, (unknowns, unknowns), room.forces[q])
+
+
+@inner_loops
 def _columns(scaled: np.ndarray, units: np.ndarray, members: np.ndarray, unknowns: int, room: _Room) -> int:
     """What position and the memory of the members do in the thin space; how many columns that are."""
     rank, count, total = scaled.shape[0], scaled.shape[1] - units.size, scaled.shape[0]
@@ -295,7 +310,10 @@ def _condense(
             regular = follow(w, rubbing, state, sets)
             if regular and _drawn(w, scaled, (rubbing, state), sets, room) <= ROUNDED:
                 break
-            members[n] = -1 if attempt == 0 else members[n]
+            if attempt == 0:
+                members[n] = -1
+            elif regular:  # rows that are nearly the same
+                _sharpened(w, (rubbing, state), rank, sets, room)
         if not regular:
             return -1
         unknowns = members[n]

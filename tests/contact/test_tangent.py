@@ -18,7 +18,7 @@ from sbfem_petsc.motion.steps import step_coefficients
 from tests.parallel import ROOT
 
 
-def chain(masses=6, damping=0.02, gap=0.05, stops=(0, 2, 5)):
+def chain(masses=6, damping=0.02, gap=0.05, stops=(0, 2, 5), compliance=0.05):
     """Masses on springs with elastic stops, four of six modes kept: the stops' flexibility is a full
     matrix.
     """
@@ -33,7 +33,7 @@ def chain(masses=6, damping=0.02, gap=0.05, stops=(0, 2, 5)):
         sensors={"first": 0, "last": masses - 1},
         modes=4,
         damping=damping,
-        compliance=np.full(len(stops), 0.05),
+        compliance=np.full(len(stops), compliance),
     )
 
 
@@ -67,6 +67,21 @@ def chain_motion():
 
 def same_sets(*motions):
     return all(np.array_equal(m.forces > 0, motions[0].forces > 0) for m in motions)
+
+
+def test_two_stops_at_one_mass():
+    """Two hard stops beside each other are one of half their compliance: their flexibility is that of one
+    but for 1e-12, by which rounding is divided.
+    """
+    found = []
+    for stops, compliance in (((0, 0), 2e-12), ((0,), 1e-12)):
+        reduced = chain(gap=0.0, stops=stops, compliance=compliance)
+        signals = [sb.Harmonic(0.4, 0.09) + 0.02] * 2
+        driven = Period(reduced, Excitation.of(signals, 0.09, None, 8), 256).at(0.09)
+        motion = driven.run(driven.linear_state)
+        assert 0 < (motion.forces > 0).any(axis=1).sum() < 256
+        found.append(driven.carried(motion, np.eye(8), ("frequency", "load")))
+    assert found[0] == pytest.approx(found[1], abs=1e-8 * np.abs(found[1]).max())
 
 
 def end(driven, state):
