@@ -30,6 +30,8 @@ LEAST = 3
 # Least damping ratio of vectors where faces rub: a few of them ring where the many modes that they stand for
 # run apart, and each change between stick and slip sets them off.
 RUBBED = 0.02
+# Behind fewer modes than these that damping is felt in the harmonics, and hardly in what is told of them.
+FEW = 20
 # What is rounding in a flexibility, and in a basis.
 ROUNDING = 1e-10
 
@@ -72,14 +74,16 @@ class LeftOut:
     shapes: np.ndarray | None
 
     def beside(self, own: ReducedModel) -> ReducedModel:
-        """The model with these vectors behind its modes, damped as its last one is, where faces rub more."""
+        """The model with these vectors behind its modes, damped as its last one is; behind many, where
+        faces rub, more.
+        """
         omega, count = 2.0 * np.pi * self.frequencies, len(own.omega)
         model = own.model
         assert model is not None  # whose vectors these are
         ratios = model.damping_ratios(np.append(own.omega, omega))
         top = ratios[count - 1]
         further = ratios[count:] * (own.damping[-1] / top) if top else np.full(len(omega), own.damping[-1])
-        if own.friction is not None:
+        if own.friction is not None and count >= FEW:
             further = np.maximum(further, RUBBED)
 
         still = self.load_modes / omega[:, None] ** 2, self.gap.T / omega[:, None] ** 2

@@ -633,7 +633,7 @@ def test_accuracy_of_faces_that_rub():
     with tilted(0.3) as model:
         found = sb.periodic(model, load, 1000.0, stability=False, progress=shares.append)
         other = sb.periodic(model, load, 1000.0, modes=80, steps=2048, stability=False)
-    assert found.reduced.natural < 40 and len(found.time) <= 1024
+    assert found.reduced.natural <= 40 and len(found.time) <= 1024
     assert found.reduced.damping[found.reduced.natural :].min() == 0.02
     one, two = (orbit.harmonics("A")[1:5] for orbit in (found, other))
     apart = np.abs(one - two) / np.maximum(np.abs(two), 1e-3 * np.abs(two).max())
@@ -642,6 +642,21 @@ def test_accuracy_of_faces_that_rub():
     assert (apart < told[0] + told[1]).all()
     # each attempt in more modes tells that its motion is found, and its error
     assert shares and shares == [0.5, 1.0] * (len(shares) // 2)
+
+
+@pytest.mark.long
+def test_accuracy_in_a_dozen_modes():
+    """Behind 12 modes vectors damped by .02 leave 3.6e-3 of the third harmonic, of which 1.1e-3 was told;
+    these ring with the modes. Beside 160 modes without vectors in 8,192 steps.
+    """
+    load = sb.PointForce("A", fy=3000.0)
+    with tilted(0.3) as model:
+        found = sb.periodic(model, load, 500.0, stability=False)
+        other = sb.periodic(model, load, 500.0, modes=160, steps=8192, stability=False)
+    one, two = (orbit.harmonics("A")[1:5] for orbit in (found, other))
+    apart = np.abs(one - two) / np.maximum(np.abs(two), 1e-3 * np.abs(two).max())
+    assert (apart / np.arange(1, 5)).max() < 1e-3
+    assert (apart < 3.0 * (found.mode_error[1:] + other.mode_error[1:])).all()
 
 
 RANKS = """
