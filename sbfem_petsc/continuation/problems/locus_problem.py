@@ -215,8 +215,9 @@ class LocusState:
             rest, total = rest - shares @ self._known, total + shares @ self._rates
         length, least = float(np.linalg.norm(rest)), NEGLECTED * float(np.linalg.norm(direction))
         # how steep g is beside the motions is not known before one such direction is
-        if len(self._known) > len(self.u) - self.problem.modes2:
-            least = max(least, max(NEGLECTED * missed, self.problem.band) / float(np.abs(self._rates).max()))
+        steepest = float(np.abs(self._rates).max(initial=0.0))
+        if len(self._known) > len(self.u) - self.problem.modes2 and steepest > 0.0:
+            least = max(least, max(NEGLECTED * missed, self.problem.band) / steepest)
         if length > least:
             rate = self._difference(rest / length)
             self._known = np.vstack([self._known, rest / length])
