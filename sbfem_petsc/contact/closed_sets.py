@@ -165,7 +165,7 @@ def located_contacts(
     _, kinds, which = np.unique(key, return_index=True, return_inverse=True)
     kinds = instants[kinds]
     means = 0.5 * (table[pairs[kinds, 0]] + table[pairs[kinds, 1]])
-    rows, ranks = _condensed(means, right, coefficients[4], kinds == 0)
+    rows, ranks = _thin_rows(means, right, coefficients[4], kinds == 0)
     counts = ranks[which.ravel()]
     owner = np.repeat(np.arange(len(instants)), counts)
     place = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -173,7 +173,7 @@ def located_contacts(
     return Contacts(instants, counts, factors, nothing, factors, nothing, nothing)
 
 
-def _condensed(
+def _thin_rows(
     operators: np.ndarray, right: np.ndarray, gain: np.ndarray, fixed: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """B^T (k, n, m) of operators K_R (k, r, r), and how many rows each has. Where `fixed`, K_R itself acts

@@ -219,15 +219,14 @@ class LocusState:
         if len(self._known) > len(self.u) - self.problem.modes2 and steepest > 0.0:
             least = max(least, max(NEGLECTED * missed, self.problem.band) / steepest)
         if length > least:
-            rate = self._difference(rest / length)
+            rate = self._difference(rest / length, steepest)
             self._known = np.vstack([self._known, rest / length])
             self._rates = np.vstack([self._rates, rate])
             total = total + length * rate
         return total
 
-    def _difference(self, direction: np.ndarray) -> np.ndarray:
-        """The slope along a direction of length one."""
-        steepest = float(np.abs(self._rates).max(initial=0.0))
+    def _difference(self, direction: np.ndarray, steepest: float) -> np.ndarray:
+        """The slope along a direction of length one, beside the steepest one that is known."""
         for apart in self._aparts:
             u = self.u + apart * direction * self.problem.units(self.u)[0]
             change = self._change(u, *self.problem.run(u))
