@@ -6,12 +6,14 @@ import contextvars
 import warnings
 from collections.abc import Iterable
 
-from meshing.warnings import caller_level
+from meshing.warnings import OptionWarning, caller_level
 
 from .checks import shown
 
 # The analysis that a user has called, while it is under way.
 ANALYSIS: contextvars.ContextVar[str] = contextvars.ContextVar("analysis", default="")
+# What that analysis has told already of options of the command line; None beside any.
+TOLD: contextvars.ContextVar[set[str] | None] = contextvars.ContextVar("told", default=None)
 
 
 class UnknownName(KeyError):
@@ -65,6 +67,15 @@ def failed_solve(sentence: str) -> Exception:
 def warn(sentence: str, kind: type[Warning]) -> None:
     """Warn the line outside of this package that has led here."""
     warnings.warn(sentence, kind, stacklevel=caller_level())
+
+
+def warn_of_options(options: str, sentence: str) -> None:
+    """Warn of what options, such as "-newmark_ksp_...", do to a result: once in an analysis."""
+    told = TOLD.get()
+    if told is None or options not in told:
+        warn(f"{called()}: the options {options} {sentence}", OptionWarning)
+    if told is not None:
+        told.add(options)
 
 
 def at_point(table: dict, point: str, what: str = "point"):

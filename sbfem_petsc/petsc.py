@@ -23,7 +23,7 @@ except ImportError as error:  # pragma: no cover - depends on the machine
         f"sbfem_petsc needs petsc4py, slepc4py and mpi4py ({error}): {installation.remedy(error)}"
     ) from error
 
-from .errors import OutOfMemory, PetscFailure, SolveError, failed_solve, on_all_ranks
+from .errors import OutOfMemory, PetscFailure, SolveError, failed_solve, on_all_ranks, warn_of_options
 from .ranks import abort
 from .ranks.parallel import alone
 
@@ -37,6 +37,8 @@ __all__ = ["MPI", "PETSc", "SLEPc"]  # what is passed on
 # The thread that PETSc, which keeps no order between threads, works for, and what guards a change of it.
 _at_work: list[threading.Thread] = []
 _changing = threading.Lock()
+# Relative residual below which what options of the command line leave is not told.
+LEFT = 1e-6
 OUT_OF_MEMORY = 55  # PETSc's PETSC_ERR_MEM
 # Stages of -log_view, registered in one order on all ranks.
 STAGES = ("Mesh", "S-elements", "Inertia", "Assembly", "Factorisation", "Contact", "Modes", "Steps")
@@ -225,6 +227,11 @@ def all_asked() -> dict[str, str]:
     return found
 
 
+def chosen(prefix: str) -> bool:
+    """Whether the command line has options that begin with a prefix."""
+    return any(name.startswith(prefix) for name in all_asked())
+
+
 def configure(item: Any) -> None:
     """Apply the options of the command line to a solver.
 
@@ -399,6 +406,30 @@ def check_ksp(ksp: PETSc.KSP, what: str, remedy: str | None = None) -> None:
         f"{what}: the linear solve did not converge ({reason_of(ksp)} after "
         f"{ksp.getIterationNumber()} iterations); {told}"
     )
+
+
+def judge_ksp(ksp: PETSc.KSP) -> None:
+    """Warn of what the options of the command line have let the last solve of `ksp` leave. Collective.
+
+    Warns
+    -----
+    OptionWarning
+    """
+    prefix = ksp.getOptionsPrefix()
+    if not chosen(prefix):
+        return
+    given = ksp.getRhs()
+    missed, right = given.duplicate(), given.norm()
+    ksp.getOperators()[0].mult(ksp.getSolution(), missed)  # KSPBuildResidual of GMRES is wrong after a solve
+    missed.axpy(-1.0, given)
+    left = missed.norm()
+    missed.destroy()
+    if not left <= LEFT * right:
+        warn_of_options(
+            f"-{prefix}...",
+            f"let a linear solve end ({reason_of(ksp)}) with {left / right:.2e} of its right-hand side left; "
+            "leave them out, or ask for less to be left",
+        )
 
 
 def reason_of(solver: PETSc.KSP | PETSc.SNES) -> str:

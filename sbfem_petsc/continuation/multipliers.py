@@ -9,10 +9,10 @@ from collections.abc import Callable
 import numpy as np
 from scipy import linalg
 
-from ..errors import failed_solve
+from ..errors import failed_solve, warn_of_options
 from ..motion.period_map import DrivenPeriod, FixedPoint
 from ..motion.period_motion import PeriodMotion
-from ..petsc import MPI, PETSc, SLEPc, configure, scripted, stepping
+from ..petsc import LEFT, MPI, PETSc, SLEPc, chosen, configure, scripted, stepping
 from .linear import Operator, operator
 from .shooting import WHOLE
 
@@ -135,6 +135,15 @@ def _largest(driven: DrivenPeriod, motion: PeriodMotion, size: int) -> Multiplie
     finally:
         solver.destroy()
         matrix.destroy()
+    if chosen(PREFIX):
+        image = driven.carried(motion, np.hstack([vectors.real, vectors.imag]), located=True)
+        missed = np.linalg.norm(image @ np.kron([[1.0], [1j]], np.eye(found)) - values * vectors, axis=0)
+        if not (missed <= LEFT * abs(values)).all():
+            warn_of_options(
+                f"-{PREFIX}...",
+                f"let multipliers miss their equations by {(missed / abs(values)).max():.2e}; leave them "
+                "out, or ask for less to be left",
+            )
     order = np.argsort(-np.abs(values), kind="stable")
     return Multipliers(values[order], lambda k: vectors[:, order[k]])
 

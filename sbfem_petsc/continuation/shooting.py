@@ -8,12 +8,22 @@ import math
 
 import numpy as np
 
-from meshing.warnings import OptionWarning
-
-from ..errors import PetscFailure, SolveError, called, failed_solve, on_all_ranks, warn
+from ..errors import PetscFailure, SolveError, called, failed_solve, on_all_ranks, warn_of_options
 from ..motion.period_map import DrivenPeriod, FixedPoint
 from ..motion.period_motion import PeriodMotion
-from ..petsc import MPI, PETSc, all_asked, asked, configure, finite, free, reason_of, require_thread, scripted
+from ..petsc import (
+    LEFT,
+    MPI,
+    PETSc,
+    asked,
+    chosen,
+    configure,
+    finite,
+    free,
+    reason_of,
+    require_thread,
+    scripted,
+)
 from .linear import PREFIX, Factors, Operator, by_operator, operator, preconditioned
 from .newton import ITERATIONS, Updated, attempt
 from .problem import GAIN, Lost
@@ -21,8 +31,6 @@ from .problem import GAIN, Lost
 # SNES by default: residual relative to the first one, with updated derivatives, which converge more slowly,
 # a smaller one, and relative to the state.
 RELATIVE, RELATIVE_UPDATED, ROUND_OFF = 1e-10, 1e-11, 1e-12
-# Share of the motion's size below which what options of the command line leave of x(T) - x(0) is not told.
-LEFT = 1e-6
 # Iterations that do not halve the residual, after which a search that hurries is given up.
 SLOW = 3
 # Unknowns up to which matrices of the period map are made whole.
@@ -191,17 +199,16 @@ class Steady(abc.ABC):
         left = missed.norm()
         missed.destroy()
         if left > expected:
-            warn(
-                f"{called()}: the options -{PREFIX}snes_... let Newton's method end ({reason_of(snes)}) with "
-                f"x(T) - x(0) at {left / size:.2e} of the motion's size, so that it is no steady state; "
-                "leave them out, or ask for less to be left",
-                OptionWarning,
+            warn_of_options(
+                f"-{PREFIX}snes_...",
+                f"let Newton's method end ({reason_of(snes)}) with x(T) - x(0) at {left / size:.2e} of the "
+                "motion's size, so that it is no steady state; leave them out, or ask for less to be left",
             )
 
     def _check(self, snes: PETSc.SNES, expected: float, size: float) -> None:
         reason = snes.getConvergedReason()
         if reason > 0:
-            if any(name.startswith(f"{PREFIX}snes_") for name in all_asked()):
+            if chosen(f"{PREFIX}snes_"):
                 self._compare(snes, expected, size)
             return
         missed = (

@@ -6,14 +6,14 @@ import numpy as np
 from scipy import sparse
 
 from ..errors import SolveError
-from ..petsc import PETSc, SLEPc, all_asked, configure, solving, stage
+from ..petsc import PETSc, SLEPc, chosen, configure, solving, stage
 
 TOLERANCE = 1e-11
 
 
 def by_options() -> bool:
     """Whether options say something of SLEPc's eigensolver."""
-    return any(name.startswith("modal_eps_") for name in all_asked())
+    return chosen("modal_eps_")
 
 
 def lowest_by_slepc(

@@ -3,10 +3,12 @@ work.
 """
 
 import json
+import warnings
 
 import pytest
 
 import sbfem_petsc as sb
+from meshing import CrackLine, Plate
 from tests.parallel import answer, on_ranks
 
 # statement -> what its sentence must say
@@ -221,3 +223,106 @@ def test_newton_that_options_end_early(option):
             sb.periodic(stop, 1.0, 0.15, steps=256, stability=False)
     finally:
         PETSc.Options().delValue(f"shooting_snes_{option[0]}")
+
+
+@pytest.fixture
+def options():
+    """Sets options of PETSc, which are gone afterwards."""
+    from sbfem_petsc.petsc import PETSc
+
+    given = {}
+
+    def put(**values):
+        given.update(values)
+        for name, value in values.items():
+            PETSc.Options().setValue(name, value)
+
+    yield put
+    for name in given:
+        PETSc.Options().delValue(name)
+
+
+def told_of_options(call):
+    """What a call gives, and sentences on options of the command line that it warns of."""
+    from meshing.warnings import OptionWarning
+
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        found = call()
+    return found, [str(item.message) for item in told if issubclass(item.category, OptionWarning)]
+
+
+def test_steps_whose_linear_solves_end_early(options):
+    """A third of the displacement was off without a word: told once of all steps, by the residual."""
+    from tests.systems import short_beam
+
+    def moved():
+        load = sb.PointForce("A", fy=sb.Harmonic(1.0, 1600.0))
+        history = sb.transient(short_beam(0.01), load, 5e-4, step=5e-6, reduction=None)
+        return history.displacement("A")[:, 1]
+
+    direct = moved()
+    options(newmark_ksp_type="cg", newmark_pc_type="jacobi")
+    iterated, told = told_of_options(moved)
+    assert abs(iterated - direct).max() < 1e-8 * abs(direct).max() and not told
+    options(newmark_ksp_rtol="1e-2")
+    loose, told = told_of_options(moved)
+    assert abs(loose - direct).max() > 0.1 * abs(direct).max()
+    assert len(told) == 1 and "-newmark_... let a linear solve end" in told[0]
+    assert float(told[0].split("with ")[1].split()[0]) > 1e-2
+
+
+def test_contact_forces_that_end_early(options):
+    """By conjugate gradients on the forces themselves, 15 % off without a word; GMRES, whose own residual
+    after a solve is none, is right and not warned of; a type that cannot do it is one sentence.
+    """
+    body = Plate([(0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1)], cracks=[CrackLine([(0.03, 0.045), (0.07, 0.055)])])
+    mesh = body.mesh(order=3, size=0.012, face_edges=2, tip_element=False)
+
+    def forces():
+        model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700), clamped="edge1")
+        return sb.static(model, sb.EdgeLoad("edge3", pressure=1e6, tx=8e5)).contact_force
+
+    direct = forces()
+    options(contact_dual="1", contact_dual_ksp_type="gmres")
+    iterated, told = told_of_options(forces)
+    assert abs(iterated - direct).max() < 1e-8 * direct.max() and not told
+    options(contact_dual_ksp_atol="1e2")
+    loose, told = told_of_options(forces)
+    assert abs(loose - direct).max() > 0.1 * direct.max()
+    assert len(told) == 1 and "-contact_dual_... let a linear solve end" in told[0]
+    options(contact_dual_ksp_type="preonly")
+    with pytest.raises(sb.SolverFailure, match="static contact: PETSc gave up .*preonly"):
+        forces()
+
+
+def test_multipliers_that_end_early(options, monkeypatch):
+    """Of lightly damped motions, all near the unit circle: a tenth off without a word."""
+    from sbfem_petsc.continuation import multipliers
+    from tests.systems import short_beam
+
+    reduced = sb.reduce(short_beam(1e-4), sb.PointForce("A", fy=1e-3), modes=30)
+
+    def largest():
+        return abs(sb.periodic(reduced, 1.0, 1000.0, steps=256).multipliers[0])
+
+    exact = largest()
+    monkeypatch.setattr(multipliers, "WHOLE", 0)
+    options(floquet_eps_ncv="10")
+    iterated, told = told_of_options(largest)
+    assert abs(iterated - exact) < 1e-8 * exact and not told
+    options(floquet_eps_tol=".5")
+    loose, told = told_of_options(largest)
+    assert abs(loose - exact) > 0.05 * exact
+    assert len(told) == 1 and "-floquet_... let multipliers miss" in told[0]
+
+
+def test_options_are_told_of_once_in_a_call(options):
+    """Each of the points of a curve, or each attempt in more steps, had told of the same ones."""
+    from tests.systems import one_mass
+
+    stop = one_mass(0.5, 0.05, stiffness=5.0)
+    options(shooting_snes_atol="1e9")
+    for _ in range(2):
+        told = told_of_options(lambda: sb.periodic(stop, 1.0, 0.15, stability=False))[1]
+        assert len(told) == 1 and "-shooting_snes_..." in told[0]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...petsc import PETSc, asked, check_ksp, configure, free, freeing, scripted
+from ...petsc import PETSc, asked, check_ksp, configure, free, freeing, judge_ksp, scripted, solving
 from ..solve.stiffness import Stiffness
 from .rows import Contact
 
@@ -83,9 +83,11 @@ class Dual:
             right.array = np.where(active, -gap, 0.0)[self._own]
             found.array = np.where(active, force, 0.0)[self._own]
             self._ksp.setTolerances(rtol=self._tolerance)
-            with scripted():
+            with solving("static contact"), scripted():
                 self._ksp.solve(right, found)
-            check_ksp(self._ksp, "static contact")
+                check_ksp(self._ksp, "static contact")
+                if self._tolerance == _TIGHT:
+                    judge_ksp(self._ksp)
             force = self._everywhere(found)
         return force, self._moved(force)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
-from ...petsc import MPI, PETSc, block_solve, check_ksp, dense_columns, freeing, set_up
+from ...petsc import MPI, PETSc, block_solve, check_ksp, dense_columns, freeing, judge_ksp, set_up
 from ..elements.element_stiffness import Refinement
 from ..layout.rows import Rows
 
@@ -78,6 +78,7 @@ class LinearSolver:
             self.factorised = True
         self.ksp.solve(right, solution)
         check_ksp(self.ksp, what)
+        judge_ksp(self.ksp)
         self._checked = True
         self.most = max(self.most, self.ksp.getIterationNumber())
 
