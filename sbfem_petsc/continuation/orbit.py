@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 
 from ..checks import choice, instance
-from ..errors import SolveError, at_point, called, failed_solve, wrong_input
+from ..errors import SolveError, called, failed_solve, wrong_input
 from ..motion.excitation import one_sided
 from ..motion.history import Motion
 from ..motion.period_map import DrivenPeriod, FixedPoint
 from ..motion.period_motion import PeriodMotion
 from ..motion.states import ModalStates, Point
 from ..record.record import Record, derived, described, quantity
-from ..reduction.reduced_model import ReducedModel
+from ..reduction.reduced_model import OfReduced, ReducedModel
 from ..system.elements.plausibility import furthest_of_lines
 from .multipliers import FLOOR, multipliers_of
 from .shooting import WHOLE, shoot
@@ -233,7 +233,7 @@ def why_undecided(reduced: ReducedModel | None) -> str:
 
 
 @described
-class OfOrbits(Record):
+class OfOrbits(OfReduced):
     """A branch of motions, and what they are asked at a point. Those kept are of named points, amplitudes of
     u_y; for others each motion is integrated again from its state.
     """
@@ -263,12 +263,6 @@ class OfOrbits(Record):
     def reduced(self) -> ReducedModel | None:
         """The reduced model whose motions these are, None for an unreduced one."""
         raise NotImplementedError
-
-    @property
-    def points(self) -> tuple[str, ...]:
-        """Named points."""
-        assert self.reduced is not None
-        return self.reduced.points.names
 
     def orbit(self, k: int) -> Orbit:
         """The k-th motion."""
@@ -302,9 +296,6 @@ class OfOrbits(Record):
         be so.
         """
         return furthest_of_lines(self.point_harmonics[..., None], least)
-
-    def _index(self, point: str) -> int:
-        return at_point({name: k for k, name in enumerate(self.points)}, point)
 
 
 def require_at(owner: str, name: str, orbit: object, frequency: float, periods: int | None = None) -> None:

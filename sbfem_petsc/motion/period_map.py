@@ -26,8 +26,8 @@ from ..contact.tangent import Derivative
 from ..errors import called, failed_solve
 from ..petsc import MPI
 from ..ranks.capacity import available_memory
-from ..record.record import Record, quantity
-from ..reduction.reduced_model import ReducedModel
+from ..record.record import quantity
+from ..reduction.reduced_model import OfReduced, ReducedModel
 from .excitation import LINES, Excitation, modal_forces
 from .period_motion import PeriodMotion
 from .rest import Rest
@@ -45,7 +45,7 @@ FEW = 16
 
 
 @dataclass(eq=False, repr=False)
-class Period(Record):
+class Period(OfReduced):
     """The period of a driven reduced model, in equal steps.
 
     Attributes
@@ -89,11 +89,6 @@ class Period(Record):
     def _fingerprint(self) -> object:
         """What tells it from others, the same on all ranks."""
         return self.reduced, self.excitation, self.steps, self.pairs
-
-    @property
-    def points(self) -> tuple[str, ...]:
-        """Named points."""
-        return self.reduced.points.names
 
     @property
     def told_steps(self) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import at_point, failed_solve
 from ..record.record import Record, described, quantity
 from ..reduction.outputs import LinearOutput
-from ..reduction.reduced_model import ReducedModel
+from ..reduction.reduced_model import OfReduced, ReducedModel
 from ..system.fields.places import Point as Point
 from ..system.fields.places import checked_place
 from ..system.fields.sampling import Field
@@ -53,7 +53,7 @@ class States(Record):
 
 
 @described
-class ModalStates(States):
+class ModalStates(States, OfReduced):
     """Instants of a reduced model's motion."""
 
     columns: ClassVar = {
@@ -82,11 +82,6 @@ class ModalStates(States):
         given = 0 if self.edge_rates is None else self.edge_rates.shape[1]
         if given != 2 * len(self.reduced.edges):
             raise ValueError(f"{given} rates are not those of {len(self.reduced.edges)} moved edges")
-
-    @property
-    def points(self) -> tuple[str, ...]:
-        """Named points."""
-        return self.reduced.points.names
 
     @property
     def tips(self) -> tuple[str, ...]:

@@ -12,11 +12,11 @@ import numpy as np
 from scipy.special import wofz
 
 from ..checks import choice, positive
-from ..errors import SolveError, at_point
+from ..errors import SolveError
 from ..progress import silent
 from ..record.record import Record, derived, described, quantity
 from ..reduction.outputs import LinearOutput
-from ..reduction.reduced_model import ReducedModel
+from ..reduction.reduced_model import OfReduced, ReducedModel
 from ..signals.signal import Constant, Signal
 from ..signals.waves import Chirp
 from ..system.fields.places import checked_place
@@ -98,14 +98,13 @@ class SweptLoads(Record):
 
 
 @described
-class SweptResponse(Record):
+class SweptResponse(OfReduced):
     """A motion under a swept frequency, one entry for each cycle of the drive.
 
     `settling` is that of the mode with the least decay among those in the range, or of the nearest one; 0
     without damping.
     """
 
-    labels: ClassVar = {"place": "points"}
     coordinates: ClassVar = ("frequency",)
 
     frequency: np.ndarray = quantity(
@@ -145,11 +144,6 @@ class SweptResponse(Record):
             raise ValueError(f"{len(self.frequency)} cycles and amplitudes of shapes {shapes} do not fit")
 
     @property
-    def points(self) -> tuple[str, ...]:
-        """Named points."""
-        return self.reduced.points.names
-
-    @property
     def upwards(self) -> bool:
         """Whether the frequency rises."""
         return bool(self.frequency[-1] > self.frequency[0])
@@ -184,22 +178,15 @@ class SweptResponse(Record):
         """
         along = choice("amplitude", "direction", direction, ("x", "y"))
         if not isinstance(point, str):
-            return self._amplitudes_at(checked_place("amplitude", point))[:, ("x", "y").index(along)]
+            place = checked_place("amplitude", point)
+            found = self._at_place(place, lambda of: self.loads.motion(self.reduced, of, silent)[0][:, 0])
+            return found[:, ("x", "y").index(along)]
         table = self.point_amplitudes if along == "y" else self.x_amplitudes
         if table is None:
             raise SolveError(
                 "amplitude: direction = 'x' is not known of rows, which have one direction each; leave it out"
             )
-        return table[:, at_point({name: k for k, name in enumerate(self.points)}, point)]
-
-    def _amplitudes_at(self, place: tuple[float, float]) -> np.ndarray:
-        """(n, 2) along x and y at a place, kept for the next time. Collective."""
-        known = self.__dict__.setdefault("_places", {})
-        if place not in known:
-            found = self.reduced.output_at("displacement", place)
-            alone = LinearOutput((), found.modes[None], found.loads[None], found.contact[None])
-            known[place] = self.loads.motion(self.reduced, alone, silent)[0][:, 0]
-        return known[place]
+        return table[:, self._index(point)]
 
     def _furthest(self, least: float = 0.0) -> float:
         """Largest amplitude of a named point, m."""

@@ -6,7 +6,7 @@ import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import field, replace
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from ..bodies.rows import Contact
 from ..contact.closed_sets import ClosedSets, thin_factors
 from ..contact.friction import Friction, refuse_friction
 from ..contact.law import RowLaws
-from ..errors import failed_solve
+from ..errors import at_point, failed_solve
 from ..loads import Load
 from ..petsc import MPI, summed
 from ..record.record import Record, derived, described, quantity
@@ -31,6 +31,32 @@ from .supports import Supports
 SYSTEM = "a Model, or a ReducedModel, which reduce makes of a body and reduce_matrices of M and K"
 # Modes, and two more, of the model that tells what those do which are left out.
 WIDER = 1.5
+
+
+class OfReduced(Record):
+    """A record of a reduced model, whose named points are its own."""
+
+    labels: ClassVar = {"place": "points"}
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Named points."""
+        names: tuple[str, ...] = self._reduced.points.names
+        return names
+
+    def _index(self, point: str) -> int:
+        """The number of a named point."""
+        return int(at_point({name: k for k, name in enumerate(self.points)}, point))
+
+    def _at_place(
+        self, place: tuple[float, float], found: Callable[[LinearOutput], np.ndarray]
+    ) -> np.ndarray:
+        """What is found of the displacement of a place (x, y) alone, kept for the next time. Collective."""
+        known: dict[tuple[float, float], np.ndarray] = self.__dict__.setdefault("_places", {})
+        if place not in known:
+            of = self._reduced.output_at("displacement", place)
+            known[place] = found(LinearOutput((), of.modes[None], of.loads[None], of.contact[None]))
+        return known[place]
 
 
 def wider_count(modes: int) -> int:

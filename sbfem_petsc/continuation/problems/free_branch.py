@@ -59,7 +59,6 @@ class Backbone(OfOrbits):
     becomes stable or unstable.
     """
 
-    labels: ClassVar = {"place": "points"}
     coordinates: ClassVar = ("energy", "frequency", "stable")
 
     mode: int = quantity("1", "the followed one, from 1", least=1)

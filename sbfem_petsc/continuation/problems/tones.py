@@ -9,12 +9,11 @@ import numpy as np
 from meshing.warnings import StepWarning
 
 from ...checks import integer
-from ...errors import at_point, warn
+from ...errors import warn
 from ...motion.excitation import Excitation
 from ...motion.states import Point
 from ...record.record import derived, described, quantity
-from ...reduction.outputs import LinearOutput
-from ...reduction.reduced_model import ReducedModel
+from ...reduction.reduced_model import OfReduced, ReducedModel
 from ...system.elements.plausibility import furthest_of_lines
 from ...system.fields.places import checked_place
 from ..orbit import ToldError, component, in_words, told_error
@@ -34,7 +33,7 @@ WHOLE = 1e-9
 
 
 @described
-class QuasiPeriodic(ToldError):
+class QuasiPeriodic(ToldError, OfReduced):
     """A steady state of two tones: u = Re sum c_mn exp(2 pi i (m f1 + n f2) t).
 
     Where f2 is the motion's own, f1 is the inverse of the period of the motion it leaves, f2 is below f1, and
@@ -155,11 +154,6 @@ class QuasiPeriodic(ToldError):
         among = self.own is None and abs(turns - round(turns)) <= WHOLE * turns
         return among or (self.tail <= RESOLVED and not np.isnan(self.exponents).any())
 
-    @property
-    def points(self) -> tuple[str, ...]:
-        """Named points."""
-        return self.reduced.points.names
-
     @derived("1", "multiples of the slower tone in the lines", "slow", kinds="i", detail=True)
     def orders(self) -> np.ndarray:
         """(k,): multiples of the slower tone in `harmonics`."""
@@ -203,18 +197,10 @@ class QuasiPeriodic(ToldError):
         the slower one, m. At a place (x, y), m, the motion is integrated again. Collective for (x, y).
         """
         if not isinstance(point, str):
-            return component(self._lines_at(checked_place("harmonics", point)), direction, self.of_rows)
-        index = at_point({name: k for k, name in enumerate(self.points)}, point)
-        return component(self.lines[:, :, index], direction, self.of_rows)
-
-    def _lines_at(self, place: tuple[float, float]) -> np.ndarray:
-        """(21, k, 2) lines at a place, kept for the next time. Collective."""
-        known = self.__dict__.setdefault("_places", {})
-        if place not in known:
-            found = self.reduced.output_at("displacement", place)
-            alone = LinearOutput((), found.modes[None], found.loads[None], found.contact[None])
-            known[place] = self._curve().lines(alone)[:, :, 0]
-        return known[place]
+            place = checked_place("harmonics", point)
+            found = self._at_place(place, lambda of: self._curve().lines(of)[:, :, 0])
+            return component(found, direction, self.of_rows)
+        return component(self.lines[:, :, self._index(point)], direction, self.of_rows)
 
     def _curve(self) -> CurveState:
         """The invariant curve, to be integrated again."""
