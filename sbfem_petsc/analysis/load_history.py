@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, ClassVar, overload
+from typing import ClassVar, overload
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from ..motion.loading import loading
 from ..motion.states import ModalStates, Point
 from ..ranks.capacity import require_memory
 from ..ranks.parallel import agreed, collective
-from ..record.record import Derived, Record, derived, described, entries, quantity
+from ..record.record import Record, derived, described, of_each, quantity
 from ..reduction.reduced_model import SYSTEM, ReducedModel
 from ..signals.signal import Signal
 from ..system.fields.places import checked_line
@@ -33,24 +33,7 @@ from .options import LoadHistoryOptions
 from .static import reduced_states, state
 from .static_result import Static
 
-
-def _over_time(name: str, **more: Any) -> Derived[Any]:
-    """What `Static` has by a name, of each state of a history, in its words; None where these have none.
-    Further keywords are those of `About` that differ.
-    """
-    own = entries(Static)[name]
-    if (of_state := own.unit_of) is not None:
-        more["unit_of"] = lambda history: of_state(history.states[0])
-    told = replace(own, dims=("time", *own.dims), row=False, **more)
-
-    def over_time(history: LoadHistory) -> np.ndarray | None:
-        found = [getattr(state, name) for state in history.states]
-        if isinstance(found[0], dict):
-            rows = np.array([list(part.values()) for part in found])
-            return rows.reshape(len(found), -1, *(2 for _ in own.dims[1:]))
-        return None if found[0] is None else np.array(found)
-
-    return Derived(told, over_time)
+_over_time = of_each("states", Static, "time")
 
 
 @described

@@ -34,6 +34,11 @@ SAFETY = 5.0 / 3.0
 LOWEST = 5
 # Harmonics that are kept in files and tables beside the motion itself.
 HARMONICS = 41
+# Unit and words of a motion's state.
+STATE = (
+    "m sqrt(kg)/s",
+    "(Omega q, q') at t = 0, and what faces that rub remember: slips over the root of their compliance",
+)
 
 
 def told_error(what: str, where: str = "") -> Any:
@@ -77,13 +82,7 @@ class Orbit(Motion, ToldError):
         "m sqrt(kg)/s", "norm of x(T) - x(0) at each Newton iterate", "iterate"
     )
     path: str = quantity(text="how it was reached")
-    state: np.ndarray = quantity(
-        "m sqrt(kg)/s",
-        "(Omega q, q') at t = 0, and what faces that rub remember: slips over the root of their compliance",
-        "state",
-        detail=True,
-        default_factory=lambda: np.zeros(0),
-    )
+    state: np.ndarray = quantity(*STATE, "state", detail=True, default_factory=lambda: np.zeros(0))
     multipliers: np.ndarray = quantity(
         "1",
         "Floquet multipliers over the motion's period, by falling modulus",
@@ -238,12 +237,7 @@ class OfOrbits(OfReduced):
     u_y; for others each motion is integrated again from its state.
     """
 
-    states: np.ndarray = quantity(
-        "m sqrt(kg)/s",
-        "(Omega q, q') at t = 0, and what faces that rub remember: slips over the root of their compliance",
-        "point state",
-        detail=True,
-    )
+    states: np.ndarray = quantity(*STATE, "point state", detail=True)
     point_harmonics: np.ndarray = quantity(
         "m",
         "harmonics 0 to 20 of the displacement",

@@ -85,6 +85,30 @@ def entries(cls: Any) -> dict[str, About]:
     return found
 
 
+def of_each(parts: str, kind: type[Record], dim: str) -> Callable[..., Derived[Any]]:
+    """Makes what a record has of each of its parts, records of a kind in a tuple: by the name and in the
+    words of theirs, along a further axis before the others; None where these have none. Keywords are those
+    of `About` that differ.
+    """
+
+    def derived_of(name: str, **more: Any) -> Derived[Any]:
+        own = entries(kind)[name]
+        if (of_part := own.unit_of) is not None:
+            more["unit_of"] = lambda record: of_part(getattr(record, parts)[0])
+        about = dataclasses.replace(own, dims=(dim, *own.dims), row=False, **more)
+
+        def values(record: Any) -> np.ndarray | None:
+            found = [getattr(part, name) for part in getattr(record, parts)]
+            if isinstance(found[0], dict):
+                rows = np.array([list(part.values()) for part in found])
+                return rows.reshape(len(found), -1, *(2 for _ in own.dims[1:]))
+            return None if found[0] is None else np.array(found)
+
+        return Derived(about, values)
+
+    return derived_of
+
+
 class Record(Views):
     """A dataclass whose fields say what they are.
 

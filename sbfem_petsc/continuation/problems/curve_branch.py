@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import failed_solve
 from ...motion.states import Point as Place
-from ...record.record import derived, described, quantity
+from ...record.record import derived, described, of_each, quantity
 from ..events import refine
 from ..follow import CLOSED, Line, Settings, points_of, ran_out
 from ..line_file import LineFile
@@ -31,6 +31,8 @@ EXCURSION = 0.02
 
 # Multiples of both tones of the lines in tables.
 MAIN = {"f1": (1, 0), "f2": (0, 1), "f1_plus_f2": (1, 1), "f1_minus_f2": (1, -1)}
+
+_over_points = of_each("motions", QuasiPeriodic, "point")
 
 
 @described
@@ -62,10 +64,7 @@ class QuasiPeriodicBranch(OverParameter):
         """Named points."""
         return self.motions[0].points
 
-    @derived("Hz", "f1 and the motion's own f2", "point tone")
-    def frequencies(self) -> np.ndarray:
-        """(n, 2): f1 and the motion's own f2, Hz."""
-        return np.array([motion.frequencies for motion in self.motions])
+    frequencies = _over_points("frequencies", text="f1 and the motion's own f2")
 
     @derived("1", "whether small disturbances die out", "point", kinds="b")
     def stable(self) -> np.ndarray:
@@ -79,10 +78,8 @@ class QuasiPeriodicBranch(OverParameter):
         """
         return np.array([not motion.resolved or motion.stable is False for motion in self.motions])
 
-    @derived("1", "share of the highest quarter of the harmonics of the samples", "point")
-    def tail(self) -> np.ndarray:
-        """(n,) share of the highest quarter of the harmonics of the samples, `QuasiPeriodic.tail`."""
-        return np.array([motion.tail for motion in self.motions])
+    tail = _over_points("tail")
+    contact_peak = _over_points("contact_peak")
 
     def _furthest(self, least: float = 0.0) -> float:
         """Largest displacement of a named point by its lines, m; less than `least` where that is known to be
@@ -95,11 +92,6 @@ class QuasiPeriodicBranch(OverParameter):
         Collective for (x, y).
         """
         return np.array([motion.line(m, n, point, direction) for motion in self.motions])
-
-    @derived("N", "largest contact resultant", "point")
-    def contact_peak(self) -> np.ndarray:
-        """(n,): N."""
-        return np.array([motion.contact_peak for motion in self.motions])
 
     @derived("m", "amplitudes of u_y at the main lines", "point line place", called="amplitude")
     def amplitudes(self) -> np.ndarray:
