@@ -132,7 +132,7 @@ def _doubled(branch: Branch, bifurcation: Bifurcation, sizes: tuple[float, ...])
         if apart > TRULY * abs(share) * norm:
             fixed = point.state
             fixed.residuals = tuple(fixed.scale * missed for missed in point.residuals)
-            return make_orbit(fixed, *orbit_stability(fixed), "period doubling")
+            return make_orbit(fixed, "period doubling", orbit_stability(fixed))
     raise failed_solve(
         f"switch_branch: no motion of twice the period was found near {bifurcation!r}; give another size"
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,7 +13,7 @@ from ..checks import instance
 from ..continuation.accuracy import Accuracy, Told
 from ..continuation.harmonic_errors import added, begun, harmonic_error_estimates, known_derivative
 from ..continuation.newton import attempt
-from ..continuation.orbit import Orbit, make_orbit, orbit_stability
+from ..continuation.orbit import UNTOLD, Orbit, make_orbit, orbit_stability
 from ..continuation.problems.driven_orbits import ParameterRange
 from ..continuation.problems.segments import at_segments, segmented_stability, shoot_segments
 from ..continuation.problems.unreduced import UnreducedOrbits, UnreducedSteady
@@ -254,10 +253,8 @@ def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
     accuracy = Accuracy("periodic", task.model, settings)
     period, (fixed, path), errors = accuracy.reached(prepared, found)
     accuracy.tell(period, errors)
-    told = errors.sum(axis=0)
-    if not tells_stability("periodic", period, task.stability):
-        return make_orbit(fixed, np.zeros(0, dtype=complex), math.nan, path, told)
-    return make_orbit(fixed, *orbit_stability(fixed), path, told)
+    tells = tells_stability("periodic", period, task.stability)
+    return make_orbit(fixed, path, orbit_stability(fixed) if tells else UNTOLD, errors.sum(axis=0))
 
 
 def _times_more(fixed: FixedPoint, most: int) -> int:
@@ -279,11 +276,10 @@ def _in_segments(task: _Task, segments: int, period: Period, guess: Orbit | None
     states = None if guess is None else at_segments(guess, period, task.frequency, segments)
     fixed, parts = shoot_segments(period, task.frequency, segments, states)
     if (times := _times_more(fixed, most)) > 1:
-        found = make_orbit(fixed, np.zeros(0, dtype=complex), 0.0, "multiple shooting")
+        found = make_orbit(fixed, "multiple shooting")
         return _in_segments(task, segments, finer("periodic", period, times), found, most)
-    if task.stability is False:
-        return make_orbit(fixed, np.zeros(0, dtype=complex), 0.0, "multiple shooting")
-    return make_orbit(fixed, *segmented_stability(parts), "multiple shooting")
+    told = UNTOLD if task.stability is False else segmented_stability(parts)
+    return make_orbit(fixed, "multiple shooting", told)
 
 
 def _refined(task: _Task, settings: PeriodSettings, guess: Orbit | None, tolerance: float) -> Orbit:

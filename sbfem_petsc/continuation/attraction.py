@@ -88,7 +88,7 @@ class Attraction:
         fixed = attempt(lambda: shoot(period.at(self.frequency), orbit.state), SolveError)
         if fixed is None or np.linalg.norm(fixed.state - orbit.state) > NEAR * self._size(orbit.state):
             return None
-        return make_orbit(fixed, *orbit_stability(fixed), orbit.path)
+        return make_orbit(fixed, orbit.path, orbit_stability(fixed))
 
     def follow(
         self, starts: np.ndarray, report: Callable[[float], None] = silent
@@ -186,7 +186,7 @@ class Attraction:
             return -1
         if times == 1 < repeats and (like := self._alike(fixed.state)) >= 0:
             return like
-        self.add(make_orbit(fixed, *orbit_stability(fixed), "history"))
+        self.add(make_orbit(fixed, "history", orbit_stability(fixed)))
         return len(self.orbits) - 1
 
     def _alike(self, state: np.ndarray) -> int:

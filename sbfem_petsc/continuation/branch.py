@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -193,14 +193,13 @@ class Branch(OfOrbits, OverParameter, ToldError):
         """The k-th point as an `Orbit`, or one of its bifurcations, integrated again from its state."""
         if isinstance(k, Bifurcation):
             there = run_again(self.over.at(self.period, k.own_value), k.state)
-            return make_orbit(there, np.zeros(0, dtype=complex), math.nan, "bifurcation of a curve")
+            return make_orbit(there, "bifurcation of a curve")
         k = index_of("orbit", "k", k, len(self.value))
         fixed = run_again(self.over.at(self.period, float(self.value[k])), self.states[k])
-        values, error = self.multipliers[k], float(self.multiplier_error[k])
-        if len(values) and math.isnan(error):
-            later = functools.partial(multiplier_error, fixed, values[0])
-            return make_orbit(fixed, values, later, "point of a curve")
-        return make_orbit(fixed, values, error, "point of a curve")
+        values, error = self.multipliers[k], self.multiplier_error[k]
+        later = len(values) and math.isnan(error)
+        told: Any = functools.partial(multiplier_error, fixed, values[0]) if later else float(error)
+        return make_orbit(fixed, "point of a curve", (values, told))
 
     def __repr__(self) -> str:
         unit = " Hz" if self.parameter == "frequency" else ""

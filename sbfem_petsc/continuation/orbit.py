@@ -305,7 +305,12 @@ def require_at(owner: str, name: str, orbit: object, frequency: float, periods: 
         raise ValueError(f"{owner}: {name} takes {known.periods} forcing periods, not periods = {periods}")
 
 
-def orbit_stability(fixed: FixedPoint) -> tuple[np.ndarray, Callable[[], float]]:
+# Multipliers, and the uncertainty of the largest modulus or what computes it; none.
+Stability = tuple[np.ndarray, float | Callable[[], float]]
+UNTOLD: Stability = (np.zeros(0, dtype=complex), math.nan)
+
+
+def orbit_stability(fixed: FixedPoint) -> Stability:
     """Multipliers of an orbit, and what computes the uncertainty of the largest modulus."""
     values = multipliers_of(fixed).values
     return values, functools.partial(multiplier_error, fixed, values[0])
@@ -385,11 +390,7 @@ def run_again(driven: DrivenPeriod, state: np.ndarray) -> FixedPoint:
 
 
 def make_orbit(
-    fixed: FixedPoint,
-    values: np.ndarray,
-    uncertainty: float | Callable[[], float],
-    path: str,
-    error: np.ndarray | None = None,
+    fixed: FixedPoint, path: str, stability: Stability = UNTOLD, error: np.ndarray | None = None
 ) -> Orbit:
     """An `Orbit` from a fixed point."""
     driven, motion, p = fixed.driven, fixed.motion, fixed.driven.period
@@ -409,8 +410,7 @@ def make_orbit(
         fixed.residuals,
         path,
         fixed.state,
-        values,
-        uncertainty,
+        *stability,
         friction_loss=float(motion.lost.sum()) if rubs else None,
         sticking=int(motion.stays(len(p.laws)).sum()) if rubs else None,
         mode_error=np.full(LOWEST, np.nan) if error is None else error,

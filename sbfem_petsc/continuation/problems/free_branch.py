@@ -133,9 +133,8 @@ class Backbone(OfOrbits):
         """
         k = index_of("orbit", "k", k, len(self.energy))
         driven = self._system.at(float(self.own_frequency[k]), float(self.excitation[k]))
-        return make_orbit(
-            run_again(driven, self.states[k]), self.multipliers[k], UNCERTAIN, "point of a backbone"
-        )
+        told = self.multipliers[k], UNCERTAIN
+        return make_orbit(run_again(driven, self.states[k]), "point of a backbone", told)
 
     def __len__(self) -> int:
         return len(self.energy)

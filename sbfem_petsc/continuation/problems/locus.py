@@ -183,9 +183,7 @@ def _largest_displacement(family: Family, locus: Locus) -> float:
     """Of named points in the motion whose state is the largest, m."""
     k = int(np.argmax(np.linalg.norm(locus.states, axis=1)))
     driven = family.at(float(locus.frequency[k]), float(locus.value[k]))
-    return make_orbit(
-        run_again(driven, locus.states[k]), np.zeros(0), math.nan, "point of a locus"
-    )._furthest()
+    return make_orbit(run_again(driven, locus.states[k]), "point of a locus")._furthest()
 
 
 def _reason(line: Line) -> str:
