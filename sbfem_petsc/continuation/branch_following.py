@@ -134,35 +134,32 @@ class Followed:
     def _warn(self, result: Branch) -> None:
         """Warn of, or raise, why a branch has not come to the end of its range."""
         what, last = self.problem.parameter.owner, float(result.value[-1])
-        line, settings, stop = self.line, self.settings, self.problem.parameter.stop
+        line, settings, stop, text = self.line, self.settings, self.problem.parameter.stop, ""
         if line.full and result.complete:
-            warn(
-                f"{what}: the curve has all the {settings.points} points that it may have, and would have "
-                f"more where it bends or multipliers pass the unit circle; {settings.more}",
-                BranchWarning,
+            text = (
+                f"has all the {settings.points} points that it may have, and would have more where it bends "
+                f"or multipliers pass the unit circle; {settings.more}"
             )
         elif line.complete and not result.complete and last != result.value[0]:
-            warn(
-                f"{what}: the curve begins away from {stop:.8g} and has come to {last:.8g} without turning "
-                "back: it is followed no further; go on from its last motion, or begin from another (guess)",
-                BranchWarning,
+            text = (
+                f"begins away from {stop:.8g} and has come to {last:.8g} without turning back: it is "
+                "followed no further; go on from its last motion, or begin from another (guess)"
             )
         elif line.complete and not result.complete:
             turn = max(result.value, key=lambda value: abs(value - last))
-            warn(
-                f"{what}: the curve has turned about at {turn:.8g} and come back to {last:.8g}, where it "
-                f"began, on other motions: it does not lead to {stop:.8g}; begin there, or from another "
-                "motion (guess)",
-                BranchWarning,
+            text = (
+                f"has turned about at {turn:.8g} and come back to {last:.8g}, where it began, on other "
+                f"motions: it does not lead to {stop:.8g}; begin there, or from another motion (guess)"
             )
         elif line.full:
-            warn(
-                f"{what}: the curve ends at {last:.8g} after {settings.points} points, before {stop:.8g}; "
-                f"{settings.more}, or take more steps a period if it zigzags",
-                BranchWarning,
+            text = (
+                f"ends at {last:.8g} after {settings.points} points, before {stop:.8g}; {settings.more}, or "
+                "take more steps a period if it zigzags"
             )
         elif line.reason.startswith("back"):
-            warn(f"{what}: the curve is {line.reason}", BranchWarning)
+            text = f"is {line.reason}"
+        if text:
+            warn(f"{what}: the curve {text}", BranchWarning)
         elif self.stops:
             why = "; ".join(filter(None, (line.reason, line.advice)))
             error = SolveError(f"{what}: the curve stops at {last:.8g} after {points_of(len(result))}: {why}")

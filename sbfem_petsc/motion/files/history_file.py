@@ -69,10 +69,7 @@ class HistoryFile(RunFile):
     def _look(self, kept: Kept) -> None:
         if kept.head["kind"] != self.kind:
             kinds = {"reduced": "a reduced", "unreduced": "an unreduced"}
-            raise ValueError(
-                f"{WHAT} {self.path!r} is that of {kinds[kept.head['kind']]} model, not of "
-                f"{kinds[self.kind]} one; name another file"
-            )
+            raise self.refused(f"is that of {kinds[kept.head['kind']]} model, not of {kinds[self.kind]} one")
         if not kept.state and len(kept.ends) > 1:
             raise ValueError(
                 f"{WHAT} {self.path!r} cannot be gone on with: the file beside it, "
@@ -123,20 +120,14 @@ class HistoryFile(RunFile):
 
     def _require_same(self, former: Kept, mine: Mapping[str, Any], signals: Sequence[Signal]) -> None:
         """Refuse a file of another model, other settings or signals, and one that reaches further."""
-        theirs, path = former.head, self.path
+        theirs = former.head
         first = sorted(mine, key=lambda name: name in OF_MODEL)
         self.require_same({name: mine[name] for name in first if name not in OF_START | {"count"}})
         end, asked = former.state["count"] * theirs["step"], mine["count"] * mine["step"]
         if former.state["count"] > mine["count"]:
-            raise ValueError(
-                f"{WHAT} {path!r} is that of a run of {end:.6g} s, longer than {asked:.6g} s; read it, "
-                "or name another file"
-            )
+            raise self.refused(f"is that of a run of {end:.6g} s, longer than {asked:.6g} s", "read it")
         if not close(theirs["signals"], signal_checks(signals, theirs["count"] * theirs["step"])):
-            raise ValueError(
-                f"{WHAT} {path!r} was written for other load signals; give the same loads, or "
-                "name another file"
-            )
+            raise self.refused("was written for other load signals", "give the same loads")
         # last, for other loads make it another one
         self.require_same({name: v for name, v in mine.items() if name in OF_START})
 

@@ -52,9 +52,7 @@ class RunFile:
                     self._journal = Journal(path, self.what, resume=resume)
                     former = self._former
                     if former is not None and former.head.get("kept") != kept:
-                        raise ValueError(
-                            f"{self.what} {self.path!r} is that of another kind of run; name another file"
-                        )
+                        raise self.refused("is that of another kind of run")
                     if former is not None:
                         self._look(former)
         except BaseException:
@@ -72,6 +70,10 @@ class RunFile:
         if self._journal is not None:
             self._journal.close()
             self._journal = None
+
+    def refused(self, why: str, remedy: str = "") -> ValueError:
+        """Of a file that this run cannot go on with, what helps beside another one."""
+        return ValueError(f"{self.what} {self.path!r} {why}; {remedy and f'{remedy}, or '}name another file")
 
     def _look(self, former: Kept) -> None:
         """Raise ValueError for a former run that cannot be gone on with; on rank 0."""
@@ -111,12 +113,9 @@ class RunFile:
             return None
         stored = self._former_model()
         if stored is None:
-            raise ValueError(f"{self.what} {self.path!r} is that of another kind of run; name another file")
+            raise self.refused("is that of another kind of run")
         if other := difference(stored, reduced):
-            raise ValueError(
-                f"{self.what} {self.path!r} was written for another model ({other}); resume with that model, "
-                "or name another file"
-            )
+            raise self.refused(f"was written for another model ({other})", "resume with that model")
         return stored
 
     def require_same(self, given: Mapping[str, Any]) -> None:
@@ -127,16 +126,8 @@ class RunFile:
                 continue
             if name in OF_MODEL | OF_START:
                 told = "model or other loads" if name in OF_MODEL else "initial displacement or velocity"
-                raise ValueError(
-                    f"{self.what} {self.path!r} was written for another {told}; give the same, or name "
-                    "another file"
-                )
+                raise self.refused(f"was written for another {told}", "give the same")
             if np.ndim(value):
-                raise ValueError(
-                    f"{self.what} {self.path!r} was written for other {name}; resume with the same {name}, "
-                    "or name another file"
-                )
-            raise ValueError(
-                f"{self.what} {self.path!r} was written with {name} = {stored.get(name)}, not {value}; "
-                "resume with the same value, or name another file"
-            )
+                raise self.refused(f"was written for other {name}", f"resume with the same {name}")
+            written = f"was written with {name} = {stored.get(name)}, not {value}"
+            raise self.refused(written, "resume with the same value")
