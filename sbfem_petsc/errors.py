@@ -54,9 +54,9 @@ def on_all_ranks(error: Exception) -> Exception:
     return error
 
 
-def wrong_input(sentence: str) -> Exception:
-    """A ValueError that every rank raises alike."""
-    return on_all_ranks(ValueError(sentence))
+def wrong_input(sentence: str, kind: type[Exception] = ValueError) -> Exception:
+    """A ValueError, or a TypeError, that every rank raises alike."""
+    return on_all_ranks(kind(sentence))
 
 
 def failed_solve(sentence: str) -> Exception:

@@ -15,7 +15,7 @@ import numpy as np
 from meshing.warnings import LargeDisplacementWarning, MeshWarning, UnitWarning, caller_level
 
 from ..checks import shown
-from ..errors import SolveError, on_all_ranks
+from ..errors import failed_solve, wrong_input
 from ..ranks.parallel import agree
 from ..record.record import Record, derived, described, quantity
 from ..system.model import Model
@@ -181,14 +181,12 @@ def estimate(
         If the accuracy is not reached with so many levels.
     """
     if not callable(quantity):
-        raise on_all_ranks(TypeError(f"estimate: quantity = {quantity!r} is not a function"))
+        raise wrong_input(f"estimate: quantity = {quantity!r} is not a function", TypeError)
     start = model if isinstance(model, Model) else _first_level(model, mesh, continued_fraction, tip_modes)
     given = {"mesh": mesh, "continued_fraction": continued_fraction, "tip_modes": tip_modes}
     for name, value in given.items() if start is model else ():
         if value is not None:
-            raise on_all_ranks(
-                ValueError(f"estimate: {name} = {value!r} is of no use beside a model, which has its own")
-            )
+            raise wrong_input(f"estimate: {name} = {value!r} is of no use beside a model, which has its own")
     sought = Sought(quantity, lambda value: value)
     finest, _, found = refined("estimate", sought, start, accuracy=accuracy, levels=levels)
     if finest is not model:
@@ -227,10 +225,10 @@ def _first_level(
 ) -> FirstLevel:
     """Of a function, with the defaults of meshes and models; TypeError for what is none."""
     if mesh is not None and not (isinstance(mesh, Mapping) and all(isinstance(key, str) for key in mesh)):
-        raise on_all_ranks(TypeError(f"estimate: mesh = {shown(mesh)} must be a dict of options by name"))
+        raise wrong_input(f"estimate: mesh = {shown(mesh)} must be a dict of options by name", TypeError)
     if not callable(make_model):
-        raise on_all_ranks(
-            TypeError(f"estimate: model = {make_model!r} is neither a Model nor a function that makes one")
+        raise wrong_input(
+            f"estimate: model = {make_model!r} is neither a Model nor a function that makes one", TypeError
         )
     options = {
         "continued_fraction": 1 if continued_fraction is None else continued_fraction,
@@ -327,7 +325,7 @@ def _warned_once(done: Sequence[Level]) -> Iterator[None]:
 def _finite(owner: str, value: Any, mesh: Mapping[str, Any]) -> Any:
     """A level's value, if it is finite throughout."""
     if not all(np.isfinite(item).all() for item in _items(value).values()):
-        raise on_all_ranks(SolveError(f"{owner}: the quantity is not finite with {mesh}"))
+        raise failed_solve(f"{owner}: the quantity is not finite with {mesh}")
     return value
 
 
@@ -338,13 +336,12 @@ def _made(owner: str, make_model: Callable[..., Model], mesh: Mapping[str, Any],
     except TypeError as error:
         if "keyword argument" not in str(error) and "positional argument" not in str(error):
             raise
-        raise on_all_ranks(
-            TypeError(
-                f"{owner}: model cannot be made with mesh = {shown(mesh)} and {shown(options)}: {error}"
-            )
+        raise wrong_input(
+            f"{owner}: model cannot be made with mesh = {shown(mesh)} and {shown(options)}: {error}",
+            TypeError,
         ) from error
     if not isinstance(made, Model):
-        raise on_all_ranks(TypeError(f"{owner}: make_model returned {made!r}, a Model was expected"))
+        raise wrong_input(f"{owner}: make_model returned {made!r}, a Model was expected", TypeError)
     return made
 
 
@@ -381,11 +378,10 @@ def _items(value: Any) -> dict[str, np.ndarray]:
     arrays = {str(name): np.atleast_1d(np.asarray(item)) for name, item in table.items()}
     for array in arrays.values():
         if array.dtype.kind not in "iufc":
-            raise on_all_ranks(
-                TypeError(
-                    f"estimate: the quantity is {shown(value)}; a number, an array of numbers or a dict of "
-                    "them was expected"
-                )
+            raise wrong_input(
+                f"estimate: the quantity is {shown(value)}; a number, an array of numbers or a dict of "
+                "them was expected",
+                TypeError,
             )
     return arrays
 
@@ -394,11 +390,9 @@ def _difference(one: Any, other: Any) -> float:
     """Largest relative difference of two values of a quantity, relative to the second."""
     first, second = _items(one), _items(other)
     if {n: a.shape for n, a in first.items()} != {n: a.shape for n, a in second.items()}:
-        raise on_all_ranks(
-            SolveError(
-                "estimate: the quantity has another shape on a finer mesh; ask for values at fixed points, "
-                "crack tips or modes, not at pairs or nodes"
-            )
+        raise failed_solve(
+            "estimate: the quantity has another shape on a finer mesh; ask for values at fixed points, "
+            "crack tips or modes, not at pairs or nodes"
         )
     worst = 0.0
     for name, exact in second.items():

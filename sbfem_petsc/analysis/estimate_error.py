@@ -12,7 +12,7 @@ import numpy as np
 from meshing.warnings import StepWarning
 
 from ..checks import instance
-from ..errors import on_all_ranks
+from ..errors import wrong_input
 from ..motion.history import History
 from ..ranks.parallel import collective
 from ..system.model import Model
@@ -102,11 +102,9 @@ def estimate_error(
         warnings.simplefilter("ignore", StepWarning)  # it was told when the history was made
         off = distance(history, again(1, 0))
     if not off < REPEATED:
-        raise on_all_ranks(
-            ValueError(
-                f"estimate_error: made again with its own step, the history differs by {off:.2g}; give the "
-                "loads and the options that it was made with"
-            )
+        raise wrong_input(
+            f"estimate_error: made again with its own step, the history differs by {off:.2g}; give the "
+            "loads and the options that it was made with"
         )
     # at half of the step too: more modes need a finer one where there is contact
     halved, richer = again(2, 0), again(2, math.ceil(0.5 * modes))

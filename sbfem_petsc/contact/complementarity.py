@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from scipy import linalg
 
-from ..errors import SolveError, on_all_ranks
+from ..errors import failed_solve
 from .law import FREE, ROUND_OFF, RowLaws
 
 
@@ -144,11 +144,9 @@ class Condensed:
             try:
                 force[index] = weight * linalg.solve(scaled, -weight * gap[index], assume_a="pos")
             except linalg.LinAlgError:
-                raise on_all_ranks(
-                    SolveError(
-                        f"contact: the {len(index)} rows that are closed depend on each other; "
-                        "is a pair given twice, or what moves it held?"
-                    )
+                raise failed_solve(
+                    f"contact: the {len(index)} rows that are closed depend on each other; "
+                    "is a pair given twice, or what moves it held?"
                 ) from None
         return force, self._flexibility @ force
 
@@ -209,9 +207,7 @@ def solve_complementarity(
         if len(wrong) == 0:
             return Complementarity(force, gap, state, iteration)
         state[wrong[0]] = following[wrong[0]]
-    raise on_all_ranks(
-        SolveError(
-            f"contact: neither the primal-dual active set nor principal pivoting ended after {last} "
-            f"iterations for {len(free_gap)} rows"
-        )
+    raise failed_solve(
+        f"contact: neither the primal-dual active set nor principal pivoting ended after {last} "
+        f"iterations for {len(free_gap)} rows"
     )

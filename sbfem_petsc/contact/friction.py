@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import on_all_ranks
+from ..errors import wrong_input
 from ..record.record import Record, described, quantity
 from .complementarity import Complementarity
 from .law import ContactLaw, RowLaws
@@ -50,12 +50,10 @@ class Friction(Record):
 
 def refuse_friction(owner: str, rubs: str, why: str) -> None:
     """Raise ValueError, on all ranks, for what rubs, in an analysis with a reason why it cannot."""
-    raise on_all_ranks(
-        ValueError(
-            f"{owner} {why}, and {rubs}; use transient, periodic, quasi_periodic, swept_response, "
-            "frequency_response or load_response in modes, static or load_history, or contact_laws = "
-            "Unilateral()"
-        )
+    raise wrong_input(
+        f"{owner} {why}, and {rubs}; use transient, periodic, quasi_periodic, swept_response, "
+        "frequency_response or load_response in modes, static or load_history, or contact_laws = "
+        "Unilateral()"
     )
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import SolveError, on_all_ranks
+from ..errors import failed_solve
 from .complementarity import Complementarity
 from .friction import STICKS, Friction, Memory
 from .held_rows import Sets, empty_sets, rubbing_of
@@ -50,12 +50,10 @@ def solve_friction(
     problem = Problem(flexibility, free_gap, before, laws.table, rubbing, state, sets, force)
     exchanges = rubbing_forces(problem)
     if exchanges < 0:
-        raise on_all_ranks(
-            SolveError(
-                "friction: neither exchanges of states nor Lemke's method ended for "
-                f"{count} contact rows with coefficients up to {friction.static.max():g}; take smaller load "
-                "steps or smaller coefficients"
-            )
+        raise failed_solve(
+            "friction: neither exchanges of states nor Lemke's method ended for "
+            f"{count} contact rows with coefficients up to {friction.static.max():g}; take smaller load "
+            "steps or smaller coefficients"
         )
     gap, kept = flexibility @ force + free_gap, sets.kept[count:].copy()
     slip = np.where(state[count:] == STICKS, kept, gap[count:])

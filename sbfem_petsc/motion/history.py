@@ -12,7 +12,7 @@ from meshing.warnings import IncompleteHistory
 
 from ..bodies.finite_element_model import FiniteElementModel
 from ..checks import Bounds, real, shown
-from ..errors import UnknownName, at_point, failed_solve, on_all_ranks, warn
+from ..errors import UnknownName, at_point, failed_solve, warn, wrong_input
 from ..ranks.parallel import agreed
 from ..record.record import Record, derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
@@ -306,7 +306,7 @@ def model_with_fields(owner: str, motion: object) -> Model | FiniteElementModel:
         On all ranks: for something else than a motion, and for one without fields.
     """
     if not isinstance(motion, Motion):
-        raise on_all_ranks(TypeError(f"{owner}: motion = {shown(motion)} is neither a History nor an Orbit"))
+        raise wrong_input(f"{owner}: motion = {shown(motion)} is neither a History nor an Orbit", TypeError)
     states = motion.states
     model: Model | FiniteElementModel | None
     if isinstance(states, ModalStates):
