@@ -204,7 +204,9 @@ def test_a_start_of_several_periods():
 
 
 def test_a_start_in_other_modes():
-    """From fewer and from more modes the motion of single shooting."""
+    """From fewer and from more modes the motion of single shooting; without stability no uncertainty of it is
+    told (0, as if multipliers were known exactly, before).
+    """
     beam, push = coarse_beam(0.002), sb.PointForce("A", fy=300.0)
     few, more = (
         sb.periodic(beam, push, 433.0, modes=modes, steps=256, stability=False) for modes in (20, 30)
@@ -214,6 +216,7 @@ def test_a_start_in_other_modes():
         found = sb.periodic(beam, push, 433.0, guess=start, segments=4, **asked)
         np.testing.assert_allclose(found.state, end.state, atol=1e-8 * np.linalg.norm(end.state))
         assert found.iterations < 10  # which it takes from the linear response
+        assert not len(found.multipliers) and np.isnan(found.multiplier_error)
 
 
 def test_powers_of_multipliers(mass, fast):
