@@ -38,8 +38,7 @@ SPAN, FINE = 20.0, 0.3
 # has to change by in the step of a difference (in units) along the steepest direction, or that is made ten
 # times as long, as those of the same state behind it.
 BAND, CLEAR, APART = 3e-9, 1e-6, 1e-4
-# Slopes along what is left of a direction beside known ones are not made where it is so little of it, or
-# where it would change g by so little of what is missed of it.
+# Slopes along what is left of a direction beside known ones are not made where it is so little of it.
 NEGLECTED = 0.1
 PLACES = {"fold": 1.0, "period doubling": -1.0}
 
@@ -205,28 +204,23 @@ class LocusState:
         """Right and left, of length one, where there are any."""
         return ()
 
-    def slope(self, direction: np.ndarray, missed: float = 0.0) -> np.ndarray:
-        """Of g, of which so much is missed, along a change of the unknowns in units, by differences only
-        along what is not known of it.
-        """
+    def slope(self, direction: np.ndarray) -> np.ndarray:
+        """Of g along a change of the unknowns in units, by differences only along what is not known of it."""
         rest, total = direction, np.zeros(len(self.condition))
         for _ in range(2):  # twice is enough for orthogonal to rounding
             shares = self._known @ rest
             rest, total = rest - shares @ self._known, total + shares @ self._rates
-        length, least = float(np.linalg.norm(rest)), NEGLECTED * float(np.linalg.norm(direction))
-        # how steep g is beside the motions is not known before one such direction is
-        steepest = float(np.abs(self._rates).max(initial=0.0))
-        if len(self._known) > len(self.u) - self.problem.modes2 and steepest > 0.0:
-            least = max(least, max(NEGLECTED * missed, self.problem.band) / steepest)
-        if length > least:
-            rate = self._difference(rest / length, steepest)
+        length = float(np.linalg.norm(rest))
+        if length > NEGLECTED * float(np.linalg.norm(direction)):
+            rate = self._difference(rest / length)
             self._known = np.vstack([self._known, rest / length])
             self._rates = np.vstack([self._rates, rate])
             total = total + length * rate
         return total
 
-    def _difference(self, direction: np.ndarray, steepest: float) -> np.ndarray:
-        """The slope along a direction of length one, beside the steepest one that is known."""
+    def _difference(self, direction: np.ndarray) -> np.ndarray:
+        """The slope along a direction of length one."""
+        steepest = float(np.abs(self._rates).max(initial=0.0))
         for apart in self._aparts:
             u = self.u + apart * direction * self.problem.units(self.u)[0]
             change = self._change(u, *self.problem.run(u))
@@ -335,8 +329,7 @@ class _AugmentedBorder:
             raise Lost("the locus has no single direction")
         particular = self.range @ known
         particular += (right[-1] - self.row @ particular) / steep * self.along
-        missed = right[len(known) : -1] / (FINE * self.state.scale)
-        wanted = missed - self.state.slope(particular, float(np.abs(missed).max()))
+        wanted = right[len(known) : -1] / (FINE * self.state.scale) - self.state.slope(particular)
         try:
             return self.units * (particular + self.null @ np.linalg.solve(self.slopes, wanted))
         except np.linalg.LinAlgError:
