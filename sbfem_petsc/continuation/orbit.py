@@ -253,11 +253,6 @@ class OfOrbits(OfReduced):
         "1", "Floquet multipliers, by falling modulus", "point multiplier", kinds="c", detail=True
     )
 
-    @property
-    def reduced(self) -> ReducedModel | None:
-        """The reduced model whose motions these are, None for an unreduced one."""
-        raise NotImplementedError
-
     def orbit(self, k: int) -> Orbit:
         """The k-th motion."""
         raise NotImplementedError

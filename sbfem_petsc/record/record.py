@@ -207,7 +207,7 @@ class Record(Views):
 
     @property
     def _reduced(self) -> Any:
-        return getattr(self, "reduced", None) or getattr(self, "reduced_model", None)
+        return getattr(self, "reduced", None)
 
 
 def record_class(name: str) -> type[Record]:

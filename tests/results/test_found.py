@@ -123,7 +123,7 @@ DETAILS = {
     "History": {*ROWS, "states", "energy"},
     "Orbit": {*ROWS, "state", "states"},
     "Branch": {*CURVE, "map", "iterations", "multiplier_error", "point_subharmonics"},
-    "Backbone": {*CURVE, "steps", "excitation", "reduced_model", "own_frequency"},
+    "Backbone": {*CURVE, "steps", "excitation", "reduced", "own_frequency"},
     "Bifurcation": {"after", "direction", "state"},
     "Locus": {"states"},
     "QuasiPeriodic": {"states", "lines", "orders", "own", "fast_loads", "slow_loads", "reduced", "swapped"},

@@ -85,7 +85,7 @@ class Backbone(OfOrbits):
         "Hz", "frequency in the branch's own steps", "point", detail=True, least=1e-300
     )
 
-    reduced_model: ReducedModel = quantity(text="the reduced model", part="ReducedModel", detail=True)
+    reduced: ReducedModel = quantity(text="the reduced model", part="ReducedModel", detail=True)
     steps: int = quantity("1", "time steps a period of the motion", detail=True, least=1)
 
     def check(self) -> None:
@@ -103,11 +103,6 @@ class Backbone(OfOrbits):
                 f"{len(self.energy)} motions of mode {self.mode} are not those of {modes} modes and "
                 f"{len(self.points)} points"
             )
-
-    @property
-    def reduced(self) -> ReducedModel:
-        """The reduced model whose motions these are."""
-        return self.reduced_model
 
     @functools.cached_property
     def _system(self) -> FreeSystem:
@@ -301,7 +296,7 @@ class Rows:
             damped=self.damped,
             reason=line.reason or "unfinished",
             complete=line.complete,
-            reduced_model=self.system.reduced,
+            reduced=self.system.reduced,
             steps=self.system.steps,
         )
 
