@@ -24,6 +24,7 @@ from ..continuation.problems.tones import (
     EXPONENTS,
     TURNS,
     QuasiPeriodic,
+    motion_of,
     own_curve,
     own_motion,
     warn_if_unresolved,
@@ -152,27 +153,12 @@ def quasi_periodic(
     aim = Accuracy("quasi_periodic", model, settings, LINES)
     torus, point, errors = aim.reached(tones.prepared, functools.partial(tones.found, settings, guess))
     aim.tell(torus, errors)
-    reduced = torus.reduced
     growth, curve = np.zeros(0), point.state
     if stability:
         growth = exponents(curve.maps(smooth=True), torus.rotation, EXPONENTS, TURNS) * ordered[0]
-    steps = torus.period.steps
-    found = QuasiPeriodic(
-        frequencies,
-        samples,
-        steps,
-        reduced,
-        curve.states - torus.linear,
-        point.residuals,
-        growth,
-        curve.peak,
-        curve.lines(),
-        swapped,
-        fast_loads=driven[0],
-        slow_loads=driven[1],
-        mode_error=errors.sum(axis=0),
-        **curve.rubbed(ordered[0]),
-    )
+    told = curve.told(growth, ordered[0]) | {"swapped": swapped, "mode_error": errors.sum(axis=0)}
+    told |= {"fast_loads": driven[0], "slow_loads": driven[1]}
+    found = motion_of(point, frequencies, torus.linear, **told)
     warn_if_unresolved("quasi_periodic", found)
     return found
 

@@ -237,15 +237,17 @@ class CurveState:
         mine = [motion.forces[:-1, :rows].sum(axis=1) for motion in self.motions.values()]
         return self.problem.comm.allreduce(float(np.max(mine, initial=0.0)), MPI.MAX)
 
-    def rubbed(self, frequency: float) -> dict[str, Any]:
-        """Where faces rub: the mean power that they lose at the first tone's frequency, W, and how many slips
-        stick throughout. Collective.
+    def told(self, growth: np.ndarray, frequency: float) -> dict[str, Any]:
+        """What a result says of the curve beside its unknowns, by names of `QuasiPeriodic`: with so many
+        exponents, and where faces rub the mean power that they lose at the first tone's frequency, W, and how
+        many slips stick throughout. Collective.
         """
+        found = {"exponents": growth, "contact_peak": self.peak, "lines": self.lines()}
         if self.problem.period.friction is None:
-            return {}
+            return found
         lost = sum(float(motion.lost.sum()) for motion in self.motions.values())
         power = frequency * self.problem.comm.allreduce(lost) / len(self.states)
-        return {"friction_power": power, "sticking": len(self.problem.stuck(self.motions))}
+        return found | {"friction_power": power, "sticking": len(self.problem.stuck(self.motions))}
 
     @property
     def swing(self) -> float:

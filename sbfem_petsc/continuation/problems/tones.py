@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -260,10 +260,23 @@ class QuasiPeriodic(ToldError, OfReduced):
         )
 
 
+def motion_of(
+    point: CurvePoint, frequencies: tuple[float, float], linear: np.ndarray, **told: Any
+) -> QuasiPeriodic:
+    """The motion of an invariant curve beside a linear response's state, with what `CurveState.told` and
+    others tell of it.
+    """
+    problem, states = point.problem, point.state.states - linear
+    period = problem.period
+    facts = problem.samples, period.steps, period.reduced, states, point.residuals
+    return QuasiPeriodic(frequencies, *facts, **told)
+
+
 def own_motion(point: CurvePoint, stability: bool) -> QuasiPeriodic:
     """The motion of an invariant curve with a tone of its own, a point of `Curves`. Collective."""
     state, own = point.state, point.problem.tone
     driven = own.driven(state.value)
+    first = 1.0 / driven.duration
     if state.recorded is None:  # else of a former run
         growth = np.zeros(0)
         if stability:
@@ -271,20 +284,9 @@ def own_motion(point: CurvePoint, stability: bool) -> QuasiPeriodic:
             growth = exponents(maps, state.rotation, EXPONENTS, TURNS, along) / driven.duration
             if growth[0] * driven.duration * TURNS < -1.0 and strays(point, TURNS) > STRAYED:
                 growth = np.full_like(growth, np.nan)
-        told = {"exponents": growth, "contact_peak": state.peak, "lines": state.lines()}
-        state.recorded = told | state.rubbed(1.0 / driven.duration)
-    first = 1.0 / driven.duration
-    return QuasiPeriodic(
-        (first, state.rotation * first),
-        own.samples,
-        own.period.steps,
-        own.period.reduced,
-        state.states - driven.linear_state,
-        point.residuals,
-        load_factor=driven.factor,
-        own=own.at(point.value),
-        **state.recorded,
-    )
+        state.recorded = state.told(growth, first)
+    told = {"load_factor": driven.factor, "own": own.at(point.value), **state.recorded}
+    return motion_of(point, (first, state.rotation * first), driven.linear_state, **told)
 
 
 def attracts(motion: QuasiPeriodic) -> bool:
