@@ -108,10 +108,6 @@ class LoadHistory(Record):
         u, stress = zip(*(state.at_places(places) for state in self.states))
         return line, np.array(u), np.array(stress)
 
-    def _furthest(self, least: float = 0.0) -> float:
-        """Largest displacement of a node, m. Collective."""
-        return max(state._furthest() for state in self.states)
-
     @derived(text="what K, G, T and forces of single pairs do not tell by themselves", dims="note")
     def notes(self) -> tuple[str, ...]:
         """What K, G and T of the tips do not tell by themselves in one state or more, see `Static`. They are

@@ -102,28 +102,8 @@ def locus(
     refuse_falling(what, branch.period.friction)
     with collective(comm):
         instance(what, "bifurcation", bifurcation, Bifurcation, "a Bifurcation of the branch")
-        if bifurcation.kind not in KINDS:
-            raise ValueError(
-                f"locus: bifurcation = {bifurcation!r} cannot be followed; give a fold, a period doubling, "
-                "a Neimark-Sacker or a grazing point"
-            )
-        if bifurcation.state.shape != branch.states.shape[1:]:
-            raise ValueError(
-                f"locus: bifurcation = {bifurcation!r} has {bifurcation.state.size} unknowns, the branch "
-                f"{branch.states.shape[1]}; give one of branch.bifurcations"
-            )
-        driven = branch.over.at(branch.period, bifurcation.own_value)
-        missed = np.linalg.norm(driven.run(bifurcation.state).residual)
-        if not missed <= PERIODIC * branch.period.size(bifurcation.state):
-            raise ValueError(
-                f"locus: bifurcation = {bifurcation!r} is no motion of the branch, under whose loads it is "
-                "not periodic; give one of branch.bifurcations"
-            )
-        if bifurcation.kind == "fold" and not _smooth(branch, bifurcation):
-            raise ValueError(
-                f"locus: bifurcation = {bifurcation!r} is a corner of the branch, where a pair begins to "
-                "touch, and no multiplier is 1 there; give a smooth fold"
-            )
+        if why := _why_none(branch, bifurcation):
+            raise ValueError(f"locus: bifurcation = {bifurcation!r} {why}")
         _require_effect(what, branch, parameter)
         value = bifurcation.own_value if branch.parameter == parameter else 1.0
         if not min(start, stop) <= value <= max(start, stop):
@@ -131,7 +111,7 @@ def locus(
                 f"locus: the bifurcation is at the factor {value:.6g} on the {parameter}, which must lie "
                 f"between start = {start:g} and stop = {stop:g}"
             )
-    row = bifurcation.row
+    row, driven = bifurcation.row, branch.over.at(branch.period, bifurcation.own_value)
     if bifurcation.kind == "grazing" and row is None:  # of several that change within a step of the branch
         row = grazing_row(driven, bifurcation.state)
     kind, begin = bifurcation.kind, np.append(bifurcation.state, [driven.frequency, value])
@@ -149,6 +129,27 @@ def locus(
             family = OpenRowFamily(period, row, parameter, factor)
         pace = replace(PACE, points=points + 1, largest_step=largest_step or np.inf)
         return follow_locus(family, kind, begin, limits, pace, run)
+
+
+def _why_none(branch: Branch, item: Bifurcation) -> str:
+    """Why a branch has no line of a bifurcation, and what to give; "" where it has."""
+    if item.kind not in KINDS:
+        return "cannot be followed; give a fold, a period doubling, a Neimark-Sacker or a grazing point"
+    size = branch.states.shape[1]
+    if item.state.shape != (size,):
+        return f"has {item.state.size} unknowns, the branch {size}; give one of branch.bifurcations"
+    missed = branch.over.at(branch.period, item.own_value).run(item.state).residual
+    if not np.linalg.norm(missed) <= PERIODIC * branch.period.size(item.state):
+        return (
+            "is no motion of the branch, under whose loads it is not periodic; give one of "
+            "branch.bifurcations"
+        )
+    if item.kind == "fold" and not _smooth(branch, item):
+        return (
+            "is a corner of the branch, where a pair begins to touch, and no multiplier is 1 there; give a "
+            "smooth fold"
+        )
+    return ""
 
 
 def _require_effect(what: str, branch: Branch, parameter: str) -> None:

@@ -172,12 +172,6 @@ class Basins(Record):
         state = self.orbits[k].state[: self.states.shape[-1]]  # slips stand behind
         return 0.5 * float(((elsewhere - state) ** 2).sum(axis=-1).min())
 
-    def _furthest(self, least: float = 0.0) -> float:
-        """Largest displacement of a named point in the motions that are reached, m; less than `least` where
-        that is known to be so.
-        """
-        return max((orbit._furthest(least) for orbit in self.orbits), default=0.0)
-
     def __repr__(self) -> str:
         shares = ", ".join(f"{100.0 * share:.3g} %" for share in self.share)
         lost = int((self.reached < 0).sum())

@@ -139,6 +139,13 @@ class Record(Views):
         """On rank 0 the whole of what is distributed, by name; empty for what was read. Collective."""
         return {}
 
+    def _furthest(self, least: float = 0.0) -> float:
+        """Largest displacement, m, or less than `least` where that is known to be so: that of its parts.
+        Collective.
+        """
+        several = [part if isinstance(part, tuple) else (part,) for _, _, part in self.parts()]
+        return max((part._furthest(least) for parts in several for part in parts), default=0.0)
+
     def _warn_incomplete(self, path: str) -> None:
         """Warn of what a file does not hold."""
 

@@ -81,12 +81,6 @@ class QuasiPeriodicBranch(OverParameter):
     tail = _over_points("tail")
     contact_peak = _over_points("contact_peak")
 
-    def _furthest(self, least: float = 0.0) -> float:
-        """Largest displacement of a named point by its lines, m; less than `least` where that is known to be
-        so.
-        """
-        return max((motion._furthest(least) for motion in self.motions), default=0.0)
-
     def line(self, m: int, n: int, point: Place, direction: str = "y") -> np.ndarray:
         """(n,) complex amplitudes at m f1 + n f2, m, of a named point, or of any point (x, y) in m.
         Collective for (x, y).
