@@ -113,25 +113,17 @@ def estimate_error(
 
 def _kept_of(model: Model, history: History) -> tuple[int, int]:
     """Number of modes and decimation of a history that can be repeated of a model; ValueError of another."""
-    if history.reduced is None:
-        raise ValueError(
-            "estimate_error: the history is that of an unreduced model; repeat it with half of the step"
-        )
-    if history.reduced.model not in (model, None) or history.points != tuple(model.points):
-        raise ValueError(
-            f"estimate_error: the history is that of another model than {model!r}; give the one that it was "
-            "made of"
-        )
-    if history.reduced.vectors:
-        raise ValueError(
-            f"estimate_error: the history is in {history.reduced.in_words}, which are not made in more; "
-            f"make it of the model, modes = {history.reduced.natural}"
-        )
-    if not history.points:
-        raise ValueError(
-            "estimate_error: the model has no named points whose displacements could be compared; give its "
-            "mesh points={...}"
-        )
-    if len(history.time) < 2:
-        raise ValueError("estimate_error: the history has one instant only; give one that was integrated")
-    return len(history.reduced.omega), round(float(history.time[1]) / history.step)
+    own, why = history.reduced, ""
+    if own is None:
+        why = "is that of an unreduced model; repeat it with half of the step"
+    elif own.model not in (model, None) or history.points != tuple(model.points):
+        why = f"is that of another model than {model!r}; give the one that it was made of"
+    elif own.vectors:
+        why = f"is in {own.in_words}, which are not made in more; make it of the model, modes = {own.natural}"
+    elif not history.points:
+        why = "has no named points whose displacements could be compared; give its mesh points={...}"
+    elif len(history.time) < 2:
+        why = "has one instant only; give one that was integrated"
+    if own is None or why:
+        raise ValueError(f"estimate_error: the history {why}")
+    return len(own.omega), round(float(history.time[1]) / history.step)
