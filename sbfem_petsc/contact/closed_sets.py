@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg
 
-from .law import RowLaws
+from .law import RowLaws, rows_depend
 from .tangent import Contacts, thin_axes
 
 # Singular values of the gaps below this share of the largest are those of rounding.
@@ -86,7 +86,7 @@ class ClosedSets:
         return found
 
     def _condensed(self, closed: np.ndarray) -> ClosedSet:
-        """LinAlgError unless R is definite in these rows."""
+        """SolveError unless R is definite in these rows."""
         (rows,), stiffness, rank = closed.nonzero(), np.zeros(len(closed)), self.left.shape[1]
         if not len(rows):
             return ClosedSet(np.zeros((rank, rank)), stiffness)
@@ -97,9 +97,7 @@ class ClosedSets:
         # LAPACK itself: of matrices this small, the checks of its wrappers take most of the time
         factor, failed = linalg.lapack.dpotrf(scaled.T, lower=1)
         if failed:
-            raise np.linalg.LinAlgError(
-                "the residual flexibility of the rows in contact is not positive definite"
-            )
+            raise rows_depend()
         inverse = linalg.lapack.dtrtri(factor, lower=1)[0] * weight
         half = inverse @ self.left[rows]
         stiffness[rows] = np.einsum("ij,ij->j", inverse, inverse)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import linalg
 
 from ..errors import failed_solve
-from .law import FREE, ROUND_OFF, RowLaws
+from .law import FREE, ROUND_OFF, RowLaws, rows_depend
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,10 +144,7 @@ class Condensed:
             try:
                 force[index] = weight * linalg.solve(scaled, -weight * gap[index], assume_a="pos")
             except linalg.LinAlgError:
-                raise failed_solve(
-                    f"contact: the {len(index)} rows that are closed depend on each other; "
-                    "is a pair given twice, or what moves it held?"
-                ) from None
+                raise rows_depend() from None
         return force, self._flexibility @ force
 
     def sharpen(self) -> bool:

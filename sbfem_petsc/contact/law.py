@@ -29,6 +29,7 @@ import numpy as np
 from meshing.input_checks import check_said
 
 from ..checks import Bounds, real, said, shown
+from ..errors import failed_solve
 from ..record.record import Record, derived, described
 
 # Rounding of a gap, relative to the sum of its terms' moduli.
@@ -393,3 +394,11 @@ def check_law(owner: str, name: str, law: object) -> None:
             f"force; give {_GIVE}"
         )
     raise TypeError(f"{owner}: {name} = {shown(law)} must be a contact law, {_GIVE}")
+
+
+def rows_depend() -> Exception:
+    """Rows that are closed have no flexibility of their own each."""
+    return failed_solve(
+        "contact: rows that are closed depend on each other; is a pair given twice, or what moves it held, "
+        "or do kept modes leave it no flexibility? Keep fewer modes, or give the rows compliance"
+    )

@@ -22,7 +22,7 @@ import numpy as np
 from .compiled import compiled_loops, inner_loops, inner_sums
 from .friction import STICKS
 from .held_rows import Rubbing, Sets, empty_sets, follow, pull_of, pulled
-from .law import FREE
+from .law import FREE, rows_depend
 from .pivoting import add_rows, products
 from .step_data import StepConstants
 from .tangent import Contacts, thin_axes
@@ -168,7 +168,7 @@ def _condensed(
     held = step.rubbing, states, writes, shares, alone, units, least
     total = _condense(flexibility, scaled, held, empty_sets(rows), room, (*result, sizes))
     if total < 0:
-        raise np.linalg.LinAlgError("the flexibility of the rows in contact is singular")
+        raise rows_depend()
     push, spread, changes = (part[:total] for part in result)
     return push @ unscaled.T, spread, changes, sizes
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy import linalg, sparse
 
-from meshing.warnings import BandWarning
+from meshing.warnings import BandWarning, RoundOffWarning
 
 from ..bodies.rows import Row
 from ..checks import integer, real_array, require_symmetric, shown
@@ -30,10 +30,12 @@ from ..petsc import MPI
 from ..ranks.parallel import agreed, checked_communicator
 from .outputs import LinearOutput
 from .reduced_model import Lag, ReducedModel, wider_count
-from .sparse import sparse_modes
+from .sparse import ZERO, parts_of_energy, sparse_modes
 
 # Relative asymmetry of a matrix that rounding explains.
 SYMMETRY = 1e-9
+# Share of a frequency by which rounding of the stiffness may move it before it is told.
+UNCERTAIN = 1e-4
 
 
 @agreed()
@@ -128,6 +130,7 @@ def reduce_matrices(
     lowest = _modes(mass, stiffness, columns, comm)
     found = lowest(modes)
     omega = np.sqrt(found[0])
+    _warn_of_rounding(mass, stiffness, found)
     _warn_of_superelement(mass, stiffness, omega)
     if factors[0] > 0.0 and not omega.all():
         raise ValueError(
@@ -222,6 +225,29 @@ def _warn_of_superelement(mass: Any, stiffness: Any, omega: np.ndarray) -> None:
         )
 
 
+def _warn_of_rounding(mass: Any, stiffness: Any, found: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+    """Warn of a mode whose frequency rounding of a stiffness moves, whose entries lie far apart, or that is
+    taken for a rigid-body motion where they hold it.
+    """
+    values, shapes, _ = found
+    with np.errstate(divide="ignore"):
+        most = UNCERTAIN * values / float((stiffness.diagonal() / mass.diagonal()).max())
+    low = np.flatnonzero(most < 10.0 * np.finfo(float).eps)
+    if not len(low) or not values.any():
+        return
+    values, shapes = np.where(values > 0.0, values, values[values > 0.0].min())[low], shapes[:, low]
+    moved = np.finfo(float).eps * parts_of_energy(stiffness, shapes)
+    energies = (shapes * (stiffness @ shapes)).sum(axis=0)
+    rigid = (found[0][low] == 0.0) & (energies > 2.0 * moved)
+    for k in np.flatnonzero(rigid | (moved > 2.0 * UNCERTAIN * values))[:1]:
+        told, most = np.sqrt([found[0][low[k]], energies[k] + moved[k]]) / (2.0 * np.pi)
+        warn(
+            "reduce_matrices: entries of stiffness lie so far apart that rounding of the largest leaves mode "
+            f"{low[k] + 1}, told at {told:.4g} Hz, at up to {most:.4g} Hz; make softer what is next to rigid",
+            RoundOffWarning,
+        )
+
+
 def _coupled(matrix: np.ndarray | sparse.csr_matrix) -> np.ndarray:
     """Which unknowns have an entry beside the diagonal."""
     size = abs(matrix)
@@ -290,13 +316,18 @@ def _dense_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, n
         )
     values, vectors = linalg.eigh(stiffness, mass)
     # rigid-body modes come out at round-off's level, and so do low ones of what is held beside very high ones
-    lost = np.abs(values) < 1e-12 * np.abs(values).max()
-    if lost.any() and _held(stiffness):
-        inverse, vectors = linalg.eigh(mass, stiffness)
-        values = 1.0 / inverse[::-1]
-        vectors = vectors[:, ::-1] * np.sqrt(values)
-    else:
-        values = np.where(lost, 0.0, values)
+    again = np.abs(values) < 1e-12 * np.abs(values).max()
+    if again.any():
+        if held := _held(stiffness):
+            inverse, vectors = linalg.eigh(mass, stiffness)
+            values = 1.0 / inverse[::-1]
+            vectors = vectors[:, ::-1] * np.sqrt(values)
+            again = values > np.sqrt(values[0] * values[-1])  # which the lowest ones leave few digits
+        some = vectors[:, again]
+        values[again], turned = linalg.eigh(some.T @ (stiffness @ some), some.T @ (mass @ some))
+        vectors[:, again] = some @ turned
+        if not held:
+            values[np.abs(values) <= ZERO * parts_of_energy(stiffness, vectors)] = 0.0
     if values[0] < 0.0:
         raise ValueError(
             f"reduce_matrices: stiffness is indefinite (least eigenvalue {values[0]:g} of M^-1 K)"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy import linalg, sparse
@@ -139,9 +140,8 @@ def _solved(
         values, parts = linalg.eigh(vectors.T @ (stiffness @ vectors), vectors.T @ inertia)
         vectors, inertia = vectors @ parts, inertia @ parts
     low = np.flatnonzero(values <= max(shift, values[0]))
-    sizes, pushed = np.abs(vectors[:, low]), np.abs(inertia[:, low])
-    parts = (sizes * (abs(stiffness) @ sizes)).sum(axis=0)
-    energies = values[low] * (sizes * pushed).sum(axis=0)
+    parts = parts_of_energy(stiffness, vectors[:, low])
+    energies = values[low] * np.abs(vectors[:, low] * inertia[:, low]).sum(axis=0)
     apart = np.flatnonzero(values[:-1] <= APART * values[1:])
     if not shift and energies[0] <= (SHIFT if len(apart) else ZERO) * parts[0]:
         return None
@@ -152,6 +152,13 @@ def _solved(
     if rigid and below is not None and below > known:
         raise _not_held(len(values))
     return known, below, (values, vectors, whole(comm, answers.T, columns.shape[1]).T)
+
+
+def parts_of_energy(stiffness: Any, shapes: np.ndarray) -> np.ndarray:
+    """(k,): twice the strain energies of shapes (n, k), each of whose terms counts as positive."""
+    sizes = np.abs(shapes)
+    found: np.ndarray = (sizes * (abs(stiffness) @ sizes)).sum(axis=0)
+    return found
 
 
 def _left_out(

@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
+import sbfem_petsc as sb
 from examples.paper.time_scheme import tied_in_one_pass
 from sbfem_petsc.contact.complementarity import Condensed, active_set, solve_complementarity
 from sbfem_petsc.contact.law import FREE, PRESSED, RowLaws
@@ -148,3 +149,21 @@ def test_what_rounding_may_have_done_opens_no_row():
     found, _ = active_set(Loose(np.eye(3), 10), np.array([-1.0, 0.001, 0.05]), RowLaws.unilateral(3), start)
     assert found.state.tolist() == [PRESSED, PRESSED, FREE]
     assert found.force.tolist() == [1.0, 0.0, 0.0]
+
+
+def test_rows_that_depend_on_each_other_are_told_alike():
+    """Of statics and of a derivative, which had been a bare error of NumPy."""
+    stiffness = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
+    twice = sb.reduce_matrices(
+        np.eye(3),
+        stiffness,
+        np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]),
+        np.zeros(2),
+        loads=np.array([[0.0], [0.0], [1.0]]),
+        sensors={"3": 2},
+        modes=2,
+        contact_laws=sb.Tied(),
+    )
+    for call in (lambda: sb.static(twice, 1.0), lambda: twice.closed_sets[np.ones(2, dtype=bool)]):
+        with pytest.raises(sb.SolveError, match="closed depend on each other; is a pair given twice"):
+            call()
