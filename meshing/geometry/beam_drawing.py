@@ -54,7 +54,8 @@ def beam_drawing(beam: BeamShape, options: BeamOptions) -> Drawing:
     drawing.points |= {name: drawing.add_vertex(*place) for name, place in named.items()}
     drawing.conform()
     _name_sides(drawing, beam)
-    angles = [*(0.0 for _ in beam.notches), *(crack.opening for crack in beam.cracks)]
+    thin = [notch.opening if notch.is_thin(beam.height) else 0.0 for notch in beam.notches]
+    angles = [*thin, *(crack.opening for crack in beam.cracks)]
     drawing.name_openings(dict(zip(beam.crack_names(), angles)))
     return drawing
 
@@ -129,7 +130,7 @@ def _fill_block(drawing: Drawing, beam: BeamShape, block: Block, size: float) ->
             holes[feature.name] = ((shape.x, shape.y), shape.radius)
         elif isinstance(shape, CrackLine):
             lines[feature.name] = np.array(shape.points[::-1])
-        elif shape.opening == 0.0:
+        elif shape.is_thin(beam.height):
             lines[feature.name] = beam.triangle(shape)[:2]
         else:
             flanks[feature.name] = (shape, [tuple(corner) for corner in beam.triangle(shape)])

@@ -90,7 +90,7 @@ class Fan:
         chain = outline(self.centre, corners, self.feet, given, _WIDEST)
         tip = drawing.add_vertex(*self.centre)
         rim = [drawing.add_vertex(*place) for place in chain]
-        if notch.opening == 0.0:
+        if notch.is_thin(self.beam.height):
             rim[-1] = rim[0]
             drawing.groups[f"crack:{name}"] = [(tip, rim[0])]
         else:

@@ -12,6 +12,7 @@ import shapely
 
 from meshing.input_checks import check_fields, choice, length, number, said, shown
 
+THIN = 1e-6  # width of a mouth, relative to the height, up to which its corners are one place
 _STEEPEST = 85.0  # degrees between a face and the vertical
 WIDEST_OPENING = 30.0  # degrees, of a crack
 NEAR = 1e-3  # distance of features that are too near to each other, relative to the body's size
@@ -79,6 +80,10 @@ class VNotch:
     def left_offset(self) -> float:
         """x of the mouth corner at the clamp side minus x of the tip, m."""
         return self.depth * math.tan(math.radians(self.tilt - self.opening / 2))
+
+    def is_thin(self, height: float) -> bool:
+        """Whether its mouth is one place in the drawing of a beam: it is drawn closed, and then opened."""
+        return self.right_offset - self.left_offset <= THIN * height
 
     @property
     def axis(self) -> tuple[float, float]:
