@@ -94,7 +94,7 @@ class Branch(OfOrbits, OverParameter, ToldError):
             return
         why = f"its run has ended: {self.reason}"
         if self.reason == "unfinished":
-            why = "resume=True continues it"
+            why = "resume=True continues it, from points of its last two seconds that are not here"
         elif ran_out(self.reason):
             why = f"it was given {self.reason}; resume=True with more of them continues it"
         warn(f"branch file {path!r} is incomplete: it ends at {self.value[-1]:.8g}; {why}", IncompleteBranch)

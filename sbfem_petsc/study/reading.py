@@ -40,7 +40,8 @@ def read(path: Any, *, in_memory: bool = True) -> Any:
     Warns
     -----
     IncompleteHistory, IncompleteBranch
-        If the run that wrote it has not come to its end.
+        If the run that wrote it has not come to its end. Of a curve, what its last two seconds found may be
+        missing; a run that goes on with it has it.
     """
     from .revive import read_any
 

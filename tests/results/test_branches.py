@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from meshing.warnings import IncompleteBranch
+from meshing.warnings import BranchWarning, IncompleteBranch
 from sbfem_petsc.contact.law import Tied, Unilateral
 from sbfem_petsc.continuation import follow as following
 from sbfem_petsc.motion.files import run_file as module
@@ -140,6 +140,31 @@ def test_an_interrupted_curve_is_continued(whole, tmp_path, monkeypatch, after):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         same(sb.read(path), resumed)
+
+
+def test_a_reader_lacks_the_last_seconds_of_a_curve(tmp_path):
+    """And is told so; a run that goes on has them."""
+    path, count = str(tmp_path / "curve.h5"), [0]
+
+    def interrupt(fraction):
+        count[0] += 1
+        if count[0] == 9:
+            raise KeyboardInterrupt
+
+    def follow(**options):
+        return sb.frequency_response(two_masses(), 1.0, 0.1, 0.2, stability=False, file=path, **options)
+
+    def read():
+        with pytest.warns(IncompleteBranch, match="continues it, from points of .* that are not here"):
+            return len(sb.read(path).value)
+
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(module, "PAUSE", 1e9)  # all of it is in one pause
+        follow(progress=interrupt)
+    assert read() < 9
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", BranchWarning)
+        assert len(follow(resume=True, points=2).value) > 9
 
 
 @pytest.mark.slow
