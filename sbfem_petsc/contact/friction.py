@@ -48,6 +48,36 @@ class Friction(Record):
         return other is not None and all(map(np.array_equal, mine, (other.rows, other.kinetic, other.static)))
 
 
+class Rubbing(NamedTuple):
+    """Tangential rows (k), behind the normal ones (c); `Friction` for kernels and derivatives.
+
+    Attributes
+    ----------
+    rows : (k,) int array
+        The normal row of each.
+    beside : (c,) int array
+        The tangential row of each among all rows, -1 where there is none.
+    kinetic, static : (k,) arrays
+        Coefficients; zero of rows that no force moves.
+    """
+
+    rows: np.ndarray
+    beside: np.ndarray
+    kinetic: np.ndarray
+    static: np.ndarray
+
+
+def rubbing_of(friction: Friction | None, flexibility: np.ndarray, count: int) -> Rubbing:
+    """For kernels, of rows with a flexibility of which so many are normal ones; None: nothing rubs."""
+    beside, moves = np.full(count, -1, dtype=np.int64), np.diag(flexibility) > 0.0
+    if friction is None:
+        return Rubbing(np.zeros(0, dtype=np.int64), beside, np.zeros(0), np.zeros(0))
+    rubs = moves[count:] & moves[friction.rows]
+    rows = np.ascontiguousarray(friction.rows, dtype=np.int64)
+    beside[rows] = count + np.arange(len(rows))
+    return Rubbing(rows, beside, np.where(rubs, friction.kinetic, 0.0), np.where(rubs, friction.static, 0.0))
+
+
 def refuse_friction(owner: str, rubs: str, why: str) -> None:
     """Raise ValueError, on all ranks, for what rubs, in an analysis with a reason why it cannot."""
     raise wrong_input(

@@ -8,8 +8,8 @@ import numpy as np
 
 from ..errors import failed_solve
 from .complementarity import Complementarity
-from .friction import STICKS, Friction, Memory
-from .held_rows import Sets, empty_sets, rubbing_of
+from .friction import STICKS, Friction, Memory, rubbing_of
+from .held_rows import Sets, empty_sets
 from .law import RowLaws
 from .rubbing import Problem, rubbing_forces
 

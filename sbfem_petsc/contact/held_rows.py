@@ -1,4 +1,4 @@
-"""What rubs, and the inverse of the flexibility of rows that are held, for kernels.
+"""The inverse of the flexibility of rows that are held, for kernels.
 
 Unknowns of a set are the forces of held normal rows and of sticking tangential ones, the column of a pressure
 whose row slips is that of its friction too. From set to set few rows change: the inverse follows them by
@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .compiled import inner_loops
-from .friction import AGAINST, ALONG, STICKS, Friction
+from .friction import AGAINST, ALONG, STICKS, Rubbing
 from .law import FREE
 from .pivoting import add_rows, products
 
@@ -22,25 +22,6 @@ MAXIMUM = 40
 # Pivots, relative to a row's own flexibility, that are none, and by which rounding is multiplied: rows around
 # a node of several pairs, where cracks turn or meet, have ones of their slack.
 _LEAST, _SMALL = 1e-11, 1e-5
-
-
-class Rubbing(NamedTuple):
-    """Tangential rows (k), behind the normal ones (c); `Friction` for kernels.
-
-    Attributes
-    ----------
-    rows : (k,) int array
-        The normal row of each.
-    beside : (c,) int array
-        The tangential row of each among all rows, -1 where there is none.
-    kinetic, static : (k,) arrays
-        Coefficients; zero of rows that no force moves.
-    """
-
-    rows: np.ndarray
-    beside: np.ndarray
-    kinetic: np.ndarray
-    static: np.ndarray
 
 
 class Sets(NamedTuple):
@@ -103,33 +84,6 @@ class Sets(NamedTuple):
     aside: np.ndarray
     seen: np.ndarray
     every: np.ndarray
-
-
-# Where nothing rubs, but for `beside`.
-NOTHING = Rubbing(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
-
-
-def rubbing_of(friction: Friction, flexibility: np.ndarray, count: int) -> Rubbing:
-    """For kernels, of rows with a flexibility of which so many are normal ones."""
-    beside = np.full(count, -1, dtype=np.int64)
-    moves = np.diag(flexibility) > 0.0
-    rubs = moves[count:] & moves[friction.rows]
-    rows = np.ascontiguousarray(friction.rows, dtype=np.int64)
-    beside[rows] = count + np.arange(len(rows))
-    return Rubbing(rows, beside, np.where(rubs, friction.kinetic, 0.0), np.where(rubs, friction.static, 0.0))
-
-
-def extent_of(rubbing: Rubbing, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The members of a set, and the forces of all rows by theirs, (c + k, members)."""
-    count = rubbing.beside.size
-    along = state[count:]
-    members = np.append(np.flatnonzero(state[:count] != FREE), count + np.flatnonzero(along == STICKS))
-    result = np.zeros((len(state), len(members)))
-    result[members, np.arange(len(members))] = 1.0
-    result[count:] += (rubbing.kinetic * ((along == ALONG) * 1.0 - (along == AGAINST)))[:, None] * result[
-        rubbing.rows
-    ]
-    return members, result
 
 
 def rubbing_room(rows: int) -> tuple[np.ndarray, ...]:

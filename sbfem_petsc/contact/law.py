@@ -9,9 +9,9 @@ one is held on the side that it has passed. An elastic layer is no state: it is 
 
 `RowLaws` has the bounds of many rows as arrays, `Table`. The exchanges of states, on the host
 (`complementarity.active_set`) and compiled (`pivoting.contact_forces`), read nothing else; what others ask is
-answered from the same arrays: `RowLaws.acting` (the rows that keep their gaps, for derivatives), `room` and
-`apart` (how far a free row is from being held, for grazing motions and located switches), `rest` (gaps of a
-model), `fixed` (rows of one state alone).
+answered from the same arrays: `RowLaws.acting` (the rows that keep their gaps, for derivatives), `room` (how
+far a free row is from being held, for grazing motions), `rest` (gaps of a model), `fixed` (rows of one state
+alone).
 
 Coulomb friction is a second, tangential row for each one that rubs (`friction`): its states depend on the
 force of the normal row and on the slip before. Table and `RowLaws` are those of the normal rows alone.
@@ -336,11 +336,6 @@ class RowLaws(Record):
         """How far free rows may move to the side of a direction before they are held, m; 0 where they are."""
         least, most = self.table.least[FREE], self.table.most[FREE]
         return np.maximum(np.where(direction < 0.0, gap - least, most - gap), 0.0)
-
-    def apart(self, gap: np.ndarray, force: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """How far some rows with gaps (k,) are from where forces (k,) of these signs hold them, m."""
-        pressed, pulled = self.table.place[PRESSED, rows], self.table.place[PULLED, rows]
-        return np.where(force < 0.0, pulled - gap, gap - pressed)
 
 
 def row_laws(

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .compiled import compiled_loops, inner_loops, typeof, typeof_impl, types
-from .friction import STICKS
-from .held_rows import NOTHING, Sets, rubbing_room
+from .friction import STICKS, Friction, rubbing_of
+from .held_rows import Sets, rubbing_room
 from .law import FREE, RowLaws
 from .pivoting import add_rows, caught, products
 from .rubbing import Problem, rubbing_forces, smooth_forces
@@ -44,14 +44,15 @@ def step_constants(
     coefficients: Sequence[np.ndarray],
     factors: tuple[np.ndarray, np.ndarray],
     residual: np.ndarray,
-    laws: RowLaws,
+    rows: tuple[RowLaws, Friction | None],
     omega: np.ndarray,
     halving: Halving = NEVER,
 ) -> StepConstants:
     """`StepConstants` from coefficients (10, m) of a step and of its halves, quarters .. and arrays in any
-    layout: the factors U (pairs, r) and V (m, r), see `closed_sets.thin_factors`, and R; nothing rubs.
+    layout: the factors U (pairs, r) and V (m, r), see `closed_sets.thin_factors`, and R, and what the normal
+    and the tangential rows are.
     """
-    left, right = factors
+    (left, right), (laws, friction) = factors, rows
     flexibility = [left @ ((right.T * each[4]) @ right) @ left.T + residual for each in coefficients]
     return StepConstants(
         coefficients=np.ascontiguousarray(coefficients),
@@ -60,7 +61,7 @@ def step_constants(
         flexibility=np.ascontiguousarray(flexibility),
         residual=np.ascontiguousarray(residual),
         laws=laws.table,
-        rubbing=NOTHING._replace(beside=np.full(len(laws), -1, dtype=np.int64)),
+        rubbing=rubbing_of(friction, residual, len(laws)),
         stiffness=omega**2,
         halving=halving,
     )

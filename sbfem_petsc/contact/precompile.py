@@ -15,7 +15,7 @@ def compile_kernels() -> None:
     """Compile what `marching.march` needs; it is kept where `compiled.compiled` says."""
     rows = np.eye(2)
     march(
-        step_constants([np.zeros((10, 2))], (rows, rows), rows, RowLaws.unilateral(2), np.zeros(2)),
+        step_constants([np.zeros((10, 2))], (rows, rows), rows, (RowLaws.unilateral(2), None), np.zeros(2)),
         StepLoads(np.zeros((2, 2)), np.ones((2, 2)), np.zeros(1, dtype=np.int8)),
         StepState(np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2, dtype=np.int8)),
         StepHistory(np.empty((1, 2)), np.empty((1, 2)), np.empty((1, 2)), np.empty(1)),

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .compiled import compiled_apart, inner_loops, inner_sums
-from .friction import AGAINST, ALONG, STICKS
-from .held_rows import MAXIMUM, Rubbing, Sets, follow, pull_of
+from .friction import AGAINST, ALONG, STICKS, Rubbing
+from .held_rows import MAXIMUM, Sets, follow, pull_of
 from .law import FREE, PRESSED, PULLED, ROUND_OFF, Table
 from .pivoting import Factor, add_rows, caught, contact_forces, products
 

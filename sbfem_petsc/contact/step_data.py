@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .held_rows import Rubbing
+from .friction import Rubbing
 from .law import Table
 
 

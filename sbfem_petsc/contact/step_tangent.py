@@ -20,12 +20,12 @@ from typing import NamedTuple
 import numpy as np
 
 from .compiled import compiled_loops, inner_loops, inner_sums
-from .friction import STICKS
-from .held_rows import Rubbing, Sets, empty_sets, follow, pull_of, pulled
+from .friction import STICKS, Rubbing
+from .held_rows import Sets, empty_sets, follow, pull_of, pulled
 from .law import FREE, rows_depend
 from .pivoting import add_rows, products
 from .step_data import StepConstants
-from .tangent import Contacts, thin_axes
+from .tangent import Contacts, repeated, thin_axes
 
 # Directions of contact that change the position in a step, in units of it, by less than this are left out, or
 # where that is enough by less than another.
@@ -119,9 +119,7 @@ def step_contacts(
         shifts[part] = read @ shifts[own]
         spread[part] += read @ spread[own]
         held[part] += read @ held[own]
-    counts = sizes[which]
-    owner = np.repeat(of, counts)
-    place = np.arange(len(owner)) + np.repeat(first[which] - np.cumsum(counts) + counts, counts)
+    place, owner = repeated(sizes, which), np.repeat(of, sizes[which])
     shifts = shifts[place]
     if shifts.size:
         shifts += np.einsum("sc,sce->se", spread[place], rates[owner])
@@ -279,6 +277,13 @@ def _directions(columns: np.ndarray, total: int, base: np.ndarray, least: float)
                 columns[c, q] -= share * base[found, q]
         found += 1
     return found
+
+
+@compiled_loops
+def directions(columns: np.ndarray, least: float, base: np.ndarray, counts: np.ndarray) -> None:
+    """Orthonormal directions (n, r, r) of columns (n, c, r), which are used up, and how many (n,)."""
+    for n in range(counts.size):
+        counts[n] = _directions(columns[n], columns.shape[1], base[n], least)
 
 
 @inner_loops

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .compiled import inner_loops, inner_sums
-from .held_rows import Rubbing
+from .friction import Rubbing
 from .law import FREE
 
 

@@ -1,5 +1,5 @@
 """Exact derivative of the time steps (`marching.march`) with the contact sets of a history (`step_tangent`,
-`closed_sets`).
+`located_switches`).
 
 Contact at consecutive instants is condensed into blocks: the B^T dq of a block's instants are rows of the
 state at its beginning, coupled by a small triangular matrix, so that many columns are carried through a block
@@ -57,6 +57,13 @@ def thin_axes(right: np.ndarray, gain: np.ndarray) -> tuple[np.ndarray, np.ndarr
     values, axes = np.linalg.eigh((right * gain) @ right.T)
     root = np.sqrt(np.maximum(values, 1e-15 * values[-1:]))
     return axes * root, axes / root
+
+
+def repeated(sizes: np.ndarray, which: np.ndarray) -> np.ndarray:
+    """Places of the rows of kinds one after the other, which have so many, where rows stand kind by kind."""
+    counts = sizes[which]
+    first = (np.cumsum(sizes) - sizes)[which]
+    return np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts)
 
 
 class Propagation:

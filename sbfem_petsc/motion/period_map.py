@@ -16,9 +16,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..contact.closed_sets import located_contacts
 from ..contact.friction import STICKS
-from ..contact.located_rubbing import located_rubbing
+from ..contact.located_switches import located_contacts
 from ..contact.marching import Address, Room, begun, march
 from ..contact.step_data import StepConstants, StepHistory, StepLoads, StepState
 from ..contact.step_tangent import LEAST, ROUGH, step_contacts
@@ -344,9 +343,9 @@ class DrivenPeriod:
 
         Exact for the steps as they are, but that slips which stay what they are over the whole period count
         as if they came to nothing: any others are as periodic. `located` moves closing and opening pairs to
-        where they do so inside a step (see `closed_sets.located_contacts`), and with `rubbing`, of periodic
-        motions, also what slips and sticks (`located_rubbing`); without parameters. `rough` leaves out what
-        hardly counts where faces rub, which is half of the work: enough for Newton's method.
+        where they do so inside a step (see `located_switches`); where rows rub it does so with `rubbing`
+        alone, of periodic motions, also for what slips and sticks; without parameters. `rough` leaves out
+        what hardly counts where faces rub, which is half of the work: enough for Newton's method.
         """
         p, m = self.period, self.period.modes
         gap_rates = np.zeros((p.steps + 1, p.pairs, len(parameters)))
@@ -394,17 +393,13 @@ class DrivenPeriod:
             residual = np.einsum("kc,kc->k", motion.forces[instants], p.residual_flexibility[rows])
             return self.free_gap[instants, rows] + elastic + residual
 
+        states, landings, told = self._held(motion)
         if not located:
             left_out = ROUGH if rough and p.friction is not None else LEAST
-            contacts = step_contacts(self.constants, self._held(motion), p.slip_units, rates, left_out)
-        elif p.friction is not None:
-            history = motion.rows, motion.forces, motion.landings
-            contacts = located_rubbing(self.constants, history, gaps, p.slip_units)
+            contacts = step_contacts(self.constants, (states, landings, told), p.slip_units, rates, left_out)
         else:
-            closed = p.laws.acting(motion.forces)
-            contacts = located_contacts(
-                p.sets, p.right, self.coefficients, closed=closed, gaps=gaps, forces=motion.forces
-            )
+            history = states, motion.forces, landings
+            contacts = located_contacts(self.constants, history, gaps, p.slip_units, p.sets)
         result = Derivative(p.length(self.step).propagation, contacts, p.steps)
         if gap_rates.shape[2] == 0 and keep:
             self._kept = key, result

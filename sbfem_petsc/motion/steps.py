@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import linalg
 
-from ..contact.held_rows import rubbing_of
 from ..contact.marching import step_constants
 from ..contact.step_data import NEVER, Halving, StepConstants
 from ..contact.tangent import Propagation
@@ -154,11 +153,8 @@ def constants_of(
     reduced: ReducedModel, coefficients: Sequence[np.ndarray], halving: Halving = NEVER
 ) -> StepConstants:
     """What the steps of a reduced model need, by the coefficients of a step and of its halves .."""
-    residual, laws = reduced.gap.contact, reduced.contact_laws
-    found = step_constants(coefficients, reduced.thin_gaps, residual, laws, reduced.omega, halving)
-    if reduced.friction is None:
-        return found
-    return found._replace(rubbing=rubbing_of(reduced.friction, residual, len(laws)))
+    rows = reduced.contact_laws, reduced.friction
+    return step_constants(coefficients, reduced.thin_gaps, reduced.gap.contact, rows, reduced.omega, halving)
 
 
 class StepLength:

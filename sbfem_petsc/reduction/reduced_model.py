@@ -13,7 +13,7 @@ import numpy as np
 from ..bodies.finite_element_model import FiniteElementModel
 from ..bodies.rows import Contact
 from ..contact.closed_sets import ClosedSets, thin_factors
-from ..contact.friction import Friction, refuse_friction
+from ..contact.friction import Friction, refuse_friction, rubbing_of
 from ..contact.law import RowLaws
 from ..errors import at_point, failed_solve
 from ..loads import Load
@@ -291,7 +291,8 @@ class ReducedModel(Record):
     @functools.cached_property
     def closed_sets(self) -> ClosedSets:
         """The sets of rows in contact that motions of this model have met."""
-        return ClosedSets(self.thin_gaps[0], np.ascontiguousarray(self.gap.contact), self.contact_laws)
+        residual = np.ascontiguousarray(self.gap.contact)
+        return ClosedSets(self.thin_gaps[0], residual, rubbing_of(self.friction, residual, self.gaps))
 
     @functools.cached_property
     def open(self) -> ReducedModel:

@@ -12,9 +12,9 @@ from meshing import Beam, CrackLine, Plate, VNotch
 from sbfem_petsc.contact import friction_solve
 from sbfem_petsc.contact.compiled import compiled_apart
 from sbfem_petsc.contact.complementarity import Complementarity, solve_complementarity
-from sbfem_petsc.contact.friction import STICKS, Friction, Memory
+from sbfem_petsc.contact.friction import STICKS, Friction, Memory, rubbing_of
 from sbfem_petsc.contact.friction_solve import solve_friction
-from sbfem_petsc.contact.held_rows import empty_sets, rubbing_of
+from sbfem_petsc.contact.held_rows import empty_sets
 from sbfem_petsc.contact.law import FREE, RowLaws
 from sbfem_petsc.contact.rubbing import Problem, lemke
 from tests.validation.contact_cases import ray

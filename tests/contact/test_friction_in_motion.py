@@ -13,9 +13,9 @@ from scipy.linalg import expm
 
 import sbfem_petsc as sb
 from sbfem_petsc.contact.complementarity import Complementarity
-from sbfem_petsc.contact.friction import AGAINST, ALONG, STICKS, Friction, Memory
+from sbfem_petsc.contact.friction import AGAINST, ALONG, STICKS, Friction, Memory, rubbing_of
 from sbfem_petsc.contact.friction_solve import solve_friction
-from sbfem_petsc.contact.held_rows import empty_sets, rubbing_of
+from sbfem_petsc.contact.held_rows import empty_sets
 from sbfem_petsc.contact.law import FREE, RowLaws
 from sbfem_petsc.contact.marching import march
 from sbfem_petsc.contact.rubbing import Problem, rubbing_forces

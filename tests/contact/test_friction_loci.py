@@ -9,8 +9,9 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
+from sbfem_petsc.contact.closed_sets import ClosedSets
 from sbfem_petsc.contact.friction import AGAINST, ALONG
-from sbfem_petsc.contact.located_rubbing import _Located
+from sbfem_petsc.contact.located_switches import switches
 from sbfem_petsc.continuation.shooting import shoot
 from sbfem_petsc.motion.excitation import Excitation
 from sbfem_petsc.motion.period_map import Period
@@ -153,13 +154,12 @@ def test_switches_inside_a_step(turn):
         states, friction, place = states[steps:], friction[steps:], place[steps:]
         forces = np.column_stack([np.full(steps + 1, PRESSURE), friction])
         slips = place + constants.residual[1, 1] * friction
-        located = _Located(
+        told = switches(
             constants,
             (states, forces, np.zeros((steps, 1, 3))),
             lambda n, rows, slips=slips: np.where(rows == 1, slips[n], 0.0),
-            np.ones(1),
-        )
-        told = np.array([item.time for item in located._switches()])
+            ClosedSets(constants.left.T, constants.residual, constants.rubbing),
+        ).time
         leaves = math.acos(1.0 - wound / peak) / rate
         exact = np.sort([turn, turn + leaves, turn + steps / 2.0, turn + steps / 2.0 + leaves])
         np.testing.assert_allclose(told[::2], exact[::2], atol=0.13)
