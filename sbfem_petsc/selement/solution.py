@@ -242,12 +242,12 @@ def solve_stack(stack: Sectors) -> list[SElement | None]:
     shapes, order, elasticity = stack
 
     def solve(rows: np.ndarray, c: Coefficients, known: PolynomialModes) -> list[SElement | None]:
-        flexibility = np.linalg.inv(c.e0)
-        found = stiffness_beyond(c, flexibility, known)
+        found = stiffness_beyond(c, known)
         if found is None:
             return [None] * len(rows)
         stiffness, asymmetry, good = found
-        riccati = largest_of_each((stiffness - c.e1) @ flexibility @ (stiffness - turned(c.e1)) - c.e2)
+        radial = np.linalg.solve(c.e0, stiffness - turned(c.e1))
+        riccati = largest_of_each((stiffness - c.e1) @ radial - c.e2)
         riccati /= np.maximum(largest_of_each(c.e2), largest_of_each(stiffness))
         rigid = largest_of_each(stiffness @ rigid_motions(shapes[rows])) / largest_of_each(stiffness)
         good &= (riccati <= ACCEPTED) & (asymmetry < TOLERANCE) & (rigid < TOLERANCE)

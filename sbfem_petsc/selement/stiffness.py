@@ -45,8 +45,7 @@ def static_stiffness(coefficients: Coefficients, method: str | None = None) -> t
         If the radial modes cannot be separated.
     """
     _, complement = translations(len(coefficients.e0))
-    right, flexibility = -(coefficients.e1.T @ complement), np.linalg.inv(coefficients.e0)
-    a, g, q = _equation(coefficients.e2, flexibility, complement, right)
+    a, g, q = _equation(coefficients, complement, -(coefficients.e1.T @ complement))
     found = None if method == "schur" else _doubling(a[None], symmetric(g)[None], symmetric(q)[None])
     if found is not None and found[1].all():
         reduced = found[0][0]
@@ -58,16 +57,17 @@ def static_stiffness(coefficients: Coefficients, method: str | None = None) -> t
 
 
 def stiffness_beyond(
-    coefficients: Coefficients, flexibility: np.ndarray, known: PolynomialModes
+    coefficients: Coefficients, known: PolynomialModes
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """K (b, n, n) of many S-elements, its relative asymmetries (b,), and whether round-off was reached (b,),
-    from E0^-1, from what it does to the polynomial modes and by doubling on the rest; None where a matrix is
-    singular.
+    from what it does to the polynomial modes and by doubling on the rest; None where a matrix is singular.
     """
     basis, rest, forces = known.basis, known.rest, known.forces
     mixed = turned(forces) @ rest  # V^T K W
-    right = basis @ mixed - turned(coefficients.e1) @ rest
-    a, g, q = _equation(coefficients.e2, flexibility, rest, right)
+    try:
+        a, g, q = _equation(coefficients, rest, basis @ mixed - turned(coefficients.e1) @ rest)
+    except np.linalg.LinAlgError:
+        return None
     done = (q, np.ones(len(q), dtype=bool))
     found = _doubling(a, symmetric(g), symmetric(q), True) if rest.size else done
     if found is None:
@@ -79,12 +79,13 @@ def stiffness_beyond(
 
 
 def _equation(
-    e2: np.ndarray, flexibility: np.ndarray, rest: np.ndarray, right: np.ndarray
+    c: Coefficients, rest: np.ndarray, right: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """a, g and q of the equation on a complement W (n, m), or on many, from E0^-1 and (K0 - E1^T) W."""
-    strained = flexibility @ right
-    q = turned(rest) @ (e2 @ rest) - turned(right) @ strained
-    return -(turned(rest) @ strained), turned(rest) @ (flexibility @ rest), q
+    """a, g and q of the equation on a complement W (n, m), or on many, from (K0 - E1^T) W."""
+    solved = np.linalg.solve(c.e0, np.concatenate([rest, right], axis=-1))
+    inverse, inverse_right = np.split(solved, 2, axis=-1)
+    q = turned(rest) @ (c.e2 @ rest) - turned(right) @ inverse_right
+    return -(turned(rest) @ inverse_right), turned(rest) @ inverse, q
 
 
 def _doubling(
@@ -121,17 +122,20 @@ def _doubled(a: np.ndarray, g: np.ndarray, q: np.ndarray, high: bool) -> tuple[n
     step, twice = identity + 2.0 * shift * other, 2.0 * shift
     dual = symmetric(twice * (gain @ other))
     x = symmetric(twice * (other @ (q @ inverse)))
-    done = np.zeros(count, dtype=bool)
+    going, done = np.arange(count), np.zeros(count, dtype=bool)
     for _ in range(_STEPS):
-        # a product with the inverse is quicker than a solution for many columns
-        mixed = np.linalg.inv(x @ dual + identity)
-        half = step @ mixed
-        increment = (step @ x) @ turned(half)
-        x += increment
-        done |= _norms(increment) <= _INCREMENT * _norms(x)
-        if done.all():
+        matrix = x[going] @ dual + identity
+        solved = np.linalg.solve(turned(matrix), turned(np.concatenate([step, dual], axis=1)))
+        half, rest = turned(solved[:, :, :m]), solved[:, :, m:]
+        increment = (step @ x[going]) @ turned(half)
+        x[going] += increment
+        small = _norms(increment) <= _INCREMENT * _norms(x[going])
+        done[going[small]] = True
+        if small.all():
             break
-        dual = dual + turned(step) @ (dual @ mixed) @ step
+        left = ~small
+        going, half, rest, step, dual = going[left], half[left], rest[left], step[left], dual[left]
+        dual = dual + (turned(step) @ rest) @ step
         step = half @ step
     x = symmetric(x)
     product = x @ a
