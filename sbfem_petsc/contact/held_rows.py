@@ -61,8 +61,8 @@ class Sets(NamedTuple):
         States then, from which it is told where rows land; the last entry tells whether any do.
     aside : (n,) array
         Forces there.
-    seen : (MAXIMUM,) int array
-        Sums that tell sets apart.
+    seen : (m,) int array
+        Sums that tell sets apart; of more than these none are exchanged.
     every : (n,) int array
         0, 1, ..
     """

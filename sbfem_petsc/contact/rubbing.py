@@ -17,7 +17,7 @@ import numpy as np
 
 from .compiled import compiled_apart, inner_loops, inner_sums
 from .friction import AGAINST, ALONG, STICKS, Rubbing
-from .held_rows import MAXIMUM, Sets, follow, pull_of
+from .held_rows import Sets, follow, pull_of
 from .law import FREE, PRESSED, PULLED, ROUND_OFF, Table
 from .pivoting import Factor, add_rows, caught, contact_forces, products
 
@@ -352,7 +352,7 @@ def _settle(problem: Problem) -> int:
         if attempt == 2 and not lemke(problem):
             break
         done = 0
-        while done < MAXIMUM and not _repeats(state, sets.seen, done):
+        while done < sets.seen.size and not _repeats(state, sets.seen, done):
             done += 1
             if not _solve(problem):
                 break

@@ -10,13 +10,12 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate, VNotch
 from sbfem_petsc.contact import friction_solve
-from sbfem_petsc.contact.compiled import compiled_apart
 from sbfem_petsc.contact.complementarity import Complementarity, solve_complementarity
 from sbfem_petsc.contact.friction import STICKS, Friction, Memory, rubbing_of
 from sbfem_petsc.contact.friction_solve import solve_friction
 from sbfem_petsc.contact.held_rows import empty_sets
 from sbfem_petsc.contact.law import FREE, RowLaws
-from sbfem_petsc.contact.rubbing import Problem, lemke
+from sbfem_petsc.contact.rubbing import Problem, rubbing_forces
 from tests.validation.contact_cases import ray
 
 SIDE = 0.1
@@ -31,17 +30,12 @@ def problem(rng, count, most):
     return 1e-9 * root @ root.T, Friction(np.arange(count), coefficients, coefficients)
 
 
-@compiled_apart
-def by_lemke(problem):
-    return lemke(problem)
-
-
 def states_of_lemke(flexibility, free, laws, friction):
-    """After slips of zero."""
-    count, sets, state = len(laws), empty_sets(len(free)), np.zeros(len(free), dtype=np.int8)
-    sets.kept[:] = 0.0
-    rubbing, force = rubbing_of(friction, flexibility, count), np.zeros(len(free))
-    assert by_lemke(Problem(flexibility, free, sets.kept, laws.table, rubbing, state, sets, force))
+    """After slips of zero, by Lemke's method alone: without room for sets none are exchanged."""
+    count, state = len(laws), np.zeros(len(free), dtype=np.int8)
+    sets = empty_sets(len(free))._replace(seen=np.zeros(0, dtype=np.int64))
+    rubbing, still, force = rubbing_of(friction, flexibility, count), np.zeros(len(free)), np.zeros(len(free))
+    assert rubbing_forces(Problem(flexibility, free, still, laws.table, rubbing, state, sets, force)) == -1
     return state
 
 
@@ -183,9 +177,10 @@ def test_rows_of_other_laws_beside_those_that_rub(each, draws):
         begun = memory._replace(normal=states[:count], tangential=states[count:])
         lemke = solve_friction(flexibility, free, laws, friction, begun)
         force, own_rows = lemke.force, Complementarity(lemke.force[own], lemke.gap[own], lemke.state[own], 1)
-        if friction.kinetic.max() < 2.0:  # Lemke's states are the solution's: one exchange shows it
+        assert lemke.iterations == 1  # Lemke's states are a solution's: one exchange shows it
+        if friction.kinetic.max() < 2.0:
             found = solve_friction(flexibility, free, laws, friction, memory)
-            assert lemke.iterations == 1 and force == pytest.approx(found.force, rel=1e-6, abs=1e-9)
+            assert force == pytest.approx(found.force, rel=1e-6, abs=1e-9)
         acting = free + flexibility[:, own] @ force[own]
         alone = solve_complementarity(
             flexibility[np.ix_(others, others)], acting[others], RowLaws.of([each[k] for k in others])
