@@ -206,7 +206,8 @@ class _Task:
         )
         driven, known, path = period.at(self.frequency), None, "Newton"
         if derivative is not None:
-            known = attempt(lambda: shoot(driven, state, settings.jacobian, near=derivative()), SolveError)
+            near = functools.partial(shoot, driven, state, settings.jacobian, near=derivative())
+            known = attempt(functools.partial(near, hurries=period.friction is not None), SolveError)
         if known is None:
             known, path = find(driven, state, multiples=settings.periods is None)
         fixed = known

@@ -32,6 +32,9 @@ from .search import NEWTON_ALONE, find_steady_state
 # Of the highest frequency of the modes from one attempt to the next, by the error; the least share of it that
 # is left to the steps, and the share that they may have; power of the modes by which errors fall at best.
 LEAST_MORE, MOST_MORE, LEFT, OF_STEPS, FASTEST = 1.25, 2.5, 0.25, 0.6, 4.0
+# Where faces rub, times the steps at most from one attempt to the next in more modes, for those of few tell
+# little; times those of a known motion up to which one near it that is lost is looked for in twice as many.
+AT_ONCE, LOST = 4, 2
 # Times the first steps where nobody asked.
 UNASKED = 4
 
@@ -140,6 +143,9 @@ class Accuracy:
                 if refused(error):
                     raise
                 lost = where if isinstance(error, SolveError) else None
+                if lost is not None and told is not None and self._trembles(lost, told):
+                    settings = replace(settings, least=2 * lost.told_steps)
+                    continue
                 usual = None if lost is None else self._usual(lost)
                 if usual is not None:
                     settings = replace(settings, modes=usual)
@@ -160,6 +166,13 @@ class Accuracy:
         """Settings of the next attempt, None where there is to be none."""
         more = self.further(told.where.reduced, told.where.told_steps, told.errors)
         return None if more is None else replace(self.settings, modes=more[0], least=more[1])
+
+    def _trembles(self, lost: Map, told: Told[Where, Found]) -> bool:
+        """Whether a motion that is lost is to be looked for in twice the steps: where faces rub, changes
+        between stick and slip leave the map of few steps kinks, on which Newton's method ends.
+        """
+        most = min(self._most_steps // 2, LOST * told.where.told_steps)
+        return lost.reduced.friction is not None and lost.told_steps <= most
 
     def _usual(self, where: Map) -> int | None:
         """The usual modes, None where modes are given or are not fewer."""
@@ -198,6 +211,8 @@ class Accuracy:
             left = min(wanted, max(2.0 * (wanted - by_modes), LEFT * wanted))
         if by_steps > OF_STEPS * wanted or more == modes:
             times = self._more_steps(steps, by_steps / left)
+            if reduced.friction is not None and more > modes:
+                times = min(times, AT_ONCE)
         if more == modes and (times == 1 or by_modes > wanted):
             return None  # steps alone do not help
         return more if self._model is not None else self.settings.modes, times * steps

@@ -118,7 +118,9 @@ def find_steady_state(
         If nothing leads to one; it says what was tried.
     """
     failed = list[SolveError]()
-    shot = attempt(functools.partial(shoot, driven, guess, jacobian), SolveError, failed)
+    hurries = search is NEWTON_ALONE and driven.period.friction is not None
+    find = functools.partial(shoot, driven, guess, jacobian, hurries=hurries)
+    shot = attempt(find, SolveError, failed)
     if shot is not None:
         return shot, "Newton"
     search = search or Search()

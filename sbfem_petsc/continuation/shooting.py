@@ -31,6 +31,9 @@ from .problem import GAIN, Lost
 # SNES by default: residual relative to the first one, with updated derivatives, which converge more slowly,
 # a smaller one, and relative to the state.
 RELATIVE, RELATIVE_UPDATED, ROUND_OFF = 1e-10, 1e-11, 1e-12
+# The same of a search that hurries, relative to the linear oscillation, and that below which its derivative
+# is updated whatever that gains, relative to it.
+ENOUGH, CLOSE = 1e-11, 10.0
 # Iterations that do not halve the residual, after which a search that hurries is given up.
 SLOW = 3
 # Unknowns up to which matrices of the period map are made whole.
@@ -39,6 +42,8 @@ WHOLE = 1200
 # to each order of the loads, to this residual relative to the first one; not from a state whose residual is
 # no larger than what fewer steps cost.
 MANY, COARSER, RESOLVED, ROUGHLY, ROUGH = 20, 8, 64, 1e-3, 1e-3
+# Fewer steps at most, for derivatives by them cost more than all else where there are many.
+COARSE = 1024
 
 
 def shoot(
@@ -47,6 +52,7 @@ def shoot(
     jacobian: str = "auto",
     iterations: int | None = None,
     near: np.ndarray | None = None,
+    hurries: bool = False,
 ) -> FixedPoint:
     """Fixed point of a period near a state, by SNES.
 
@@ -64,6 +70,8 @@ def shoot(
         Newton iterations at most. Default: `newton.ITERATIONS`.
     near : (2 m, 2 m) array, optional
         dx(T) / dx(0) of a motion nearby, to begin with.
+    hurries : bool
+        Whether Newton's method is given up where it hardly gains.
 
     Raises
     ------
@@ -73,24 +81,22 @@ def shoot(
         If the iterations that ``-shooting_snes_max_it`` allows are used up.
     """
 
-    def solve(kind: str) -> FixedPoint:
-        return Shooting(driven, kind, iterations).solve(state)
-
+    shooting = functools.partial(Shooting, driven, iterations=iterations, hurries=hurries)
     if jacobian != "auto":
-        return solve(jacobian)
+        return shooting(jacobian).solve(state)
     if driven.period.unknowns > WHOLE:
-        return solve("matrix-free")
+        return shooting("matrix-free").solve(state)
     if iterations is None and near is None and driven.period.modes >= MANY:
         found = attempt(functools.partial(_from_fewer_steps, driven, state), SolveError)
         if found is not None:
             return found
-    updated = Shooting(driven, "updated", iterations)
+    updated = shooting("updated")
     updated.near = None if near is None else near - np.eye(len(state))
     failed = list[SolveError]()
     found = attempt(functools.partial(updated.solve, state), SolveError, failed)
     if found is None and updated.made >= len(updated.residuals) - 1:
         raise failed[0]  # none was updated: the dense way is the same
-    return found or solve("dense")
+    return found or shooting("dense").solve(state)
 
 
 def _from_fewer_steps(driven: DrivenPeriod, state: np.ndarray) -> FixedPoint | None:
@@ -100,22 +106,25 @@ def _from_fewer_steps(driven: DrivenPeriod, state: np.ndarray) -> FixedPoint | N
     fewer = in_fewer_steps(driven)
     if fewer is None:
         return None
-    coarse, fine = Shooting(fewer, "updated"), Shooting(driven, "updated")
-    if np.linalg.norm(fine.motion_at(state).residual) <= ROUGH * driven.oscillation:
-        if driven.period.friction is None:
+    rubs = driven.period.friction is not None
+    coarse, fine = Shooting(fewer, "updated"), Shooting(driven, "updated", hurries=rubs)
+    missed = np.linalg.norm(fine.motion_at(state).residual)
+    if missed <= ROUGH * driven.oscillation:
+        if not rubs:
             return None
         fine.near = rough_derivative(driven, state) - np.eye(len(state))
         return fine.solve(state)
     coarse.relative = ROUGHLY
-    rough = coarse.solve(state)
+    rough = coarse.solve(state).state
     fine.near = coarse.derivative
-    return fine.solve(rough.state)
+    nearer = np.linalg.norm(fine.motion_at(rough).residual) <= missed
+    return fine.solve(rough if nearer else state)
 
 
 def in_fewer_steps(driven: DrivenPeriod) -> DrivenPeriod | None:
     """A driven period in far fewer steps, None where these were too coarse."""
     period = driven.period
-    steps = max(period.steps // COARSER, RESOLVED * int(period.excitation.orders.max(initial=1)))
+    steps = max(min(period.steps // COARSER, COARSE), RESOLVED * int(period.excitation.orders.max(initial=1)))
     return None if 2 * steps > period.steps else driven.in_steps(steps)
 
 
@@ -239,17 +248,21 @@ class Shooting(Steady):
     driven : DrivenPeriod
     jacobian : {"updated", "dense", "matrix-free", "differences"}
     iterations : int, optional
+    hurries : bool
     """
 
-    def __init__(self, driven: DrivenPeriod, jacobian: str, iterations: int | None = None):
+    def __init__(
+        self, driven: DrivenPeriod, jacobian: str, iterations: int | None = None, hurries: bool = False
+    ):
         super().__init__()
         self.driven, self.jacobian = driven, jacobian
         self.iterations = iterations or self.iterations
         self.relative = RELATIVE_UPDATED if jacobian == "updated" else RELATIVE
         # of what is missed an iteration with an updated derivative may leave so much
         self.gain = GAIN
-        # whether a search that hardly gains is given up
-        self.hurries = False
+        # whether a search that hardly gains is given up, and the residual that is enough to it: near a good
+        # guess what is relative to the first one is rounding, for which derivatives would be made anew
+        self.hurries, self.enough = hurries, ENOUGH * hurries * driven.oscillation
         # derivative of x(T) - x(0) to begin with, and the last iteration's
         self.near: np.ndarray | None = None
         self.derivative: np.ndarray | None = None
@@ -271,7 +284,7 @@ class Shooting(Steady):
         moving = max(driven.period.size(state), driven.oscillation, 1e-300)
         largest = max(float(np.linalg.norm(driven.linear_state)), float(np.linalg.norm(state)), 1e-300)
         try:
-            found = self.by_snes(state, self.relative, ROUND_OFF * largest, moving)
+            found = self.by_snes(state, self.relative, max(ROUND_OFF * largest, self.enough), moving)
         except (PETSc.Error, Lost) as error:
             why = f"PETSc's error {error.ierr}" if isinstance(error, PETSc.Error) else error
             raise failed_solve(
@@ -352,7 +365,7 @@ class Shooting(Steady):
         if last is None:
             array[:] = self._derivative(motion) if self.near is None else self.near
             self.inverse = Updated(Factors(array))
-        elif np.linalg.norm(residual) <= self.gain * np.linalg.norm(last[1]):
+        elif np.linalg.norm(residual) <= max(self.gain * np.linalg.norm(last[1]), CLOSE * self.enough):
             step = state - last[0]
             row = step / (step @ step)
             added = residual - last[1] - array @ step

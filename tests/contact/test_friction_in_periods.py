@@ -2,10 +2,12 @@
 another integration, closed forms of motions that stick, figures of an independent program.
 """
 
+import importlib
 import math
 import os
 import subprocess
 import sys
+import warnings
 
 import numpy as np
 import pytest
@@ -22,6 +24,7 @@ from tests.contact.test_friction_in_motion import FRICTION, PRESSURE, SLIDER, SP
 from tests.contact.test_friction_on_masses import beam, stuck_share
 from tests.parallel import ROOT, alone, answer, on_ranks
 
+periodic_module = importlib.import_module("sbfem_petsc.analysis.periodic")
 RATE = 1.7
 FREQUENCY = RATE / (2.0 * math.pi)
 
@@ -276,7 +279,7 @@ def test_a_search_without_damping_ends(mass, monkeypatch):
         DrivenPeriod, "run", lambda self, x: (frequencies.append(self.frequency), run(self, x))[1]
     )
 
-    def fails(*arguments):
+    def fails(*arguments, **options):
         raise sb.SolveError("Newton fails")
 
     monkeypatch.setattr(steady, "shoot", fails)
@@ -642,6 +645,24 @@ def test_accuracy_of_faces_that_rub():
     assert (apart < told[0] + told[1]).all()
     # each attempt in more modes tells that its motion is found, and its error
     assert shares and shares == [0.5, 1.0] * (len(shares) // 2)
+
+
+def test_a_lost_motion_is_looked_for_in_twice_the_steps(monkeypatch):
+    """In more modes, where 512 steps may leave the map of a period a kink; it went to 80 modes at once."""
+    find, steps = periodic_module.find_steady_state, []
+
+    def lost(driven, *arguments, **options):
+        steps.append(driven.period.steps)
+        if steps[1:] == [512]:
+            raise sb.SolveError("lost")
+        return find(driven, *arguments, **options)
+
+    monkeypatch.setattr(periodic_module, "find_steady_state", lost)
+    with tilted(0.3) as model, warnings.catch_warnings():
+        warnings.simplefilter("error", sb.AccuracyWarning)
+        found = sb.periodic(model, sb.PointForce("A", fy=3000.0), 500.0, stability=False)
+    assert steps[:3] == [512, 512, 1024] and len(found.time) == steps[-1]
+    assert found.largest_mode_error < 1e-3
 
 
 @pytest.mark.long
