@@ -30,12 +30,14 @@ from ..petsc import MPI
 from ..ranks.parallel import agreed, checked_communicator
 from .outputs import LinearOutput
 from .reduced_model import Lag, ReducedModel, wider_count
-from .sparse import ZERO, parts_of_energy, sparse_modes
+from .sparse import APART, parts_of_energy, sparse_modes
 
 # Relative asymmetry of a matrix that rounding explains.
 SYMMETRY = 1e-9
 # Share of a frequency by which rounding of the stiffness may move it before it is told.
 UNCERTAIN = 1e-4
+# Of the highest eigenvalue, and of the parts of a mode's energy, what may be rounding in dense matrices.
+LOST = 1e-12
 
 
 @agreed()
@@ -238,7 +240,7 @@ def _warn_of_rounding(mass: Any, stiffness: Any, found: tuple[np.ndarray, np.nda
     values, shapes = np.where(values > 0.0, values, values[values > 0.0].min())[low], shapes[:, low]
     moved = np.finfo(float).eps * parts_of_energy(stiffness, shapes)
     energies = (shapes * (stiffness @ shapes)).sum(axis=0)
-    rigid = (found[0][low] == 0.0) & (energies > 2.0 * moved)
+    rigid = (found[0][low] == 0.0) & (energies > np.maximum(2.0 * moved, APART * values))
     for k in np.flatnonzero(rigid | (moved > 2.0 * UNCERTAIN * values))[:1]:
         told, most = np.sqrt([found[0][low[k]], energies[k] + moved[k]]) / (2.0 * np.pi)
         warn(
@@ -316,7 +318,7 @@ def _dense_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, n
         )
     values, vectors = linalg.eigh(stiffness, mass)
     # rigid-body modes come out at round-off's level, and so do low ones of what is held beside very high ones
-    again = np.abs(values) < 1e-12 * np.abs(values).max()
+    again = np.abs(values) < LOST * np.abs(values).max()
     if again.any():
         if held := _held(stiffness):
             inverse, vectors = linalg.eigh(mass, stiffness)
@@ -327,7 +329,11 @@ def _dense_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, n
         values[again], turned = linalg.eigh(some.T @ (stiffness @ some), some.T @ (mass @ some))
         vectors[:, again] = some @ turned
         if not held:
-            values[np.abs(values) <= ZERO * parts_of_energy(stiffness, vectors)] = 0.0
+            # rounding of what the matrix is made of has left as much above 0 as below
+            least = np.maximum(LOST * parts_of_energy(stiffness, vectors), -values[again].min())
+            values[again & (np.abs(values) <= least)] = 0.0
+            order = np.argsort(values, kind="stable")
+            values, vectors = values[order], vectors[:, order]
     if values[0] < 0.0:
         raise ValueError(
             f"reduce_matrices: stiffness is indefinite (least eigenvalue {values[0]:g} of M^-1 K)"
