@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import math
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -39,6 +41,8 @@ _at_work: list[threading.Thread] = []
 _changing = threading.Lock()
 # Relative residual below which what options of the command line leave is not told.
 LEFT = 1e-6
+# What a direct solver leaves of K u = f, beside the norms of K and u: of slender bodies more than LEFT of f.
+ROUNDING = 10.0 * sys.float_info.epsilon
 OUT_OF_MEMORY = 55  # PETSc's PETSC_ERR_MEM
 # Stages of -log_view, registered in one order on all ranks.
 STAGES = ("Mesh", "S-elements", "Inertia", "Assembly", "Factorisation", "Contact", "Modes", "Steps")
@@ -418,17 +422,20 @@ def judge_ksp(ksp: PETSc.KSP) -> None:
     prefix = ksp.getOptionsPrefix()
     if not chosen(prefix):
         return
-    given = ksp.getRhs()
-    missed, right = given.duplicate(), given.norm()
-    ksp.getOperators()[0].mult(ksp.getSolution(), missed)  # KSPBuildResidual of GMRES is wrong after a solve
+    matrix, given, found = ksp.getOperators()[0], ksp.getRhs(), ksp.getSolution()
+    missed, right, size = given.duplicate(), given.norm(), 0.0
+    matrix.mult(found, missed)  # KSPBuildResidual of GMRES is wrong after a solve
     missed.axpy(-1.0, given)
     left = missed.norm()
     missed.destroy()
-    if not left <= LEFT * right:
+    if matrix.getType() != PETSc.Mat.Type.PYTHON:
+        size = matrix.norm(PETSc.NormType.FROBENIUS) * found.norm()
+    if not left <= max(LEFT * right, ROUNDING * size):
+        share = left / right if right else math.inf
         warn_of_options(
             f"-{prefix}...",
-            f"let a linear solve end ({reason_of(ksp)}) with {left / right:.2e} of its right-hand side left; "
-            "leave them out, or ask for less to be left",
+            f"let a linear solve end ({reason_of(ksp)}) with {share:.2e} of its right-hand side left; leave "
+            "them out, or ask for less to be left",
         )
 
 

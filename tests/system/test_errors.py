@@ -5,7 +5,9 @@ work.
 import json
 import warnings
 
+import numpy as np
 import pytest
+from scipy import sparse
 
 import sbfem_petsc as sb
 from meshing import CrackLine, Plate
@@ -270,6 +272,28 @@ def test_steps_whose_linear_solves_end_early(options):
     assert abs(loose - direct).max() > 0.1 * abs(direct).max()
     assert len(told) == 1 and "-newmark_... let a linear solve end" in told[0]
     assert float(told[0].split("with ")[1].split()[0]) > 1e-2
+
+
+def test_rounding_is_not_laid_to_options(options):
+    """3e-5 of the right-hand side is what a direct solver leaves of a beam of 1500 springs: any option of its
+    had been told to end it early.
+    """
+    second = 2.0 * sparse.eye(1500) - sparse.eye(1500, k=1) - sparse.eye(1500, k=-1)
+    load = np.eye(1500, 1)
+    options(modal_st_mat_mumps_icntl_14="50")
+    reduced, told = told_of_options(
+        lambda: sb.reduce_matrices(
+            sparse.eye(1500, format="csr"),
+            (second @ second).tocsr(),
+            np.zeros((0, 1500)),
+            np.zeros(0),
+            loads=load,
+            sensors={"1": 0},
+            modes=5,
+        )
+    )
+    exact = 4.0 * np.sin(0.5 * np.pi * np.arange(1, 6) / 1501) ** 2
+    assert abs(reduced.omega / exact - 1.0).max() < 1e-6 and not told
 
 
 def test_contact_forces_that_end_early(options):
