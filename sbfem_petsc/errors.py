@@ -12,7 +12,7 @@ from .checks import shown
 
 # The analysis that a user has called, while it is under way.
 ANALYSIS: contextvars.ContextVar[str] = contextvars.ContextVar("analysis", default="")
-# What that analysis has told already of options of the command line; None beside any.
+# What it, or another function that all ranks call together, has told of options; None beside any.
 TOLD: contextvars.ContextVar[set[str] | None] = contextvars.ContextVar("told", default=None)
 
 
@@ -70,10 +70,10 @@ def warn(sentence: str, kind: type[Warning]) -> None:
 
 
 def warn_of_options(options: str, sentence: str) -> None:
-    """Warn of what options, such as "-newmark_ksp_...", do to a result: once in an analysis."""
+    """Warn of what options, such as "-newmark_ksp_...", do to a result: once in a call."""
     told = TOLD.get()
     if told is None or options not in told:
-        warn(f"{called()}: the options {options} {sentence}", OptionWarning)
+        warn(f"{called('PETSc')}: the options {options} {sentence}", OptionWarning)
     if told is not None:
         told.add(options)
 

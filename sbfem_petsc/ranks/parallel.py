@@ -17,7 +17,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..checks import callback, shown
-from ..errors import SolveError, SolverFailure, UnknownName, on_all_ranks
+from ..errors import TOLD, SolveError, SolverFailure, UnknownName, on_all_ranks
 from . import abort
 from .fingerprint import Fingerprint, fingerprint
 
@@ -195,11 +195,15 @@ def agreed(*own: str) -> Callable[[Callable[Parameters, Result]], Callable[Param
         def call(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
             if MPI.COMM_WORLD.size > 1:
                 _compare(owner, _given(signature, args, kwargs, apart), "comm" in signature.parameters)
+            token = TOLD.set(set()) if TOLD.get() is None else None
             try:
                 return function(*args, **kwargs)
             except SystemExit as error:
                 abort.leaves(error)
                 raise
+            finally:
+                if token is not None:
+                    TOLD.reset(token)
 
         call.own = apart  # type: ignore[attr-defined]
         return call

@@ -350,3 +350,13 @@ def test_options_are_told_of_once_in_a_call(options):
     for _ in range(2):
         told = told_of_options(lambda: sb.periodic(stop, 1.0, 0.15, stability=False))[1]
         assert len(told) == 1 and "-shooting_snes_..." in told[0]
+
+
+def test_a_reduction_is_told_of_options_once(options):
+    """It is no analysis: each of its solves had told of them, as "steady state"."""
+    from tests.systems import short_beam
+
+    model, load = short_beam(0.01), sb.PointForce("A", fy=1.0)
+    options(modal_st_ksp_type="cg", modal_st_pc_type="jacobi", modal_st_ksp_rtol="1e-5")
+    told = told_of_options(lambda: sb.reduce(model, load, modes=4))[1]
+    assert len(told) == 1 and told[0].startswith("PETSc: the options -modal_st_... let a linear solve end")
