@@ -32,7 +32,7 @@ from .layout import bare, groups_of, records_in, text, text_of, write
 from .record import Record
 
 # Of the layout: files of another one are refused.
-SCHEMA = 10
+SCHEMA = 11
 WHAT = "result file"
 # Where the model of a journal's head is for what is beside it.
 MODEL = "/model"

@@ -233,7 +233,7 @@ def test_what_is_missing_truncated_foreign_or_of_another_version(saved, tmp_path
     with h5py.File(tmp_path / "older.h5", "a") as file:
         file.attrs["schema"] = 2
     with pytest.raises(
-        ValueError, match="has schema 2 of version .*; this program reads schema 10; compute it again"
+        ValueError, match="has schema 2 of version .*; this program reads schema 11; compute it again"
     ):
         sb.read(tmp_path / "older.h5")
     with pytest.raises(TypeError, match="is no result that can be written"):
