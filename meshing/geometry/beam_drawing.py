@@ -134,7 +134,7 @@ def _fill_block(drawing: Drawing, beam: BeamShape, block: Block, size: float) ->
             lines[feature.name] = beam.triangle(shape)[:2]
         else:
             flanks[feature.name] = (shape, [tuple(corner) for corner in beam.triangle(shape)])
-    _refuse_crossed_notches(lines, flanks)
+    _refuse_met_notches(lines, flanks, _NEAR * beam.height)
     triangles = sorted((triangle for _, triangle in flanks.values()), key=lambda corners: corners[1][0])
     outline, tips = _cut_out(block.corners(beam.height), triangles, beam.height)
     graph = plane_graph(outline, holes, lines, block.points)
@@ -145,16 +145,24 @@ def _fill_block(drawing: Drawing, beam: BeamShape, block: Block, size: float) ->
         drawing.groups[f"crack:{name}:right"], drawing.groups[f"crack:{name}:left"] = before, after
 
 
-def _refuse_crossed_notches(lines: Mapping[str, Any], flanks: Mapping[str, tuple[VNotch, Any]]) -> None:
-    """ValueError for a crack that runs into an open notch."""
-    for name, line in lines.items():
+def _refuse_met_notches(
+    lines: Mapping[str, Any], flanks: Mapping[str, tuple[VNotch, Any]], near: float
+) -> None:
+    """ValueError for a crack that runs into an open notch, or meets it elsewhere than at a mouth corner."""
+    for name, points in lines.items():
         for other, (notch, triangle) in flanks.items():
-            common = shapely.LineString(line).intersection(shapely.Polygon(triangle))
-            if common.length > 0.0:
-                x, y = shapely.get_coordinates(common)[0]
+            line, inside, tip = shapely.LineString(points), shapely.Polygon(triangle), triangle[0]
+            ends, mouth = shapely.points(points), shapely.MultiPoint(triangle[1:])
+            met = points[(shapely.distance(ends, inside) <= near) & (shapely.distance(ends, mouth) > near)]
+            if (common := line.intersection(inside)).length > 0.0:
+                met = shapely.get_coordinates(common)
+            elif line.distance(shapely.Point(tip)) <= near:
+                met = [tip]
+            for x, y in met[:1]:
                 raise ValueError(
                     f"crack {other!r}: opening is {notch.opening:g} degrees, but it meets crack {name!r} at "
-                    f"({x:.6g}, {y:.6g}) m; cracks that meet start closed, give 0."
+                    f"({x:.6g}, {y:.6g}) m; cracks that meet start closed: draw the notch as one of them "
+                    "(CrackLine)."
                 )
 
 

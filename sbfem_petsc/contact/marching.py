@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .compiled import compiled_loops, inner_loops, typeof, typeof_impl, types
-from .friction import STICKS, Friction, rubbing_of
+from .friction import STICKS, Rubbing
 from .held_rows import Sets, rubbing_room
 from .law import FREE, RowLaws
 from .pivoting import add_rows, caught, products
@@ -44,7 +44,7 @@ def step_constants(
     coefficients: Sequence[np.ndarray],
     factors: tuple[np.ndarray, np.ndarray],
     residual: np.ndarray,
-    rows: tuple[RowLaws, Friction | None],
+    rows: tuple[RowLaws, Rubbing],
     omega: np.ndarray,
     halving: Halving = NEVER,
 ) -> StepConstants:
@@ -52,7 +52,7 @@ def step_constants(
     layout: the factors U (pairs, r) and V (m, r), see `closed_sets.thin_factors`, and R, and what the normal
     and the tangential rows are.
     """
-    (left, right), (laws, friction) = factors, rows
+    (left, right), (laws, rubbing) = factors, rows
     flexibility = [left @ ((right.T * each[4]) @ right) @ left.T + residual for each in coefficients]
     return StepConstants(
         coefficients=np.ascontiguousarray(coefficients),
@@ -61,7 +61,7 @@ def step_constants(
         flexibility=np.ascontiguousarray(flexibility),
         residual=np.ascontiguousarray(residual),
         laws=laws.table,
-        rubbing=rubbing_of(friction, residual, len(laws)),
+        rubbing=rubbing,
         stiffness=omega**2,
         halving=halving,
     )

@@ -153,7 +153,7 @@ def constants_of(
     reduced: ReducedModel, coefficients: Sequence[np.ndarray], halving: Halving = NEVER
 ) -> StepConstants:
     """What the steps of a reduced model need, by the coefficients of a step and of its halves .."""
-    rows = reduced.contact_laws, reduced.friction
+    rows = reduced.contact_laws, reduced.closed_sets.rubbing
     return step_constants(coefficients, reduced.thin_gaps, reduced.gap.contact, rows, reduced.omega, halving)
 
 

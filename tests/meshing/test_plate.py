@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mesh_checks import check_mesh, distinct_shapes
 
-from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate
+from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate, VNotch
 
 SIDE = 0.1
 SQUARE = [(0, 0), (SIDE, 0), (SIDE, SIDE), (0, SIDE)]
@@ -368,6 +368,12 @@ def test_opening_is_refused():
     meeting = [CrackLine([(0.05, 0.1), (0.05, 0.06)], opening=1), CrackLine([(0.05, 0.08), (0.07, 0.08)])]
     with pytest.raises(ValueError, match="cracks that meet start closed"):
         Plate(SQUARE, cracks=meeting).mesh(order=2)
+    # at the tip of an open notch, through it and on its flank a crack ended in KeyErrors or counts of edges
+    flank = (0.2 + 0.01 * math.tan(math.radians(5.0)), 0.04)
+    for line in ([(0.2, 0.03), (0.2, 0.02)], [(0.1, 0.03), (0.3, 0.03)], [(0.25, 0.04), flank]):
+        beam = Beam(0.4, 0.05, [VNotch(0.2, 0.02, 10.0)], cracks=[CrackLine(line)])
+        with pytest.raises(ValueError, match="10 degrees, but it meets crack 'crack2' .* draw the notch"):
+            beam.mesh(order=2)
     with pytest.raises(ValueError, match="it has no tip to open from"):
         Plate(SQUARE, cracks=[CrackLine([(0, 0.05), (0.1, 0.05)], opening=1)]).mesh(order=2)
 
