@@ -206,8 +206,9 @@ class _Task:
         )
         driven, known, path = period.at(self.frequency), None, "Newton"
         if derivative is not None:
-            near = functools.partial(shoot, driven, state, settings.jacobian, near=derivative())
-            known = attempt(functools.partial(near, hurries=period.friction is not None), SolveError)
+            shot = functools.partial(shoot, driven, state, settings.jacobian)
+            hurries = period.friction is not None
+            known = attempt(lambda: shot(near=derivative(), hurries=hurries), SolveError)
         if known is None:
             known, path = find(driven, state, multiples=settings.periods is None)
         fixed = known

@@ -173,10 +173,12 @@ class Steady(abc.ABC):
         snes.setFunction(self._function, f)
         snes.setJacobian(self._jacobian, matrix)
         snes.setTolerances(rtol=relative, atol=finite(absolute), stol=0.0, max_it=self.iterations)
-        snes.setMonitor(self._monitor)
         try:
             with scripted(*in_python):
                 configure(snes)
+                snes.setMonitor(
+                    self._monitor
+                )  # behind options, of which -shooting_snes_monitor_cancel is one
                 snes.solve(None, x)
                 self._check(snes, max(relative * (self.residuals or [0.0])[0], absolute, LEFT * size), size)
             return x.array_r.copy()

@@ -665,6 +665,25 @@ def test_a_lost_motion_is_looked_for_in_twice_the_steps(monkeypatch):
     assert found.largest_mode_error < 1e-3
 
 
+def test_a_derivative_of_few_steps_that_fails_loses_no_motion(monkeypatch):
+    """In more steps, where the period in an eighth of them cannot be integrated: Newton's method makes its
+    own, and the motion is that found otherwise; it was lost, and told of as not within the accuracy.
+    """
+    loads, asked = [sb.Harmonic(0.3, 0.09) + 0.02, sb.Harmonic(0.4, 0.18, 0.4)], list[int]()
+    usual = sb.periodic(chain(6), loads, 0.09, accuracy=1e-4, stability=False)
+
+    def fails(fixed):
+        asked.append(len(fixed.state))
+        raise sb.SolveError("the steps are too few")
+
+    monkeypatch.setattr(periodic_module, "known_derivative", fails)
+    found = sb.periodic(chain(6), loads, 0.09, accuracy=1e-4, stability=False)
+    assert asked and len(found.time) == len(usual.time) and found.largest_mode_error < 1e-4
+    assert (
+        np.abs(found.contact_resultant - usual.contact_resultant).max() < 1e-6 * usual.contact_resultant.max()
+    )
+
+
 @pytest.mark.long
 def test_accuracy_in_a_dozen_modes():
     """Behind 12 modes vectors damped by .02 leave 3.6e-3 of the third harmonic, of which 1.1e-3 was told;

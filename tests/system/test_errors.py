@@ -244,6 +244,21 @@ def options():
         PETSc.Options().delValue(name)
 
 
+def test_monitors_that_an_option_cancels(options):
+    """-shooting_snes_monitor_cancel takes the library's own away too, and motions stay what they are with
+    their errors; those near another one ended with a bare IndexError.
+    """
+    from tests.contact.test_friction_in_periods import chain
+
+    calls = [sb.Harmonic(0.3, 0.09) + 0.02, sb.Harmonic(0.4, 0.18, 0.4)], 0.09
+    usual = sb.periodic(chain(), *calls, steps=512, stability=False)
+    options(shooting_snes_monitor_cancel=None)
+    found, told = told_of_options(lambda: sb.periodic(chain(), *calls, steps=512, stability=False))
+    assert not told and len(found.residuals) == len(usual.residuals)
+    assert np.abs(found.contact_resultant - usual.contact_resultant).max() < 1e-8
+    assert found.mode_error == pytest.approx(usual.mode_error, rel=1e-3)
+
+
 def told_of_options(call):
     """What a call gives, and sentences on options of the command line that it warns of."""
     from meshing.warnings import OptionWarning
