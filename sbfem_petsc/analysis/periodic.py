@@ -17,7 +17,7 @@ from ..continuation.orbit import UNTOLD, Orbit, make_orbit, orbit_stability
 from ..continuation.problems.driven_orbits import ParameterRange
 from ..continuation.problems.segments import at_segments, segmented_stability, shoot_segments
 from ..continuation.problems.unreduced import UnreducedOrbits, UnreducedSteady
-from ..continuation.search import NEWTON_ALONE, Search, find_steady_state
+from ..continuation.search import NEWTON_ALONE, NEWTON_NEARBY, Search, find_steady_state
 from ..continuation.shooting import WHOLE, shoot
 from ..errors import SolveError, failed_solve, wrong_input
 from ..motion.contact_work import MOST, contact_work, times_more, warn_of_contact_work
@@ -237,7 +237,7 @@ def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
             return Told(fixed.driven.period, (fixed, path), harmonic_error_estimates(fixed))
         former, (fixed, path) = near.where, near.found
         state = period.at(task.frequency).linear_state + added(fixed, period)
-        alone = replace(task, search=NEWTON_ALONE, progress=None)  # a search might find another motion
+        alone = replace(task, search=NEWTON_NEARBY, progress=None)  # a search might find another motion
         words = f"steady state in {period.reduced.in_words}"
         with progress_bar(period.comm, words, task.progress) as report:
             # more steps alone, whose derivative their error has been told by

@@ -12,7 +12,7 @@ import functools
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,6 +48,9 @@ class Search:
         Factors on the damping ratios from which they are lowered.
     neighbours : tuple of float
         Relative distances of the frequencies from which the wanted one is approached.
+    hurries : bool
+        Whether Newton's method from the first guess is given up where faces rub and it hardly gains: for one
+        near a known motion.
     """
 
     settling: tuple[int, ...] = (1, 3, 10, 30)
@@ -58,9 +61,12 @@ class Search:
     ramp: float = 0.02
     dampings: tuple[float, ...] = (4.0, 16.0, 64.0)
     neighbours: tuple[float, ...] = (0.01, -0.01, 0.04, -0.04)
+    hurries: bool = False
 
 
 NEWTON_ALONE = Search(settling=(), ramp=0.0, dampings=(), neighbours=())
+# Near a motion that is known.
+NEWTON_NEARBY = replace(NEWTON_ALONE, hurries=True)
 # Of the state's size: a change over some periods below which a history has come back to where it was, and of
 # the change over fewer periods: below which that is more than slow settling.
 RETURNED, TRULY = 1e-4, 1e-2
@@ -118,12 +124,12 @@ def find_steady_state(
         If nothing leads to one; it says what was tried.
     """
     failed = list[SolveError]()
-    hurries = search is NEWTON_ALONE and driven.period.friction is not None
+    search = search or Search()
+    hurries = search.hurries and driven.period.friction is not None
     find = functools.partial(shoot, driven, guess, jacobian, hurries=hurries)
     shot = attempt(find, SolveError, failed)
     if shot is not None:
         return shot, "Newton"
-    search = search or Search()
     tried = _Attempts(driven, guess, jacobian, multiples, search)
     near = [1.0 + distance for distance in search.neighbours]
     ways = [

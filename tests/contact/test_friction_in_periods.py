@@ -14,12 +14,14 @@ import pytest
 from scipy import optimize
 
 import sbfem_petsc as sb
-from meshing import Beam, VNotch
+from meshing import Beam, CrackLine, VNotch
 from sbfem_petsc.contact.friction import AGAINST, ALONG, STICKS
 from sbfem_petsc.continuation import search as steady
 from sbfem_petsc.continuation.shooting import shoot
+from sbfem_petsc.loads import separate
 from sbfem_petsc.motion.excitation import Excitation
 from sbfem_petsc.motion.period_map import DrivenPeriod, Period
+from sbfem_petsc.reduction.build import reduced
 from tests.contact.test_friction_in_motion import FRICTION, PRESSURE, SLIDER, SPRING, jenkins, slider
 from tests.contact.test_friction_on_masses import beam, stuck_share
 from tests.parallel import ROOT, alone, answer, on_ranks
@@ -684,6 +686,24 @@ def test_a_derivative_of_few_steps_that_fails_loses_no_motion(monkeypatch):
     )
 
 
+@pytest.mark.slow
+def test_newton_alone_far_from_a_motion_is_not_given_up():
+    """From the linear response, as at the ends of a curve whose errors are told, it gains little at first; it
+    was given up as one near a known motion is.
+    """
+    drawing = Beam(0.4, 0.02, cracks=[CrackLine([(0.1, 0.02), (0.112, 0.008)])])
+    law, load = {"crack1": sb.Coulomb(0.3)}, sb.PointForce("A", fy=300.0)
+    with sb.Model(
+        drawing.mesh(order=4), sb.Material(70e9, 0.33, 2700.0), damping=0.005, contact_laws=law
+    ) as model:
+        twelve = reduced(model, tuple(separate(load)[0]), 12, True)
+    options = {"steps": 512, "stability": False}
+    given = sb.periodic(twelve, load, 1698.51, **options)
+    found = sb.periodic(twelve, load, 1698.51, search=steady.NEWTON_ALONE, **options)
+    assert found.path == "Newton" and len(found.residuals) > 10
+    assert found.contact_resultant.max() == pytest.approx(given.contact_resultant.max(), rel=1e-6)
+
+
 @pytest.mark.long
 def test_accuracy_in_a_dozen_modes():
     """Behind 12 modes vectors damped by .02 leave 3.6e-3 of the third harmonic, of which 1.1e-3 was told;
@@ -703,7 +723,7 @@ RANKS = """
 import json
 import numpy as np
 import sbfem_petsc as sb
-from meshing import Beam, VNotch
+from meshing import Beam, CrackLine, VNotch
 from mpi4py import MPI
 beam = Beam(0.4, 0.005, [VNotch(0.08, 0.0025, 0.0, tilt=45.0)])
 laws = {"crack1": sb.Coulomb(0.3)}
