@@ -8,7 +8,7 @@ alone K knows nothing of a step's length and is kept for every set that has occu
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -79,6 +79,10 @@ class ClosedSets:
             self._weight = 1.0 / np.sqrt(np.diagonal(residual))
         self._most = _MOST // max((left.shape[1] + 2 * len(rubbing.rows)) ** 2, 1)
         self._known: dict[bytes, ClosedSet] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is pickled or copied: without the sets, which are found again."""
+        return self.__dict__ | {"_known": {}}
 
     def __getitem__(self, state: np.ndarray) -> ClosedSet:
         key = state.tobytes()

@@ -634,8 +634,11 @@ if MPI.COMM_WORLD.rank == 0:
 
 
 def test_pickled():
-    """What computes the uncertainty later on is not, its value is."""
-    orbit = sb.periodic(two_masses(0.02), [0.1], 0.092)
+    """What computes the uncertainty later on is not, its value is; nor are sets that have been met."""
+    masses = two_masses(0.02)
+    unmet = len(pickle.dumps(masses.closed_sets))
+    orbit = sb.periodic(masses, [0.1], 0.092)
+    assert len(pickle.dumps(masses.closed_sets)) == unmet
     copy = pickle.loads(pickle.dumps(orbit))
     assert copy.multiplier_error == orbit.multiplier_error > 0.0 and copy.stable
     np.testing.assert_array_equal(copy.state, orbit.state)
