@@ -290,14 +290,14 @@ def _acting(
     if k:  # by hat functions, as slips are interpolated
         begin, end = (2.0 * at - at * np.abs(at) for at in (begin, end))
     weight = (end - begin) / (most - least)
-    shares = sparse.csr_array((weight, (owner, of)), shape=(len(instants), len(table)))
+    ends = np.append(0, np.cumsum(count))
+    shares = sparse.csr_array((weight, of, ends), shape=(len(instants), len(table)))
     acting = (shares @ table.reshape(len(table), -1)).reshape(len(instants), rank, rank + k)
+    changed, counts = np.zeros((len(instants), k, rank + k)), np.zeros((len(instants), k))
+    if not k:
+        return acting, changed, counts
     # where slips begin to be kept, beside what the memory has: one segment after the other
-    changed, counts, place = (
-        np.zeros((len(instants), k, rank + k)),
-        np.zeros((len(instants), k)),
-        np.floor(time),
-    )
+    place = np.floor(time)
     new = (later > 0) & (segments.begins[segment] >= 0) & (n - 1 <= place) & (place <= n)
     some = np.isin(owner, owner[new])
     for j in range(1, later[some].max(initial=0) + 1):
