@@ -29,7 +29,7 @@ from .tangent import Contacts, repeated, thin_axes
 
 # Directions of contact that change the position in a step, in units of it, by less than this are left out, or
 # where that is enough by less than another.
-LEAST, ROUGH = 1e-10, 1e-5
+LEAST, ROUGH = 1e-12, 1e-5
 # What rounding may leave of an inverse that has followed its rows, relative.
 ROUNDED = 1e-10
 
