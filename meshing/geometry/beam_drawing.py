@@ -158,7 +158,8 @@ def _refuse_met_notches(
                 met = shapely.get_coordinates(common)
             elif line.distance(shapely.Point(tip)) <= near:
                 met = [tip]
-            for x, y in met[:1]:
+            if len(met):
+                x, y = met[0]
                 raise ValueError(
                     f"crack {other!r}: opening is {notch.opening:g} degrees, but it meets crack {name!r} at "
                     f"({x:.6g}, {y:.6g}) m; cracks that meet start closed: draw the notch as one of them "

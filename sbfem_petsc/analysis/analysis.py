@@ -12,7 +12,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from ..checks import flag, path
 from ..checks import progress as check_progress
-from ..errors import ANALYSIS, TOLD, called
+from ..errors import ANALYSIS, called
 from ..options import Options
 from ..ranks.parallel import agreed, collective, ranks_of
 from ..reduction.reduced_model import ReducedModel
@@ -58,12 +58,10 @@ def analysis(
                 system.require_frictionless(owner)
             body = _body(system)
             outermost, token = not ANALYSIS.get(), ANALYSIS.set(called(owner))
-            told = TOLD.set(set() if outermost else TOLD.get())
             try:
                 result = function(*bound.args, **bound.kwargs)
             finally:
                 ANALYSIS.reset(token)
-                TOLD.reset(told)
             if outermost:
                 warn_if_large(owner, body, result)
             return result

@@ -176,9 +176,8 @@ class Steady(abc.ABC):
         try:
             with scripted(*in_python):
                 configure(snes)
-                snes.setMonitor(
-                    self._monitor
-                )  # behind options, of which -shooting_snes_monitor_cancel is one
+                # behind the options, of which -shooting_snes_monitor_cancel is one
+                snes.setMonitor(self._monitor)
                 snes.solve(None, x)
                 self._check(snes, max(relative * (self.residuals or [0.0])[0], absolute, LEFT * size), size)
             return x.array_r.copy()
