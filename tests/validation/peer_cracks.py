@@ -117,7 +117,8 @@ def triangles(body: Body, grading: Grading) -> tuple[np.ndarray, np.ndarray]:
 def _cut_open(nodes: np.ndarray, cells: np.ndarray, walls: set) -> tuple[np.ndarray, np.ndarray]:
     """Corners of triangles that are joined across edges other than `walls` share a node."""
     first: dict[tuple[int, int], tuple[int, int]] = {}
-    rows, columns = [], []
+    rows: list[int] = []
+    columns: list[int] = []
     for number, cell in enumerate(cells):
         for k in range(3):
             a, b = k, (k + 1) % 3
