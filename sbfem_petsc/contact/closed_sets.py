@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import linalg
 
+from ..errors import SolveError, failed_solve
 from .friction import AGAINST, ALONG, STICKS, Rubbing
 from .law import FREE, rows_depend
 
@@ -20,6 +21,9 @@ from .law import FREE, rows_depend
 ROUND_OFF = 1e-12
 # Condition of sets of which rows are held twice, which share their forces.
 _TWICE = 1e13
+# What rows that share their forces may differ in, of the most that the position moves any: 1e-15 where cracks
+# meet; of the order of 1 where kept modes alone tell them apart, and no finite force holds both.
+_DIFFERENT = 1e-6
 # Numbers of all sets that are kept at most.
 _MOST = 1 << 25
 
@@ -93,6 +97,14 @@ class ClosedSets:
             found = self._known[key] = self._condensed(state)
         return found
 
+    def unsolved(self, what: str) -> Exception:
+        """Why a contact problem of steps has no solution, and what may help."""
+        try:
+            self[np.isfinite(self._weight).astype(np.int8)]  # all that any force moves pressed and sticking
+        except SolveError as depend:
+            return depend
+        return failed_solve(f"{what} was not solved; use more steps, or pairs of like size")
+
     def _condensed(self, state: np.ndarray) -> ClosedSet:
         """SolveError where rows depend on each other, see `_inverse`."""
         (rows, beside, kinetic, _), left, residual = self.rubbing, self.left, self.residual
@@ -107,7 +119,7 @@ class ClosedSets:
         columns, thin = residual[:, members], left[members]
         columns[:, place[rows[slides]]] += pull * residual[:, count + slides]
         thin[place[rows[slides]]] += pull[:, None] * left[count + slides]
-        inverse = self._inverse(columns[members], self._weight[members])
+        inverse = self._inverse(columns[members], self._weight[members], left[members])
         forces, memories = inverse @ left[members], inverse[:, place[count + sticks]]
         by_memory, kept = np.zeros((left.shape[1], memory)), np.zeros((2 * memory, memory))
         by_memory[:, sticks], kept[:, sticks] = -thin.T @ memories, columns[shown] @ memories
@@ -117,21 +129,20 @@ class ClosedSets:
         slips = left[shown] - columns[shown] @ forces
         return ClosedSet(thin.T @ forces, by_memory, slips, kept, stiffness, pressing)
 
-    def _inverse(self, acting: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    def _inverse(self, acting: np.ndarray, weight: np.ndarray, left: np.ndarray) -> np.ndarray:
         """Of rows of one size, that weigh so much. Those that depend on each other share their forces where
-        rows rub, and are refused elsewhere.
+        rows rub and what moves one moves the others alike; elsewhere they are refused.
         """
         if not np.isfinite(weight).all():
             raise rows_depend()
-        scaled, rubs = weight[:, None] * acting * weight, len(self.rubbing.rows) > 0
+        scaled, seen = weight[:, None] * acting * weight, weight[:, None] * left
         try:
-            if not rubs:
-                np.linalg.cholesky(scaled)
             inverse = np.linalg.inv(scaled)
         except np.linalg.LinAlgError:
-            if not rubs:
-                raise rows_depend() from None
             inverse = np.full_like(scaled, np.inf)
         if np.abs(inverse).max(initial=0.0) * np.abs(scaled).max(initial=0.0) > _TWICE:
             inverse = np.linalg.pinv(scaled, 1.0 / _TWICE)
+            missed = np.abs(seen - scaled @ (inverse @ seen)).max(initial=0.0)
+            if len(self.rubbing.rows) == 0 or missed > _DIFFERENT * np.abs(seen).max(initial=0.0):
+                raise rows_depend()
         return weight[:, None] * inverse * weight

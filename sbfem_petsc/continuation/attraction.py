@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..contact.repeating import REPEATS, UNSOLVED, Known, Patience, settle
-from ..errors import SolveError, failed_solve
+from ..errors import SolveError
 from ..motion.period_map import Period
 from ..petsc import MPI
 from ..progress import silent
@@ -119,9 +119,8 @@ class Attraction:
             self.comm.Allreduce(MPI.IN_PLACE, array)
         if (outcome == UNSOLVED).any():
             first = int(np.flatnonzero(outcome == UNSOLVED)[0])
-            raise failed_solve(
-                f"basins: a contact problem was not solved in period {periods[first] + 1} of a history; use "
-                "more steps, or pairs of like size"
+            raise self.period.sets.unsolved(
+                f"basins: a contact problem in period {periods[first] + 1} of a history"
             )
         reached = np.full(len(starts), -1)
         captured = outcome >= 0

@@ -22,7 +22,7 @@ from ..contact.marching import Address, Room, begun, march
 from ..contact.step_data import StepConstants, StepHistory, StepLoads, StepState
 from ..contact.step_tangent import LEAST, ROUGH, step_contacts
 from ..contact.tangent import Derivative
-from ..errors import called, failed_solve
+from ..errors import called
 from ..petsc import MPI
 from ..ranks.capacity import available_memory
 from ..record.record import quantity
@@ -311,9 +311,8 @@ class DrivenPeriod:
         loads = StepLoads(np.empty((0, m)), self.free_gap, np.zeros(steps, dtype=np.int8))
         reached = march(self.constants, loads, begin, history, p.kept(self.constants)).steps
         if reached < steps:
-            raise failed_solve(
-                f"{called()}: the contact problem of step {reached} of {steps} at {self.frequency:g} Hz "
-                "was not solved; use more steps, or pairs of like size"
+            raise p.sets.unsolved(
+                f"{called()}: the contact problem of step {reached} of {steps} at {self.frequency:g} Hz"
             )
         residual = self._state(q, v, (history.kept - slip) / p.slip_units)
         residual[: 2 * m] -= difference

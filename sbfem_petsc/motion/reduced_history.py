@@ -12,7 +12,7 @@ from ..contact.friction import Memory
 from ..contact.instant import solve_contact
 from ..contact.marching import march
 from ..contact.step_data import Marched, StepConstants, StepHistory, StepLoads, StepState
-from ..errors import failed_solve, wrong_input
+from ..errors import wrong_input
 from ..reduction.reduced_model import ReducedModel
 from ..signals.rate import rate_of
 from ..signals.signal import Signal
@@ -141,10 +141,8 @@ class ReducedIntegrator:
             marched = self._march(piece, history)
             if marched.steps < piece.steps:
                 failed = time[piece.first + marched.steps + 1]
-                raise failed_solve(
-                    f"transient: the contact problem at t = {failed:.6g} s was not solved; use a smaller "
-                    "step or more pairs of like size"
-                )
+                what = f"transient: the contact problem at t = {failed:.6g} s"
+                raise self.acting.closed_sets.unsolved(what)
             self.exchanges += marched.exchanges
             self.unresolved += marched.unresolved
             energies[:, rows] = self.ledger.account(

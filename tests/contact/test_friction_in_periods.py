@@ -51,6 +51,26 @@ def chain(modes=4):
     )
 
 
+def dependent(modes, rubs=True):
+    """Four rows of six masses without compliance: of more than two kept modes some have no flexibility but by
+    these.
+    """
+    k, rows = np.diag(np.full(6, 2.0)) - np.eye(6, k=1) - np.eye(6, k=-1), np.eye(6)
+    faces = dict(contact_laws=sb.Coulomb(0.4), tangent_rows=rows[[1, 3]]) if rubs else {}
+    normal = rows[[0, 2]] if rubs else rows[:4]
+    return sb.reduce_matrices(
+        np.eye(6),
+        k,
+        normal,
+        np.zeros(len(normal)),
+        loads=rows[:, [4, 5]],
+        sensors={"5": 4},
+        modes=modes,
+        damping=0.02,
+        **faces,
+    )
+
+
 def driven_chain(frequency=0.09, steps=512):
     signals = [sb.Harmonic(0.3, frequency) + 0.02, sb.Harmonic(0.4, 2 * frequency, 0.4)]
     return Period(chain(), Excitation.of(signals, frequency, None, 8), steps).at(frequency)
@@ -748,3 +768,19 @@ def test_two_ranks():
     for name, values in one.items():
         expected = np.array(values)
         assert np.array(two[name]) == pytest.approx(expected, abs=1e-9 * np.abs(expected).max()), name
+
+
+@pytest.mark.parametrize(("modes", "rubs"), [(4, True), (5, True), (4, False), (5, False)])
+def test_rows_that_kept_modes_alone_move_apart(modes, rubs):
+    """The residual flexibility of four rows has rank 6 - modes, by NumPy: what four modes leave had been
+    condensed by a pseudo-inverse without a word (a largest multiplier of 3.5), and the others were told to
+    take more steps.
+    """
+    found, loads = dependent(modes, rubs), [sb.Harmonic(0.3, 0.09) - 0.2, sb.Harmonic(0.2, 0.18)]
+    assert np.linalg.matrix_rank(found.gap.contact) == 6 - modes
+    advice = "^contact: rows that are closed depend on each other;.* Keep fewer modes, or give the rows compl"
+    with pytest.raises(sb.SolveError, match=advice):
+        sb.periodic(found, loads, 0.09, steps=512, search=None if modes == 4 else steady.NEWTON_ALONE)
+    if not rubs:
+        with pytest.raises(sb.SolveError, match=advice):
+            sb.transient(found, loads, duration=60.0, step=0.05)
