@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from .folder_index import claim
+from .folder_index import claim, home_of
 from .input_checks import path as checked_path
 
 
@@ -96,7 +96,7 @@ def replaced(path: Any, what: str) -> Iterator[str]:
         yield os.path.join(spare, name)
         others = sorted(set(os.listdir(spare)) - {name})
         foreign = [other for other in others if os.path.lexists(os.path.join(folder, other))]
-        if foreign and not os.path.exists(place):
+        if foreign and not os.path.exists(place) and home_of(place) is None:  # where `claim` knows better
             raise ValueError(
                 f"{what} {path!r} cannot be written: {foreign[0]!r}, which belongs to it, would replace a "
                 "file that is there; name another one"

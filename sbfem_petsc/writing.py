@@ -69,19 +69,32 @@ def spare_folder() -> Iterator[str]:
         yield name
 
 
-def write_table(path: Any, columns: Mapping[str, Any]) -> None:
-    """Write columns of equal length as comma-separated values, numbers with all their digits.
+def write_table(
+    path: Any, columns: Mapping[str, Any], beside: Mapping[str, Mapping[str, Any]] = {}
+) -> list[str]:
+    """Write columns of equal length as comma-separated values, numbers with all their digits; other tables
+    beside it, as path_NAME.csv: all of them or none.
+
+    Returns
+    -------
+    list of str
+        The files.
 
     Raises
     ------
     TypeError, ValueError
         See `replaced`.
     """
-    entries = [np.asarray(values).tolist() for values in columns.values()]  # csv writes all digits of floats
-    with replaced(path, "table") as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(columns)
-        writer.writerows(zip(*entries))
+    with replaced(path, "table") as temporary:
+        files = [temporary, *(f"_{name}".join(os.path.splitext(temporary)) for name in beside)]
+        for name, table in zip(files, (columns, *beside.values())):
+            entries = [np.asarray(values).tolist() for values in table.values()]  # csv writes all digits
+            with open(name, "w", newline="", encoding="utf-8") as file:
+                writer = csv.writer(file)
+                writer.writerow(table)
+                writer.writerows(zip(*entries))
+    folder = os.path.dirname(os.path.realpath(path) if os.path.islink(path) else path)
+    return [os.path.join(folder, os.path.basename(name)) for name in files]
 
 
 def as_json(value: Any, levels: int = 3, end: str = "\n") -> str:

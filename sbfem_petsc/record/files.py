@@ -20,6 +20,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from meshing.folder_index import home_of
 from meshing.whole_file import replaced
 
 from ..checks import path as checked_path
@@ -28,6 +29,7 @@ from ..petsc import MPI
 from ..ranks.capacity import available_memory, in_bytes
 from ..ranks.parallel import agreed, collective, ranks_of
 from .about import each
+from .journal import may_be_replaced
 from .layout import bare, groups_of, records_in, text, text_of, write
 from .record import Record
 
@@ -149,8 +151,11 @@ def written(path: Any, what: str = WHAT) -> Iterator[h5py.File]:
     Raises
     ------
     TypeError, ValueError
-        See `writing.replaced`.
+        See `replaced`; if what stands there is neither HDF5 nor of a run.
     """
+    path = checked_path(what, "path", path)
+    if home_of(path) is None and not may_be_replaced(path) and not h5py.is_hdf5(path):
+        raise ValueError(f"{what} {path!r} would replace a file that holds no results; name another one")
     with replaced(path, what) as temporary, for_hdf5(temporary) as target, _new_file(target) as file:
         file.attrs["sbfem_petsc"] = text_of(importlib.import_module("..", __package__).__version__)
         file.attrs["schema"] = SCHEMA

@@ -5,14 +5,12 @@ from __future__ import annotations
 import base64
 import importlib
 import math
-import os
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ..checks import flag, names_of
-from ..checks import path as checked_path
 from ..writing import write_table
 from .about import DIRECTION, About, Quantity
 
@@ -111,16 +109,11 @@ class Views:
         Raises
         ------
         TypeError, ValueError
-            If they cannot be written.
+            If they cannot be written, or one would replace a file that does not belong to the first.
         """
-        stem, ending = os.path.splitext(checked_path("table", "path", path))
         tables = self.tables()
         first = next((axis for axis in tables if axis != NONE), NONE)
-        # that at `path` itself before the others: an error names what was asked for
-        files = {axis: f"{stem}_{axis}{ending}" for axis in tables} | {first: f"{stem}{ending}"}
-        for axis in sorted(tables, key=lambda axis: axis != first):
-            write_table(files[axis], tables[axis])
-        return list(files.values())
+        return write_table(path, tables.pop(first), tables)
 
     def to_xarray(self) -> Any:
         """The quantities as an `xarray.Dataset`, with units and words in their attributes. Needs xarray."""

@@ -44,7 +44,7 @@ def write_report(path: str, output: str | None = None) -> str:
     path : str
         results.h5, sweep.h5 or their folder.
     output : str, optional
-        HTML file. Default: report.html beside the results.
+        File that ends in .html. Default: report.html beside the results.
 
     Returns
     -------
@@ -56,6 +56,8 @@ def write_report(path: str, output: str | None = None) -> str:
     TypeError, ValueError
         If there are no results, or the file cannot be written: a former report stays as it was.
     """
+    if output is not None and os.path.splitext(output)[1].lower() not in (".html", ".htm"):
+        raise ValueError(f"report {output!r} must end in .html or .htm")
     results = read_any(path)
     file = output or os.path.join(os.path.dirname(results.path), "report.html")
     if output is None and home_of(file) is None and os.path.lexists(file):

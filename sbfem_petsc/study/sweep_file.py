@@ -156,9 +156,8 @@ class Sweep:
                 columns[f"{name}{ending}"] = array
             else:
                 columns |= {f"{name}/{k + 1}{ending}": column for k, column in enumerate(array.T)}
-        path = os.path.join(folder, TABLE)
-        write_table(path, columns | {"seconds": self.seconds, "reason": np.array(self.reasons, dtype=str)})
-        return [path]
+        columns |= {"seconds": self.seconds, "reason": np.array(self.reasons, dtype=str)}
+        return write_table(os.path.join(folder, TABLE), columns)
 
     def __repr__(self) -> str:
         return (

@@ -105,6 +105,26 @@ def test_without_xarray(solved, monkeypatch):
         solved[3]["closing"].to_xarray()
 
 
+def test_files_of_users_stay(solved, tmp_path):
+    """A result takes the place of no file of another kind, tables of none but their own."""
+    closing, own, tip = solved[3]["closing"], tmp_path / "push.toml", tmp_path / "push_tip.csv"
+    for file in (own, tip):
+        file.write_text("mine")
+    with pytest.raises(ValueError, match=r"push\.toml' would replace a file that holds no results"):
+        sb.save(own, closing)
+    with pytest.raises(ValueError, match=r"'push_tip\.csv', which belongs to it, would replace a file"):
+        closing.to_csv(tmp_path / "push.csv")
+    assert own.read_text() == tip.read_text() == "mine"
+    assert sorted(os.listdir(tmp_path)) == ["push.toml", "push_tip.csv"]
+    tip.unlink()
+    files = closing.to_csv(tmp_path / "push.csv")
+    assert closing.to_csv(tmp_path / "push.csv") == files  # its own former tables
+    os.symlink("push.csv", tmp_path / "link")
+    assert closing.to_csv(tmp_path / "link") == files
+    sb.save(tmp_path / "a.h5", closing)
+    sb.save(tmp_path / "a.h5", closing)
+
+
 def test_tables(solved, tmp_path):
     closing = solved[3]["closing"]
     paths = closing.to_csv(tmp_path / "push.csv")
@@ -244,8 +264,8 @@ def test_what_is_missing_truncated_foreign_or_of_another_version(saved, tmp_path
 
 
 def test_a_failed_write_leaves_the_old_file(solved, tmp_path, monkeypatch):
-    path = tmp_path / "results.h5"
-    path.write_text("old")
+    path, old = tmp_path / "results.h5", b"\x89HDF\r\n\x1a\nold"
+    path.write_bytes(old)
 
     def refuse(*arguments, **options):
         raise OSError(28, "No space left on device")
@@ -253,7 +273,7 @@ def test_a_failed_write_leaves_the_old_file(solved, tmp_path, monkeypatch):
     monkeypatch.setattr(h5py.Group, "create_dataset", refuse)
     with pytest.raises(ValueError, match="cannot be written: No space left on device"):
         sb.save(path, solved[2])
-    assert path.read_text() == "old" and os.listdir(tmp_path) == ["results.h5"]
+    assert path.read_bytes() == old and os.listdir(tmp_path) == ["results.h5"]
 
 
 # Saves results again on a disk that is full after so many bytes, and once more when it is not any more.

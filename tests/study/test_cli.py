@@ -217,8 +217,11 @@ class Tags(html.parser.HTMLParser):
 @pytest.mark.slow
 @pytest.mark.parametrize("results", ["out", pytest.param("swept", marks=pytest.mark.long)])
 def test_report(folder, tmp_path, results):
-    """One file that refers to nothing outside itself, with numbers and pictures."""
-    path = tmp_path / "report.html"
+    """One file that refers to nothing outside itself, with numbers and pictures; of no other kind's name."""
+    path, own = tmp_path / "report.html", tmp_path / "case.toml"
+    own.write_text("mine")
+    assert "must end in .html or .htm" in sbfem("report", folder / results, "--output", own).err
+    assert own.read_text() == "mine"
     assert sbfem("report", folder / results, "--output", path).code == 0
     page = Tags()
     page.feed(path.read_text())
