@@ -78,7 +78,8 @@ def shoot(
     SolveError
         If Newton's method does not converge; the message gives the residual.
     PetscFailure
-        If the iterations that ``-shooting_snes_max_it`` allows are used up.
+        If the iterations that ``-shooting_snes_max_it`` allows are used up, or another method than Newton's,
+        of ``-shooting_snes_type``, does not converge.
     """
 
     shooting = functools.partial(Shooting, driven, iterations=iterations, hurries=hurries)
@@ -216,8 +217,7 @@ class Steady(abc.ABC):
             )
 
     def _check(self, snes: PETSc.SNES, expected: float, size: float) -> None:
-        reason = snes.getConvergedReason()
-        if reason > 0:
+        if snes.getConvergedReason() > 0:
             if chosen(f"{PREFIX}snes_"):
                 self._compare(snes, expected, size)
             return
@@ -225,18 +225,24 @@ class Steady(abc.ABC):
             f"x(T) - x(0) is at {snes.getFunctionNorm() / size:.2e} of the motion's size, from "
             f"{(self.residuals or [math.nan])[0] / size:.2e}"
         )
-        option = f"{PREFIX}snes_max_it"
-        allowed = asked(option, 0)
-        if reason == PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT and allowed is not None:
+        option, kind, taken = f"{PREFIX}snes_max_it", snes.getType(), snes.getIterationNumber()
+        allowed, how = asked(option, 0), f"({reason_of(snes)} after {taken} iterations): {missed}"
+        if not kind.startswith("newton"):  # what searches try would fail by it one after the other, for hours
             raise on_all_ranks(
                 PetscFailure(
-                    f"{called()}: Newton's method has taken the {snes.getIterationNumber()} iterations that "
-                    f"-{option} {allowed} allows: {missed}; allow more, or leave the option out"
+                    f"{called()}: -{PREFIX}snes_type {kind} did not converge {how}; leave the option out for "
+                    "Newton's method and what is tried behind it"
+                )
+            )
+        if snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT and allowed is not None:
+            raise on_all_ranks(
+                PetscFailure(
+                    f"{called()}: Newton's method has taken the {taken} iterations that -{option} {allowed} "
+                    f"allows: {missed}; allow more, or leave the option out"
                 )
             )
         raise failed_solve(
-            f"{called()}: {self.subject} did not converge ({reason_of(snes)} after "
-            f"{snes.getIterationNumber()} iterations): {missed}; {self.remedy}, or see "
+            f"{called()}: {self.subject} did not converge {how}; {self.remedy}, or see "
             f"-{PREFIX}snes_..., -{PREFIX}ksp_..."
         )
 

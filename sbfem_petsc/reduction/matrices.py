@@ -132,7 +132,9 @@ def reduce_matrices(
     lowest = _modes(mass, stiffness, columns, comm)
     found = lowest(modes)
     omega = np.sqrt(found[0])
-    _warn_of_rounding(mass, stiffness, found)
+    vibrates = found[0].any() or modes == most
+    # rigid-body motions are told from soft ones beside what vibrates
+    _warn_of_rounding(mass, stiffness, found if vibrates else lowest(modes + 1))
     _warn_of_superelement(mass, stiffness, omega)
     if factors[0] > 0.0 and not omega.all():
         raise ValueError(

@@ -18,9 +18,11 @@ from meshing import Beam, CrackLine, VNotch
 from sbfem_petsc.contact.friction import AGAINST, ALONG, STICKS
 from sbfem_petsc.continuation import search as steady
 from sbfem_petsc.continuation.shooting import shoot
+from sbfem_petsc.errors import PetscFailure
 from sbfem_petsc.loads import separate
 from sbfem_petsc.motion.excitation import Excitation
 from sbfem_petsc.motion.period_map import DrivenPeriod, Period
+from sbfem_petsc.petsc import PETSc
 from sbfem_petsc.reduction.build import reduced
 from tests.contact.test_friction_in_motion import FRICTION, PRESSURE, SLIDER, SPRING, jenkins, slider
 from tests.contact.test_friction_on_masses import beam, stuck_share
@@ -784,3 +786,26 @@ def test_rows_that_kept_modes_alone_move_apart(modes, rubs):
     if not rubs:
         with pytest.raises(sb.SolveError, match=advice):
             sb.transient(found, loads, duration=60.0, step=0.05)
+
+
+@pytest.mark.parametrize("kind", ["anderson", "ngmres", "nrichardson", "qn"])
+def test_methods_without_derivative_end_by_themselves(kind, monkeypatch):
+    """-shooting_snes_type: each had been followed by a search that failed by it again and again, 6,400 to
+    7,800 periods of a chain that rubs, minutes of a model.
+    """
+    ran, run = [], DrivenPeriod.run
+    monkeypatch.setattr(DrivenPeriod, "run", lambda *given: ran.append(0) or run(*given))
+    options = PETSc.Options()
+    options.setValue("shooting_snes_type", kind)
+    try:
+        with pytest.raises(
+            PetscFailure,
+            match=rf"^periodic: -shooting_snes_type {kind} did not converge \(DIVERGED_.* iterations\): .*"
+            " of the motion's size, .*; leave the option out",
+        ):
+            sb.periodic(
+                chain(), [sb.Harmonic(0.3, 0.09) + 0.02, sb.Harmonic(0.4, 0.18, 0.4)], 0.09, steps=512
+            )
+    finally:
+        options.delValue("shooting_snes_type")
+    assert len(ran) < 200

@@ -29,8 +29,8 @@ def below(springs, value):
     return count
 
 
-def reduced(matrix, kind):
-    """All modes but one."""
+def reduced(matrix, kind, modes=None):
+    """All modes but one by default."""
     n = len(matrix)
     return sb.reduce_matrices(
         kind(np.eye(n)),
@@ -39,15 +39,15 @@ def reduced(matrix, kind):
         np.zeros(0),
         loads=np.eye(n)[:, :1],
         sensors={"1": 0},
-        modes=n - 1,
+        modes=modes or n - 1,
     )
 
 
-def told(springs, kind, factor=1.0):
+def told(springs, kind, factor=1.0, modes=None):
     """The frequencies, rad/s, and sentences on rounding."""
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")
-        omega = reduced(factor * stiffness(springs), kind).omega
+        omega = reduced(factor * stiffness(springs), kind, modes).omega
     return omega, [str(item.message) for item in found if issubclass(item.category, RoundOffWarning)]
 
 
@@ -73,6 +73,15 @@ def test_stiffer_from_the_ground_on(kind):
     assert len(warned) == 1 and "mode 1, told at 0 Hz, at up to" in warned[0]
     most = 2.0 * np.pi * float(warned[0].split("at up to ")[1].split()[0])
     assert below(DECADES, most**2) == 1 and below(DECADES, (most / 4.0) ** 2) == 0
+
+
+def test_lowest_mode_alone():
+    """It had been told at 0 without a word where none that vibrates is kept; that of free chains is at 0."""
+    omega, warned = told(DECADES, np.asarray, modes=1)
+    assert omega.tolist() == [0.0] and "mode 1, told at 0 Hz, at up to 0.059" in warned[0]
+    for factor in (1.0, 1.0 - 3e-13 * np.eye(21)):
+        omega, warned = told([0.0, *[1e6] * 20], np.asarray, factor, modes=1)
+        assert omega.tolist() == [0.0] and not warned
 
 
 @pytest.mark.parametrize("kind", [np.asarray, sparse.csr_matrix])
