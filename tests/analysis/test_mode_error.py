@@ -215,13 +215,13 @@ def test_told_of_viscosity_of_a_model():
     assert abs(found.harmonics("A")[1]) == pytest.approx(abs(own), rel=1e-3)
     changed = max(np.linalg.norm(one - other) / np.linalg.norm(one) for one, other in pairs)
     assert told[2, 1] == pytest.approx(changed, rel=0.05)
-    # few modes do not do by default, and vectors have a part of it; 1e-5 cannot be had in modes alone
+    # few modes do not do by default, and vectors have a part of it; 2e-4 cannot be had in modes alone
     grown = sb.periodic(beam, push, frequency, stability=False)
     assert grown.largest_mode_error <= 1e-3 and grown.reduced.natural > 80
     with pytest.warns(
         sb.AccuracyWarning, match="viscous by Rayleigh's b of what is left out beyond 80 modes"
     ):
-        sb.periodic(beam, push, frequency, modes=80, accuracy=1e-5, stability=False)
+        sb.periodic(beam, push, frequency, modes=80, accuracy=2e-4, stability=False)
 
 
 def test_told_where_updates_hardly_gain():

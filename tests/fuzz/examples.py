@@ -305,6 +305,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "start": 0.9,
             "periods": 1,
             "steps": 64,
+            "guess": orbit(),
             "points": 2,
             "largest_step": 0.05,
             "stability": False,

@@ -19,7 +19,7 @@ import pytest
 from mpi4py import MPI
 
 import sbfem_petsc as sb
-from sbfem_petsc import plot
+from sbfem_petsc.plot import animation
 from sbfem_petsc.progress import LogLines
 from sbfem_petsc.study import report
 from sbfem_petsc.study.case import objects
@@ -259,8 +259,8 @@ def test_report(folder, tmp_path, results):
 @pytest.mark.long
 def test_plot_again(folder, tmp_path, monkeypatch):
     """Pictures drawn from the results are those that the run has drawn; motions are animated if asked for."""
-    few = functools.partial(plot.animate_crack, frames=2)
-    monkeypatch.setattr(plot, "animate_crack", few)
+    few = functools.partial(animation.animate_crack, frames=2)
+    monkeypatch.setattr(animation, "animate_crack", few)
     assert sbfem("plot", folder / "out", "--output", tmp_path, "--quiet", "--animation").code == 0
     assert {path.name for path in tmp_path.glob("*.gif")} == {"steady_crack1.gif", "burst_crack1.gif"}
     first = {path.name for path in (folder / "out" / "pictures").glob("*.png")}

@@ -22,6 +22,7 @@ from sbfem_petsc.study import rows
 from sbfem_petsc.study.revive import read_any
 from sbfem_petsc.study.run import RunResults
 from sbfem_petsc.study.sweep_file import Sweep
+from tests import kills
 from tests.parallel import ROOT, answer, in_session, interruptible, kill_all, on_ranks
 from tests.study.small_case import CASE, SWEEP, sbfem, stopped_sweep, written
 
@@ -213,8 +214,9 @@ def files(tmp_path_factory):
         sb.frequency_response(
             model, push, 700.0, 710.0, modes=4, steps=64, points=6, stability=False, file=folder / "b.h5"
         )
-    path = written(folder, CASE + SWEEP)
-    assert sbfem("sweep", path, "--output", folder / "sweep", "--quiet").code == 0
+    small = written(folder, kills.case(kills.SWEEP), "small.toml")
+    assert sbfem("sweep", small, "--output", folder / "sweep", "--quiet").code == 0
+    path = written(folder, CASE)
     assert sbfem("run", path, "--output", folder / "run", "--quiet").code == 0
     return {
         "history": (folder / "h.h5", sb.read),
