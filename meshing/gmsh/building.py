@@ -213,7 +213,7 @@ class _Builder:
 
     def _add_curves(self, groups: dict[str, list[int]]) -> None:
         uses = self.cells.edge_uses()
-        for name, entities in groups.items():
+        for name, entities in sorted(groups.items(), key=lambda group: not group[0].startswith("crack:")):
             directed = [edge for entity in entities for edge in self._line_edges(name, entity, uses)]
             by_key = {edge_key(edge): edge for edge in directed}  # once, if lines are drawn twice
             edges = list(by_key)
@@ -236,9 +236,21 @@ class _Builder:
             where = "lies on the outline and is an edge set without contact; name the two faces of a notch"
             mend = f"{spelled}:right and {spelled}:left if they shall close"
             warn(self._origin, f"physical curve {name!r} {where} {mend}.")
+        elif crack := self._crack_along(name, inside):
+            where = (
+                f"lies on {crack!r} and is an edge set of both its faces, each of which loads and supports"
+            )
+            mend = "act on; the crack's own sets, NAME_right and NAME_left, are of one face"
+            warn(self._origin, f"physical curve {name!r} {where} {mend}.")
         elif inside and not name.startswith("crack:") and self._same_material(inside):
             where = "lies inside a material and is an edge set, not a crack"
             warn(self._origin, f"physical curve {name!r} {where}; name it 'crack:{name}' if it is one.")
+
+    def _crack_along(self, name: str, edges: list[Edge]) -> str | None:
+        """Another group, of a crack, that has one of these edges."""
+        keys = {edge_key(edge) for edge in edges}
+        others = ((other, lines) for other, lines in self.cells.groups.items() if other != name)
+        return next((other for other, lines in others if not keys.isdisjoint(map(edge_key, lines))), None)
 
     def _same_material(self, edges: list[Edge]) -> bool:
         """Whether an edge of these has one material on both sides."""
