@@ -69,8 +69,8 @@ class Period(OfReduced):
         self.slip_units = r.slip_units if self.friction is not None else np.zeros(0)
         (self.left, self.right), self.sets = r.thin_gaps, r.closed_sets
         self.residual_flexibility = self.sets.residual
-        # a rigid-body motion has no frequency of its own to be weighed with
-        self.weights = np.where(r.omega > 0.0, r.omega, 2.0 * np.pi * r.frequencies.max())
+        # a rigid-body motion has no frequency of its own to be weighed with, nor has one that only stops hold
+        self.weights = np.where(r.omega > 0.0, r.omega, 2.0 * np.pi * r.frequencies.max() or 1.0)
         self._load()
         self._lengths: dict[float, StepLength] = {}
         self._kept: tuple[Room, Address] | None = None

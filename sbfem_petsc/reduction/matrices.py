@@ -234,10 +234,12 @@ def _warn_of_rounding(mass: Any, stiffness: Any, found: tuple[np.ndarray, np.nda
     taken for a rigid-body motion where they hold it.
     """
     values, shapes, _ = found
+    if not values.any():
+        return
     with np.errstate(divide="ignore"):
         most = UNCERTAIN * values / float((stiffness.diagonal() / mass.diagonal()).max())
     low = np.flatnonzero(most < 10.0 * np.finfo(float).eps)
-    if not len(low) or not values.any():
+    if not len(low):
         return
     values, shapes = np.where(values > 0.0, values, values[values > 0.0].min())[low], shapes[:, low]
     moved = np.finfo(float).eps * parts_of_energy(stiffness, shapes)

@@ -2,6 +2,8 @@
 with hardly any damping, motions of several periods; what a search in vain says.
 """
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -198,3 +200,24 @@ def test_a_history_of_two_periods(monkeypatch):
     assert np.abs(orbit.subharmonics("x")[1]) > np.abs(orbit.harmonics("x")[1])
     with pytest.raises(sb.SolveError, match="which repeats itself after 2 periods: give periods=2"):
         sb.periodic(reduction, 1.0, 2.0 * frequency, periods=1, steps=1024)
+
+
+def test_masses_that_stops_alone_hold():
+    """Without stiffness, between far stops: F / (m omega^2); the search had ended in nan."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        free = reduce_matrices(
+            np.diag([1.0, 2.0]),
+            np.zeros((2, 2)),
+            np.array([[-1.0, 1.0]]),
+            np.array([0.5]),
+            loads=np.array([[1.0], [0.0]]),
+            sensors={"first": 0, "second": 1},
+            compliance=np.array([0.01]),
+        )
+    for load, frequency in ((0.01, 0.4), (1e6, 4000.0)):
+        orbit = sb.periodic(free, load, frequency)
+        # sin(t) is -i in front of exp(i t): rounding alone
+        expected = 1j * load / (2.0 * np.pi * frequency) ** 2
+        np.testing.assert_allclose(orbit.harmonics("first")[1], expected, rtol=1e-13)
+        assert np.abs(orbit.harmonics("second")).max() < 1e-13 * abs(expected)
