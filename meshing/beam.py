@@ -55,7 +55,8 @@ class Beam(BeamShape):
         Parameters
         ----------
         order : int
-            Polynomial order of the edges, 1 to 20.
+            Polynomial order of the edges, 1 to 20. 1 is far too stiff in bending: in default cells a
+            cantilever of 10 heights bends by .42 of what it should, with 2 by .996.
         size : float, optional
             Length of the cells along the beam, m; below the height there are several rows. Default: 2.5 times
             the height.

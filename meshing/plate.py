@@ -62,7 +62,7 @@ class Plate(PlateShape):
         Parameters
         ----------
         order : int
-            Polynomial order of the edges, 1 to 20.
+            Polynomial order of the edges, 1 to 20. 1 is too stiff in bending.
         size : float, optional
             Largest edge, m. Default: 0.2 of the square root of the area.
         points : dict of str to (x, y), optional

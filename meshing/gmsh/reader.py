@@ -84,7 +84,7 @@ def read_gmsh(
         and ``.vtk``: see the modules of `meshing.gmsh.foreign`. ``.bdf`` (Nastran): groups have the numbers
         of properties.
     order : int
-        Polynomial order of the S-elements' edges, 1 to 20.
+        Polynomial order of the S-elements' edges, 1 to 20. 1 is too stiff in bending.
     size : float, optional
         Largest cell size when a geometry is meshed, m.
     scale : float, optional

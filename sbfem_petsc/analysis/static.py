@@ -83,8 +83,8 @@ def static(
     Warns
     -----
     MeshWarning
-        If faces touch next to a tip over less than its S-element resolves; if the stresses around a tip in an
-        anisotropic material are not carried by its edges; if the accuracy asked for is not reached.
+        If faces touch next to a tip over less than its S-element resolves; if the stresses around a tip are
+        not carried by its edges; if the accuracy asked for is not reached.
     LargeDisplacementWarning
         If displacements are more than 5 % of the body.
     StepWarning

@@ -27,7 +27,7 @@ def compile_all() -> None:
     slider = sb.reduce_matrices(one, one, one, stop, loads=one, sensors={"x": 0}, compliance=stop, **rubs)
     sb.load_response(slider, [sb.Harmonic(0.1, 0.2)], 0.2, 1.0, stop=1.001, steps=64, progress=None)
     sb.basins(mass, [sb.Harmonic(0.1, 0.2)], 0.2, (one, one), steps=64)
-    beam = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.0)]).mesh(order=1)
+    beam = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.0)]).mesh(order=2)
     with sb.Model(beam, sb.Material(70e9, 0.33, 2700)) as model:
         push = sb.PointForce("A", fy=sb.Harmonic(1.0, 1e4))
         sb.transient(model, push, 1e-5, 1e-6, reduction=None, progress=None)

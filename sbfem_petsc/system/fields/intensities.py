@@ -36,8 +36,7 @@ class TipIntensities(TipFacts):
     faces : dict of int to (2, m) array
         The same for all traction modes of the tips that this rank holds, by the tip's number.
     exponent_errors : (tips,) array
-        Of tips that are not in one isotropic material: how far the exponents of their S-elements are from the
-        exact ones; zero at others.
+        How far the exponents of the tips' S-elements are from the exact ones.
     local : dict of int to ((n,) int array, (2, 2 n) array)
         By the numbers of the tips that this rank holds: its nodes of their S-elements, and the two rows for
         their displacements.
@@ -94,7 +93,7 @@ def tip_intensities(
             placed = form.placed(place.rotation, place.size, material.modulus).reshape(2, -1)
             local[number] = (place.nodes, placed)
             exponents[number], interfaces[number] = form.exponents, several
-            errors[number] = 0.0 if material.isotropic else np.nan_to_num(form.exponent_error)
+            errors[number] = np.nan_to_num(form.exponent_error)
             if faces := faces_of.get(number):
                 columns[number] = form.placed_of_tractions(
                     faces.tractions, place.rotation, place.size, elements.thickness
