@@ -21,6 +21,7 @@ from ..loads import as_loads, separate
 from ..motion.loading import loading
 from ..motion.rest import Rest
 from ..motion.states import ModalStates
+from ..petsc import chosen
 from ..ranks.parallel import collective
 from ..reduction.reduced_model import SYSTEM, ReducedModel, require_rows
 from ..signals.signal import Constant
@@ -379,9 +380,10 @@ def _judge(relative: float) -> None:
             "static: the displacements leave the range of numbers; are the loads of usual size, in N and Pa?"
         )
     if relative > REFUSED:
+        left = "the options -static_... leave that (leave them out), or " if chosen("static_") else ""
         raise failed_solve(
-            f"static: the forces are in balance to {relative:.2g} of the load only: the stiffness is too "
-            "badly conditioned, as where supports hardly hold the structure; stiffen them"
+            f"static: the forces are in balance to {relative:.2g} of the load only: {left}the stiffness is "
+            "too badly conditioned, as where supports hardly hold the structure; stiffen them"
         )
     if relative > ROUND_OFF:
         warn(

@@ -230,9 +230,11 @@ class Peak(Record):
         """Hz."""
         return self.upper - self.lower
 
-    @derived("1", "0 symmetric, +1 leaning to higher frequencies")
+    @derived("1", "0 symmetric, positive leaning to higher frequencies, above 1 overhanging")
     def skewness(self) -> float:
-        """0 for a symmetric peak, towards +1 where it leans to higher frequencies, -1 to lower ones."""
+        """0 for a symmetric peak, towards +1 where it leans to higher frequencies, -1 to lower ones; beyond
+        where it overhangs.
+        """
         return ((self.frequency - self.lower) - (self.upper - self.frequency)) / self.bandwidth
 
 

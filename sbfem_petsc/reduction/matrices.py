@@ -208,8 +208,8 @@ def _require_compliance(gaps: LinearOutput, contact_rows: sparse.csr_matrix, pai
     if len(weak):
         what, mend = ("slip", "tangent_compliance") if weak[0] >= pairs else ("stop", "compliance")
         raise ValueError(
-            f"contact row {weak[0] % pairs}: a rigid {what} on an unknown with mass has no compliance; keep "
-            f"fewer modes than unknowns or give it one ({mend})"
+            f"reduce_matrices: contact row {weak[0] % pairs}: a rigid {what} on an unknown with mass has no "
+            f"compliance; keep fewer modes than unknowns or give it one ({mend})"
         )
 
 
@@ -417,7 +417,7 @@ def _sensor_rows(sensors: Any, count: int) -> sparse.csr_matrix:
         if not isinstance(name, str):
             raise TypeError(f"reduce_matrices: sensors has the name {name!r}; names are strings")
         item = f"sensors[{name!r}]"
-        if sparse.issparse(place) or (isinstance(place, np.ndarray) and place.ndim):
+        if sparse.issparse(place) or isinstance(place, (list, tuple)) or getattr(place, "ndim", 0):
             row = _rows(item, place).toarray().ravel() if sparse.issparse(place) else _array(item, place, 1)
             if len(row) != count:
                 raise ValueError(f"reduce_matrices: {item} has {len(row)} entries, {count} were expected")

@@ -137,6 +137,7 @@ def test_modes_beside_unknowns_without_mass_are_orthonormal(beam):
         ({"mass": scipy.sparse.diags([1.0, np.nan, 1.0])}, "mass.data"),
         ({"modes": 3}, "modes = 3"),
         ({"sensors": {"A": np.ones(2)}}, "sensors\\['A'\\] has 2 entries"),
+        ({"sensors": {"A": [1.0, 2.0]}}, "sensors\\['A'\\] has 2 entries"),
         (
             {"stiffness": scipy.sparse.csr_matrix([[1.0, -1, 0], [-1, 1, 0], [0, 0, 0]])},
             "motions that take no energy beside the lowest 1 modes",

@@ -289,6 +289,17 @@ def test_steps_whose_linear_solves_end_early(options):
     assert float(told[0].split("with ")[1].split()[0]) > 1e-2
 
 
+def test_statics_that_options_leave_out_of_balance(options):
+    """Not the supports alone are blamed."""
+    from meshing.warnings import OptionWarning
+    from tests.systems import short_beam
+
+    options(static_ksp_type="cg", static_pc_type="jacobi", static_ksp_rtol="0.1")
+    words = r"the options -static_\.\.\. leave that .*supports hardly hold"
+    with pytest.warns(OptionWarning, match="-static_"), pytest.raises(sb.SolveError, match=words):
+        sb.static(short_beam(0.01), sb.PointForce("A", fy=1.0))
+
+
 def test_rounding_is_not_laid_to_options(options):
     """3e-5 of the right-hand side is what a direct solver leaves of a beam of 1500 springs: any option of its
     had been told to end it early.

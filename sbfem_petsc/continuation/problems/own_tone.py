@@ -35,6 +35,8 @@ DOUBLINGS, EASE = 2, 10
 SHARES = (1.0, 0.5)
 # Of the swing of the curve before: a curve that is none any more.
 SHRUNK = 0.1
+# Points of a curve that the distance from it is measured to.
+DENSE = 2001
 
 
 @described
@@ -301,11 +303,11 @@ def first_curve(own: OwnTone, bifurcation: Bifurcation, share: float) -> tuple[n
     return u, np.append(wave.ravel(), [0.0, 0.0])
 
 
-def strays(point: Point, periods: int, dense: int = 2001) -> float:
+def strays(point: Point, periods: int) -> float:
     """Largest distance from a curve, in its swings, of a history that begins between two samples."""
     state, own = point.state, point.problem.tone
     driven, farthest = own.driven(state.value), 0.0
-    known = resampled(state.states, dense)
+    known = resampled(state.states, DENSE)
     here: Any = filtered(state.states, shift(own.samples, 0.5 / own.samples))[0]
     try:
         for _ in range(periods):
