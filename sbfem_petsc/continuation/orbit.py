@@ -32,6 +32,8 @@ NEAR = 0.05
 SAFETY = 5.0 / 3.0
 # Harmonics whose error is told, the mean among them.
 LOWEST = 5
+# Of stability, in the words of results.
+UNASKED = "stability not asked for"
 # Harmonics that are kept in files and tables beside the motion itself.
 HARMONICS = 41
 # Unit and words of a motion's state.
@@ -228,7 +230,7 @@ def why_undecided(reduced: ReducedModel | None) -> str:
     friction = reduced.friction
     if friction is not None and (friction.static > friction.kinetic).any():
         return "stability not told, as friction falls where a slip begins"
-    return "stability not asked for"
+    return UNASKED
 
 
 @described

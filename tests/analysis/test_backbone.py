@@ -78,6 +78,7 @@ def test_progress():
     )
     assert told == pytest.approx(np.log(found.energy[1:] / 4e-4) / np.log(25.0), abs=1e-9)
     assert len(told) > 3 and told[-1] == 1.0
+    assert "Hz, stability not asked for, end of" in repr(found) and not found.stable.any()
     with pytest.raises(TypeError, match="backbone: progress = 3"):
         sb.backbone(one_mass(), 1, 4e-4, 1e-2, progress=3)
 

@@ -12,6 +12,7 @@ from scipy.optimize import minimize_scalar
 
 import sbfem_petsc as sb
 from sbfem_petsc.continuation.problems.own_tone import OwnTone, first_curve
+from sbfem_petsc.study.kinds.kind import size_of
 from tests.systems import two_masses
 
 TURN = 2.0 * np.pi
@@ -222,6 +223,16 @@ def test_its_own_branch(curve, tori, tmp_path):
     tori.to_csv(str(tmp_path / "tori.csv"))
     table = np.genfromtxt(tmp_path / "tori.csv", delimiter=",", names=True)
     np.testing.assert_allclose(table["amplitude_f2_1_m"], amplitude, rtol=1e-12)
+
+
+def test_stability_that_is_not_asked_for(tori):
+    """Is not said to be that of no unstable motion, nor in the column of a sweep."""
+    unasked = replace(tori, motions=tuple(replace(one, exponents=np.zeros(0)) for one in tori.motions))
+    told = {known: {q.name: q.value for q in size_of(known)} for known in (tori, unasked)}
+    count = told[tori]["unstable_points"]
+    assert count == tori.unstable.sum() and f"Hz, {count:g} unstable, " in repr(tori)
+    assert "Hz, stability not asked for, " in repr(unasked) and np.isnan(told[unasked]["unstable_points"])
+    assert told[tori]["curve_points"] == told[unasked]["curve_points"] == len(tori)
 
 
 LOCKED = 0.09586  # Hz; from here down histories repeat after five periods of the load

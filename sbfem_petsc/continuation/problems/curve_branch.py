@@ -15,6 +15,7 @@ from ...record.record import derived, described, of_each, quantity
 from ..events import refine
 from ..follow import CLOSED, Line, Settings, points_of, ran_out
 from ..line_file import LineFile
+from ..orbit import UNASKED
 from ..problem import Point, Range
 from .driven_orbits import OverParameter
 from .own_tone import beginning
@@ -78,6 +79,11 @@ class QuasiPeriodicBranch(OverParameter):
         """
         return np.array([not motion.resolved or motion.stable is False for motion in self.motions])
 
+    @property
+    def stability_known(self) -> bool:
+        """Whether stability was asked for."""
+        return any(len(motion.exponents) for motion in self.motions)
+
     tail = _over_points("tail")
     contact_peak = _over_points("contact_peak")
 
@@ -95,10 +101,11 @@ class QuasiPeriodicBranch(OverParameter):
 
     def __repr__(self) -> str:
         own = self.frequencies[:, 1]
+        verdict = f"{self.unstable.sum()} unstable" if self.stability_known else UNASKED
         return (
             f"QuasiPeriodicBranch({points_of(len(self))} over {self.parameter} {self.value.min():.6g} to "
             f"{self.value.max():.6g}, own tone {own.min():.6g} to {own.max():.6g} Hz, "
-            f"{int(self.unstable.sum())} unstable, {self.reason})"
+            f"{verdict}, {self.reason})"
         )
 
 

@@ -19,7 +19,7 @@ from ...reduction.reduced_model import ReducedModel
 from ..events import folds, refine
 from ..follow import Line, Settings, follow, points_of
 from ..line_file import LineFile
-from ..orbit import OfOrbits, Orbit, make_orbit, run_again
+from ..orbit import UNASKED, OfOrbits, Orbit, make_orbit, run_again
 from ..problem import Lost, Point, Range
 from .free import ADDED, UNCERTAIN, FreeMotions, FreeState, FreeSystem
 from .free_stability import FreeEvent, divide_interactions, free_events, free_multipliers, interactions_of
@@ -114,7 +114,12 @@ class Backbone(OfOrbits):
         """(n,) bool: no multiplier outside the unit circle by more than 1e-5; False throughout where
         stability was not asked for.
         """
-        return ~self.unstable & bool(self.multipliers.shape[1])
+        return ~self.unstable & self.stability_known
+
+    @property
+    def stability_known(self) -> bool:
+        """Whether stability was asked for."""
+        return bool(self.multipliers.shape[1])
 
     @property
     def unstable(self) -> np.ndarray:
@@ -135,10 +140,11 @@ class Backbone(OfOrbits):
         return len(self.energy)
 
     def __repr__(self) -> str:
+        verdict = f"{self.unstable.sum()} unstable" if self.stability_known else UNASKED
         return (
             f"Backbone(mode {self.mode}, {points_of(len(self))}, {self.energy.min():.4g} to "
             f"{self.energy.max():.4g} J, {self.frequency.min():.7g} to {self.frequency.max():.7g} Hz, "
-            f"{int(self.unstable.sum())} unstable, {self.reason})"
+            f"{verdict}, {self.reason})"
         )
 
 

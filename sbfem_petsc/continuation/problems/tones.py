@@ -16,7 +16,7 @@ from ...record.record import derived, described, quantity
 from ...reduction.reduced_model import OfReduced, ReducedModel
 from ...system.elements.plausibility import furthest_of_lines
 from ...system.fields.places import checked_place
-from ..orbit import ToldError, component, in_words, told_error
+from ..orbit import UNASKED, ToldError, component, in_words, told_error
 from ..problem import Point as CurvePoint
 from .curve import RESOLVED, CurveState, spectral_tail
 from .curve_system import tangents
@@ -245,7 +245,7 @@ class QuasiPeriodic(ToldError, OfReduced):
         return sidebands / abs(self.line(1, 0, point, direction))
 
     def __repr__(self) -> str:
-        unknown = "stability not asked for" if self.resolved else "not resolved by its samples"
+        unknown = UNASKED if self.resolved else "not resolved by its samples"
         verdict = {True: "stable", False: "unstable", None: unknown}[self.stable]
         born = " (its own)" if self.own is not None else ""
         if self.friction_power is not None:

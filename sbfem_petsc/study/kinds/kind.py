@@ -488,9 +488,7 @@ class Curve(Reducible):
     pictured, captions = {"curve": "plot_branches"}, {"curve": "response curve"}
 
     def more(self, result: Any, points: Sequence[str]) -> Quantities:
-        unstable = float(result.unstable.sum()) if result.stability_known else math.nan
-        yield column(labelled("curve_points", len(result), text="points of the curve"))
-        yield column(labelled("unstable_points", unstable, text="unstable ones, nan where that is unknown"))
+        yield from size_of(result)
         yield column(labelled("bifurcation_count", len(result.bifurcations), text="number of bifurcations"))
         if result.parameter != "frequency":
             last = lambda point: result.amplitude(point)[-1]
@@ -544,6 +542,13 @@ def symbol(found: Found, point: str) -> str:
     """A point's displacement in the heading of a table: u_y, or along its own direction."""
     along = found["direction"][point].value if "direction" in found else "y"
     return f"u_{along}({point})" if along else f"u({point})"
+
+
+def size_of(result: Any) -> Quantities:
+    """Points of a curve, and how many of them are unstable."""
+    unstable = float(result.unstable.sum()) if result.stability_known else math.nan
+    yield column(labelled("curve_points", len(result), text="points of the curve"))
+    yield column(labelled("unstable_points", unstable, text="unstable ones, nan where that is unknown"))
 
 
 def estimated_error(table: Any, result: Any) -> Quantity | None:

@@ -14,7 +14,7 @@ from ...errors import SolveError
 from ...options import item
 from ...record.found import column, labelled, of_points
 from ..costs import CURVE_POINTS, Cost, Size
-from .kind import Loaded, Quantities
+from .kind import Loaded, Quantities, size_of
 from .quasi_periodic import Lines, curve_memory, line_values, lines_of
 
 
@@ -66,8 +66,7 @@ class QuasiPeriodicResponse(Lines, TorusCurveOptions, SwitchOptions, FrequencyRa
         tones = result.frequencies[:, 1]
         for which, tone in (("least", float(tones.min())), ("largest", float(tones.max()))):
             yield column(labelled(f"{which}_own_frequency", tone, "Hz", f"{which} own tone"))
-        yield column(labelled("curve_points", len(result), text="points of the curve"))
-        yield column(labelled("unstable_points", int(np.sum(result.unstable)), text="unstable ones"))
+        yield from size_of(result)
 
     def cost(self, size: Size) -> Cost:
         lines, states = size.points * (2 * self.order + 1) ** 2, 2 * self.samples * size.modes(self.modes)
