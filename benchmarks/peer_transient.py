@@ -57,8 +57,10 @@ from benchmarks import peer_scikit_fem as peer
 from benchmarks.transient import DURATION, FORCE, MODES, least
 from examples.paper.bench import REFINED, burst, distance, known_burst, off_reference
 from meshing import Beam, VNotch
-from sbfem_petsc.contact.law import RowLaws, Table
-from sbfem_petsc.contact.pivoting import Factor, contact_forces, empty_factor
+from sbfem_petsc.contact.friction import rubbing_of
+from sbfem_petsc.contact.law import RowLaws
+from sbfem_petsc.contact.pivoting import contact_forces
+from sbfem_petsc.contact.problem import Problem, empty_sets
 from sbfem_petsc.loads import separate
 from sbfem_petsc.reduction.outputs import LinearOutput
 
@@ -200,22 +202,12 @@ class ScalarMass(NamedTuple):
 
 
 class Pairs(NamedTuple):
-    """Unknowns at both ends of the pairs, their gaps, responses of all unknowns and gaps to their forces."""
+    """Unknowns at both ends of the pairs, their gaps, responses of all unknowns to their forces."""
 
     right: np.ndarray
     left: np.ndarray
     initial_gap: np.ndarray
     responses: np.ndarray
-    flexibility: np.ndarray
-    laws: Table
-
-
-class Touching(NamedTuple):
-    """Rows in contact, what is factorised of them, and their forces."""
-
-    rows: np.ndarray
-    factor: Factor
-    force: np.ndarray
 
 
 @njit(cache=True)
@@ -234,26 +226,25 @@ def _momentum(mass, state, by_u, by_v, right):
 
 
 @njit(cache=True)
-def _advance(w, state, rate, pairs, touching):
+def _advance(w, state, rate, pairs, problem):
     """Contact and the new u and v from w = u0 + u1 without contact. Returns the number of exchanges of the
     active set, -1: not solved.
     """
     u, v = state
-    right, left, initial_gap, responses, flexibility, laws = pairs
-    rows, factor, force = touching
-    closed, exchanges, free = False, 0, np.empty(force.size)
+    right, left, initial_gap, responses = pairs
+    free, force, closed, exchanges = problem.free, problem.force, False, 0
     for k in range(force.size):
         free[k] = initial_gap[k] + (w[right[k]] - u[right[k]]) - (w[left[k]] - u[left[k]])
         closed = closed or free[k] < 0.0
     if closed:
-        exchanges = contact_forces(flexibility, free, laws, rows, factor, force)
+        exchanges = contact_forces(problem)
         for k in range(force.size):
             if force[k] > 0.0:
                 twice = 2.0 * force[k]
                 for i in range(u.size):
                     w[i] += twice * responses[k, i]
     else:
-        force[:], rows[:], factor.members[-1] = 0.0, 0, 0
+        force[:], problem.state[:] = 0.0, 0
     for i in range(u.size):
         change = w[i] - 2.0 * u[i]
         u[i] += change
@@ -297,15 +288,10 @@ class FullModel:
         )
         u, v = (np.zeros(size) if state is None else state.copy() for state in (u, v))
         state, right = State(u, v), np.empty(size)
-        contact = Pairs(
-            self.right,
-            self.left,
-            self.system.initial_gap,
-            self.responses,
-            self.flexibility,
-            RowLaws.unilateral(pairs).table,
-        )
-        touching = Touching(np.zeros(pairs, dtype=np.int8), empty_factor(pairs), np.zeros(pairs))
+        contact, gap = Pairs(self.right, self.left, self.system.initial_gap, self.responses), np.empty(pairs)
+        laws, rubbing = RowLaws.unilateral(pairs).table, rubbing_of(None, self.flexibility, pairs)
+        known = laws, rubbing, np.zeros(pairs, dtype=np.int8), empty_sets(pairs)
+        problem = Problem(self.flexibility, gap, gap, *known, np.zeros(pairs))
         drive, solve, by_u, by_v = (
             amplitude[:-1] + amplitude[1:],
             self.factors.solve,
@@ -316,10 +302,10 @@ class FullModel:
         for s in range(len(drive)):
             _momentum(self.mass, state, by_u, by_v, right)
             right[loaded] += drive[s]
-            exchanges = _advance(solve(right), state, 2.0 / step, contact, touching)
+            exchanges = _advance(solve(right), state, 2.0 / step, contact, problem)
             if exchanges < 0:
                 raise RuntimeError(f"the contact problem of step {s} was not solved")
-            sensed[s], resultant[s] = u[loaded], touching.force.sum()
+            sensed[s], resultant[s] = u[loaded], problem.force.sum()
         return sensed, resultant, u, v
 
 

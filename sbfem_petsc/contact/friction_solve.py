@@ -9,9 +9,9 @@ import numpy as np
 from ..errors import failed_solve
 from .complementarity import Complementarity
 from .friction import STICKS, Friction, Memory, rubbing_of
-from .held_rows import Sets, empty_sets
 from .law import RowLaws
-from .rubbing import Problem, rubbing_forces
+from .problem import Problem, Sets, empty_sets
+from .rubbing import rubbing_forces
 
 
 def solve_friction(

@@ -17,10 +17,10 @@ import numpy as np
 
 from .compiled import compiled_loops, inner_loops, typeof, typeof_impl, types
 from .friction import STICKS, Rubbing
-from .held_rows import Sets, rubbing_room
 from .law import FREE, RowLaws
-from .pivoting import add_rows, caught, products
-from .rubbing import Problem, rubbing_forces, smooth_forces
+from .pivoting import add_rows, caught, contact_forces, products
+from .problem import Problem, Sets, rubbing_room
+from .rubbing import rubbing_forces
 from .step_data import NEVER, Halving, Marched, StepConstants, StepHistory, StepLoads, StepState
 from .step_work import End, energy_of_modes, lost_to_friction, work_of_contact
 
@@ -161,7 +161,7 @@ def contact_kernel(step: StepConstants, room: Room) -> Address:
     given = Problem(step.flexibility[0], *gaps, *laws, end.rows, room.sets, end.force)
     layout = (rubs, _layout_of(given))
     if layout not in _addresses:
-        _addresses[layout] = Address(rubbing_forces if rubs else smooth_forces, given)
+        _addresses[layout] = Address(rubbing_forces if rubs else contact_forces, given)
     return _addresses[layout]
 
 

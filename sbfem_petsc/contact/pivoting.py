@@ -7,45 +7,18 @@ linear algebra and new arrays in them would take seconds to compile.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from .compiled import compiled_loops, inner_loops, inner_sums
+from .compiled import compiled_apart, inner_loops, inner_sums
 from .law import FREE, PRESSED, PULLED, ROUND_OFF, Table
+from .problem import Problem
 
 # Full exchanges of the active set that may pass without fewer wrong signs before single exchanges by index
 # take over; Judice and Pires (1994) show that this ends for every positive definite W.
 PATIENCE = 5
 # Numbers that a loop takes at a time at most: four vector registers of four.
 WHOLE = 16
-
-
-class Factor(NamedTuple):
-    """L^-1 of W = L L^T over the rows in contact, kept from a step to the next, and room to work in.
-
-    Attributes
-    ----------
-    inverse : (n, n) array
-    members : (n + 1,) int array
-        Rows in contact in the order of the factor; the last entry is their number, -1 where nothing is
-        factorised.
-    solved, free : (n,) arrays
-    every : (n,) int array
-        0, 1, ..
-    """
-
-    inverse: np.ndarray
-    members: np.ndarray
-    solved: np.ndarray
-    free: np.ndarray
-    every: np.ndarray
-
-
-def empty_factor(rows: int) -> Factor:
-    """Nothing is factorised yet."""
-    members = np.full(rows + 1, -1)
-    return Factor(np.empty((rows, rows)), members, np.empty(rows), np.empty(rows), np.arange(rows))
 
 
 @inner_sums
@@ -123,9 +96,10 @@ def caught(laws: Table, row: int, gap: float) -> int:
 
 
 @inner_loops
-def _factorise(flexibility: np.ndarray, state: np.ndarray, factor: Factor) -> bool:
+def _factorise(problem: Problem) -> bool:
     """Factorise the rows that are held, as far as they are not; whether W is definite there."""
-    inverse, members, solved, free, every = factor
+    flexibility, state, sets = problem.flexibility, problem.state, problem.sets
+    inverse, members, solved, free, every = sets.inverse, sets.members, sets.solved, sets.free, sets.every
     n = every.size
     for i in range(_arrange(state, members, free), members[n]):
         row = members[i]
@@ -153,10 +127,12 @@ def _solve(
     flexibility: np.ndarray,
     gap: np.ndarray,
     held: tuple[Table, np.ndarray],
-    factor: Factor,
+    factor: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray],
     force: np.ndarray,
 ) -> None:
-    """Forces that close gaps of the members, and in `free` the gaps of free rows."""
+    """Forces that close gaps of the members, and in `free` the gaps of free rows. It is not taken in, and is
+    given the arrays it needs alone.
+    """
     (laws, state), (inverse, members, solved, free, every) = held, factor
     n = every.size
     count = members[n]
@@ -188,39 +164,32 @@ def _solve(
 
 
 @inner_loops
-def _by_rounding(flexibility: np.ndarray, gap: np.ndarray, laws: Table, factor: Factor, row: int) -> bool:
+def _by_rounding(problem: Problem, row: int) -> bool:
     """Whether it is by rounding alone that a free row is beyond its bounds."""
-    size = abs(gap[row])
-    for k in range(factor.members[gap.size]):
-        size += abs(flexibility[factor.members[k], row] * factor.solved[k])
-    beyond = max(laws.least[FREE, row] - factor.free[row], factor.free[row] - laws.most[FREE, row])
+    laws, sets, size = problem.laws, problem.sets, abs(problem.free[row])
+    for k in range(sets.members[problem.free.size]):
+        size += abs(problem.flexibility[sets.members[k], row] * sets.solved[k])
+    beyond = max(laws.least[FREE, row] - sets.free[row], sets.free[row] - laws.most[FREE, row])
     return beyond < ROUND_OFF * size
 
 
 @inner_loops
-def _exchange(
-    flexibility: np.ndarray,
-    gap: np.ndarray,
-    held: tuple[Table, np.ndarray],
-    factor: Factor,
-    force: np.ndarray,
-    single: bool,
-) -> int:
+def _exchange(problem: Problem, single: bool) -> int:
     """Exchange all rows beyond their bounds, or the last of them alone; their number. Of single exchanges
     rows are left out that neither touch nor are apart, which would come and go for ever.
     """
-    (laws, state), members, free = held, factor.members, factor.free
-    infeasible, last = 0, -1
-    for i in range(gap.size):
+    _, _, _, laws, _, state, sets, force = problem
+    members, free, infeasible, last = sets.members, sets.free, 0, -1
+    for i in range(state.size):
         now = caught(laws, i, free[i])
         if state[i] != FREE or now == FREE:
             continue
-        if single and _by_rounding(flexibility, gap, laws, factor, i):
+        if single and _by_rounding(problem, i):
             continue
         infeasible, last = infeasible + 1, i
         if not single:
             state[i] = now
-    for k in range(members[gap.size]):
+    for k in range(members[state.size]):
         row, now = members[k], state[members[k]]
         if force[row] < laws.least[now, row] or force[row] > laws.most[now, row]:
             infeasible, last = infeasible + 1, max(last, row)
@@ -231,35 +200,27 @@ def _exchange(
     return infeasible
 
 
-@compiled_loops
-def contact_forces(
-    flexibility: np.ndarray,
-    gap: np.ndarray,
-    laws: Table,
-    state: np.ndarray,
-    factor: Factor,
-    force: np.ndarray,
-) -> int:
-    """Solve a contact problem, whose gaps are W force + gap, by block principal pivoting from the states of
-    the step before.
+@compiled_apart
+def contact_forces(problem: Problem) -> int:
+    """Solve a contact problem without friction by block principal pivoting.
 
-    `laws` is a `law.Table`. `state` and the `Factor` are kept between steps, where they need not be those of
-    the same step; rows that join stand behind the others, so that those before the first one that leaves stay
-    as they are. `free` is left with the gaps of free rows. The inverse is applied without waiting for one
-    unknown to find the next. Returns the exchanges of the active set, -1 if the iteration did not end or W is
-    not definite.
+    What is kept from step to step is L^-1 of W = L L^T over the rows in contact, the members: those that join
+    stand behind the others, so that those before the first one that leaves stay as they are. It is applied
+    without waiting for one unknown to find the next. `sets.free` is left with the gaps of free rows. Returns
+    the exchanges of the active set, -1 if the iteration did not end or W is not definite.
     """
-    n, held = gap.size, (laws, state)
+    flexibility, gap, _, laws, _, state, sets, force = problem
+    n, factor = gap.size, (sets.inverse, sets.members, sets.solved, sets.free, sets.every)
     best, patience, exchange = n + 1, PATIENCE, 0
     while exchange < 100 + 20 * n:
-        if not _factorise(flexibility, state, factor):
+        if not _factorise(problem):
             return -1
-        _solve(flexibility, gap, held, factor, force)
-        infeasible = _exchange(flexibility, gap, held, factor, force, patience <= 0)
+        _solve(flexibility, gap, (laws, state), factor, force)
+        infeasible = _exchange(problem, patience <= 0)
         if infeasible == 0:
             return exchange
         patience = PATIENCE if infeasible < best else patience - 1
         best = min(best, infeasible)
         exchange += 1
-    factor.members[n] = -1
+    sets.members[n] = -1
     return -1

@@ -11,15 +11,15 @@ leaves of the gaps is solved for again, and where that does not help the inverse
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from .compiled import compiled_apart, inner_loops, inner_sums
 from .friction import AGAINST, ALONG, STICKS, Rubbing
-from .held_rows import Sets, follow, pull_of
-from .law import FREE, PRESSED, PULLED, ROUND_OFF, Table
-from .pivoting import Factor, add_rows, caught, contact_forces, products
+from .held_rows import follow, pull_of
+from .law import FREE, PRESSED, PULLED, ROUND_OFF
+from .pivoting import add_rows, caught, products
+from .problem import Problem
 
 # Rounding of forces, of the largest.
 ROUNDING = 1e-12
@@ -30,34 +30,6 @@ _END = 1e-14
 _LEFT, _REFINED = 1e-13, 4
 # What rows that the others hold may miss of their places, relative to the largest gap without forces.
 _MISSED = 1e-9
-
-
-class Problem(NamedTuple):
-    """A contact problem, whose gaps and slips are W force + free, of n rows.
-
-    Attributes
-    ----------
-    flexibility : (n, n) array
-        W.
-    free, before : (n,) arrays
-        Gaps and slips without forces, and those of the step before.
-    laws : Table
-    rubbing : Rubbing
-    state : (n,) int8 array
-        States of the step before, which are written anew.
-    sets : Sets
-    force : (n,) array
-        Written.
-    """
-
-    flexibility: np.ndarray
-    free: np.ndarray
-    before: np.ndarray
-    laws: Table
-    rubbing: Rubbing
-    state: np.ndarray
-    sets: Sets
-    force: np.ndarray
 
 
 @inner_loops
@@ -404,13 +376,3 @@ def rubbing_forces(problem: Problem) -> int:
         landed |= sets.landed[t, 0] > 0.0
     sets.told[state.size] = landed
     return exchanges
-
-
-@compiled_apart
-def smooth_forces(problem: Problem) -> int:
-    """`contact_forces` as `rubbing_forces` is called, of which a step calls one."""
-    sets = problem.sets
-    factor = Factor(sets.inverse, sets.members, sets.solved, sets.free, sets.every)
-    return contact_forces(
-        problem.flexibility, problem.free, problem.laws, problem.state, factor, problem.force
-    )

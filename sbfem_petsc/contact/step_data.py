@@ -124,7 +124,7 @@ class StepHistory(NamedTuple):
     kept : (k,) or (0,) array
         Slips that the tangential rows keep in the last step, m; not told in an empty one.
     landings : (n, k, 3) or (0, 0, 3) array
-        Zeros, but for where tangential rows land in each step, see `held_rows.Sets`; not kept in an empty
+        Zeros, but for where tangential rows land in each step, see `problem.Sets`; not kept in an empty
         one.
     told, aside : (n, pairs) or (0, 0) int8 and float arrays
         States and forces from which it is told where they land in each step; not kept where landings are not.

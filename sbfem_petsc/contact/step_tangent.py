@@ -21,9 +21,10 @@ import numpy as np
 
 from .compiled import compiled_loops, inner_loops, inner_sums
 from .friction import STICKS, Rubbing
-from .held_rows import Sets, empty_sets, follow, pull_of, pulled
+from .held_rows import follow, pull_of, pulled
 from .law import FREE, rows_depend
 from .pivoting import add_rows, products
+from .problem import Sets, empty_sets
 from .step_data import StepConstants
 from .tangent import Contacts, repeated, thin_axes
 

@@ -13,9 +13,9 @@ from sbfem_petsc.contact import friction_solve
 from sbfem_petsc.contact.complementarity import Complementarity, solve_complementarity
 from sbfem_petsc.contact.friction import STICKS, Friction, Memory, rubbing_of
 from sbfem_petsc.contact.friction_solve import solve_friction
-from sbfem_petsc.contact.held_rows import empty_sets
 from sbfem_petsc.contact.law import FREE, RowLaws
-from sbfem_petsc.contact.rubbing import Problem, rubbing_forces
+from sbfem_petsc.contact.problem import Problem, empty_sets
+from sbfem_petsc.contact.rubbing import rubbing_forces
 from tests.validation.contact_cases import ray
 
 SIDE = 0.1

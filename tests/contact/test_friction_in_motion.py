@@ -15,10 +15,10 @@ import sbfem_petsc as sb
 from sbfem_petsc.contact.complementarity import Complementarity
 from sbfem_petsc.contact.friction import AGAINST, ALONG, STICKS, Friction, Memory, rubbing_of
 from sbfem_petsc.contact.friction_solve import solve_friction
-from sbfem_petsc.contact.held_rows import empty_sets
 from sbfem_petsc.contact.law import FREE, RowLaws
 from sbfem_petsc.contact.marching import march
-from sbfem_petsc.contact.rubbing import Problem, rubbing_forces
+from sbfem_petsc.contact.problem import Problem, empty_sets
+from sbfem_petsc.contact.rubbing import rubbing_forces
 from sbfem_petsc.contact.step_data import NEVER, StepHistory
 from sbfem_petsc.motion import reduced_history
 from sbfem_petsc.motion.integration import Steps

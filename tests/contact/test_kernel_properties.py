@@ -11,8 +11,10 @@ import pytest
 
 import sbfem_petsc as sb
 from sbfem_petsc.contact.complementarity import solve_complementarity
+from sbfem_petsc.contact.friction import rubbing_of
 from sbfem_petsc.contact.law import FREE, PRESSED, PULLED, RowLaws
-from sbfem_petsc.contact.pivoting import PATIENCE, contact_forces, empty_factor
+from sbfem_petsc.contact.pivoting import PATIENCE, contact_forces
+from sbfem_petsc.contact.problem import Problem, empty_sets
 
 STEPS = 70
 
@@ -105,11 +107,12 @@ def test_kernel(kind):
     most, seen = 0, set()
     for w, laws, sequence in sequences(kind):
         n = len(w)
-        state, factor, force = np.zeros(n, dtype=np.int8), empty_factor(n), np.zeros(n)
+        state, factor, force = np.zeros(n, dtype=np.int8), empty_sets(n), np.zeros(n)
+        smooth = rubbing_of(None, w, n)
         for gap in sequence:
             if generator.random() < 0.1:
                 state[:], factor.members[n] = generator.integers(0, 3, n), -1
-            exchanges = contact_forces(w, gap, laws.table, state, factor, force)
+            exchanges = contact_forces(Problem(w, gap, gap, laws.table, smooth, state, factor, force))
             assert exchanges >= 0 and missed(w, gap, force, state, laws) < 1e-14
             assert set(factor.members[: factor.members[n]]) == set(np.flatnonzero(state))
             most, seen = max(most, exchanges), seen | set(state.tolist())

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ...contact.complementarity import solve_complementarity
-from ...contact.friction import Friction, Memory
+from ...contact.friction import Friction, Memory, rubbing_of
 from ...contact.friction_solve import solve_friction
-from ...contact.held_rows import empty_sets
 from ...contact.law import FREE, RowLaws
-from ...contact.pivoting import contact_forces, empty_factor
+from ...contact.pivoting import contact_forces
+from ...contact.problem import Problem, empty_sets
 
 
 class StepContact:
@@ -39,7 +39,7 @@ class StepContact:
         rubs = count if friction is not None else 0
         self.state, self.gap = np.zeros(count, dtype=np.int8), np.zeros(rubs)
         self.kept = self.slip
-        self._factor, self._sets = empty_factor(count), empty_sets(rubs)
+        self._sets, self._smooth = empty_sets(count), rubbing_of(None, flexibility, count)
 
     @property
     def slip(self) -> np.ndarray:
@@ -48,11 +48,11 @@ class StepContact:
 
     def forget(self) -> None:
         """Factorise anew in the next step: a history that goes on depends on its motion and `state` alone."""
-        self._factor.members[-1] = self._sets.members[-1] = -1
+        self._sets.members[-1] = -1
 
     def open(self, gap: np.ndarray) -> None:
         """No row is in contact."""
-        self.state[:], self._factor.members[-1] = FREE, 0
+        self.state[:] = FREE
         if self.friction is not None:
             self.gap, self.kept = gap, gap[len(self.laws) :]
 
@@ -61,10 +61,10 @@ class StepContact:
         if self.friction is not None:
             return self._rubbed(free, self.friction)
         force = np.zeros(len(free))
-        exchanges = contact_forces(self.flexibility, free, self.laws.table, self.state, self._factor, force)
-        if exchanges < 0:
+        known = self.laws.table, self._smooth, self.state, self._sets
+        if contact_forces(Problem(self.flexibility, free, free, *known, force)) < 0:
             found = solve_complementarity(self.flexibility, free, self.laws)
-            self.state, self._factor.members[-1] = found.state.copy(), -1
+            self.state, self._sets.members[-1] = found.state.copy(), -1
             return found.force, found.gap
         return force, self.laws.placed(self.state, self.flexibility @ force + free)
 
