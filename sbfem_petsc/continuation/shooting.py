@@ -351,6 +351,12 @@ class Shooting(Steady):
             self._by_update(state, motion, matrix.getDenseArray())
         matrix.assemble()
 
+    def _invert(self, array: np.ndarray) -> None:
+        # where friction alone holds a rigid-body motion its place is left to what rounding has for a pivot
+        if not self.driven.period.reduced.omega.all() and np.linalg.matrix_rank(array) < len(array):
+            raise Lost("solutions are not isolated: a pivot is rounding alone")
+        self.inverse = Updated(Factors(array))
+
     def _derivative(self, motion: PeriodMotion, rough: bool = True) -> np.ndarray:
         unit = np.eye(len(motion.residual))
         self.made += 1
@@ -371,7 +377,7 @@ class Shooting(Steady):
         residual, last = motion.residual, self._last
         if last is None:
             array[:] = self._derivative(motion) if self.near is None else self.near
-            self.inverse = Updated(Factors(array))
+            self._invert(array)
         elif np.linalg.norm(residual) <= max(self.gain * np.linalg.norm(last[1]), CLOSE * self.enough):
             step = state - last[0]
             row = step / (step @ step)
@@ -380,5 +386,5 @@ class Shooting(Steady):
             self.inverse.add(added, row)
         else:
             array[:] = self._derivative(motion)
-            self.inverse = Updated(Factors(array))
+            self._invert(array)
         self._last, self.known, self.derivative = (state, residual), True, array.copy()

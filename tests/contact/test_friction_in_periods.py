@@ -809,3 +809,31 @@ def test_methods_without_derivative_end_by_themselves(kind, monkeypatch):
     finally:
         options.delValue("shooting_snes_type")
     assert len(ran) < 200
+
+
+@pytest.mark.parametrize("force", [3.0, 6.0])
+def test_a_block_that_friction_alone_holds_stays_where_it_slid(force):
+    """Its place is left to the history, whatever the steps: rounding had been a pivot of Newton's method, and
+    67 m and 1,526 m aside at 512 steps. The loss is that of the elastic slider's loop, 4 F (a - F c).
+    """
+    plane = sb.reduce_matrices(
+        np.eye(2),
+        np.diag([0.0, 1e4]),
+        np.array([[0.0, 1.0]]),
+        np.array([-1.0]),
+        loads=np.array([[1.0], [0.0]]),
+        sensors={"block": 0},
+        damping=0.05,
+        compliance=np.array([0.5]),
+        tangent_rows=np.array([[1.0, 0.0]]),
+        tangent_compliance=np.array([0.01]),
+        contact_laws=sb.Coulomb(0.5),
+    )
+    # pressed together by 1 m over 0.5 m/N beside the spring of 1e4 N/m
+    held = 0.5 / (0.5 + 1e-4)
+    for steps in (200, 512, 1000):
+        orbit = sb.periodic(plane, force, 1.0 / np.pi, steps=steps)
+        amplitude = orbit.amplitude("block")
+        # friction slows it down within what it slides in a half period
+        assert abs(orbit.harmonics("block")[0]) < amplitude
+        np.testing.assert_allclose(orbit.friction_loss, 4.0 * held * (amplitude - 0.01 * held), rtol=1e-3)
