@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial import legendre
 
-from meshing.gll import shape_functions
+from meshing.gll import gll_nodes, shape_functions
 
 from .coefficients import edge_nodes
 from .face_tractions import FaceTractions
@@ -19,7 +20,7 @@ TOLERANCE = 1e-9
 _CENTRE = 1e-4
 
 
-def locate(shape: np.ndarray, order: int, closed: bool, points: np.ndarray) -> Located:
+def locate(shape: np.ndarray, order: int, closed: bool, points: np.ndarray, drawn: bool = False) -> Located:
     """Scaled boundary coordinates of points.
 
     Parameters
@@ -30,6 +31,8 @@ def locate(shape: np.ndarray, order: int, closed: bool, points: np.ndarray) -> L
     closed : bool
     points : (q, 2) array
         About the scaling centre, in units of the size.
+    drawn : bool
+        Points on the curves that edges stand for are on these edges, which leave them between their nodes.
     """
     points = np.atleast_2d(np.asarray(points, dtype=float))
     edges = edge_nodes(len(shape), order, closed)
@@ -47,8 +50,18 @@ def locate(shape: np.ndarray, order: int, closed: bool, points: np.ndarray) -> L
     inside = np.flatnonzero((edge >= 0) & ~centre)
     eta[inside], reach = _meetings(shape[edges[edge[inside]]], order, direction[inside], across[inside])
     level[inside] = np.minimum(distance[inside] / reach, 1.0)
-    edge[inside[distance[inside] > reach + TOLERANCE]] = -1
+    beyond = TOLERANCE + (_left_of_curves(shape[edges], order) if drawn else np.zeros(len(edges)))
+    edge[inside[distance[inside] > reach + beyond[edge[inside]]]] = -1
     return Located(edge, eta, level)
+
+
+def _left_of_curves(nodes: np.ndarray, order: int) -> np.ndarray:
+    """(edges,): how far curves may be from edges with nodes (edges, order + 1, 2) on them: four times the
+    next of their Legendre coefficients, by the ratio of the last two; nothing of straight edges.
+    """
+    table = np.linalg.inv(legendre.legvander(gll_nodes(order), order))
+    before, last = np.linalg.norm(np.einsum("ka,eai->kei", table[-2:], nodes), axis=2)
+    return 4.0 * last * np.divide(last, before, out=np.zeros_like(last), where=before > last)
 
 
 def _meetings(

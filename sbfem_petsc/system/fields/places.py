@@ -35,6 +35,8 @@ Point = str | tuple[float, float]
 _ALONE = 1e-9
 # Components of a place: two of displacement, three of stress.
 _ALL = 5
+# Share of its size by which an S-element's curved edges bulge over the box of its nodes at most.
+_BULGE = 0.1
 # Numbers of points and where they are, by the row of their S-element.
 Held = dict[int, tuple[list[int], Located]]
 
@@ -233,13 +235,20 @@ def _held(elements: Elements, points: Sequence[Point]) -> Held:
         If a point lies outside the structure; on all ranks.
     """
     comm, part = elements.layout.comm, elements.layout.part
-    homes = [_home(elements, point) for point in points]
-    mine = np.array([-1 if home is None else part.elements[home[0]] for home in homes], dtype=np.int64)
-    owner = np.where(mine < 0, np.iinfo(np.int64).max, mine)
-    comm.Allreduce(MPI.IN_PLACE, owner, MPI.MIN)
+    homes: list[tuple[int, Located] | None] = [None] * len(points)
+    nowhere = np.iinfo(np.int64).max
+    mine = owner = np.full(len(points), nowhere)
+    for drawn in (False, True):  # what no S-element holds may be on a curve that edges stand for
+        for k in np.flatnonzero(owner == nowhere):
+            homes[k] = _home(elements, points[k], drawn)
+        mine = np.array(
+            [nowhere if home is None else part.elements[home[0]] for home in homes], dtype=np.int64
+        )
+        owner = mine.copy()
+        comm.Allreduce(MPI.IN_PLACE, owner, MPI.MIN)
     with collective(comm):
         for point, element in zip(points, owner):
-            if element == np.iinfo(np.int64).max:
+            if element == nowhere:
                 lower, upper = elements.layout.extent
                 raise ValueError(
                     f"the point ({point[0]:g}, {point[1]:g}) m lies outside the structure, which reaches "
@@ -329,13 +338,13 @@ def _inertial(elements: Elements, held: Held, every: np.ndarray) -> Inertial:
     return Inertial(rows_on, stretch, squared, table, body, slices)
 
 
-def _home(elements: Elements, point: Point) -> tuple[int, Located] | None:
-    """The S-element of this rank with the lowest number that holds a point, the node of a named one: its row,
-    and the place in it.
+def _home(elements: Elements, point: Point, drawn: bool) -> tuple[int, Located] | None:
+    """The S-element of this rank with the lowest number that holds a point, the node of a named one, or
+    has it on a curve as drawn: its row, and the place in it.
     """
     boxes, part = elements.layout.element_boxes, elements.layout.part
     at, _, node = elements.layout.points[point] if isinstance(point, str) else (point, None, None)
-    slack = TOLERANCE * (boxes[:, 2:] - boxes[:, :2]).max(axis=1, initial=0.0)[:, None]
+    slack = (_BULGE if drawn else TOLERANCE) * (boxes[:, 2:] - boxes[:, :2]).max(axis=1, initial=0.0)[:, None]
     inside = ((at >= boxes[:, :2] - slack) & (at <= boxes[:, 2:] + slack)).all(axis=1)
     for row in sorted(np.flatnonzero(inside).tolist(), key=lambda r: int(part.elements[r])):
         group = elements.one_of(elements.groups, row)
@@ -343,7 +352,7 @@ def _home(elements: Elements, point: Point) -> tuple[int, Located] | None:
         if node is not None and node not in nodes:
             continue
         relative = group.rotations[0] @ (at - part.centres[row]) / group.sizes[0]
-        located = locate(group.shape, group.order, group.closed, relative[None])
+        located = locate(group.shape, group.order, group.closed, relative[None], drawn)
         if node == nodes[-1] and not group.closed:  # the face of a tip's S-element that `locate` finds last
             last = len(edge_nodes(len(nodes), group.order, group.closed)) - 1
             located = Located(np.array([last]), np.ones(1), np.ones(1))
