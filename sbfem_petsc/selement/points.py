@@ -57,11 +57,15 @@ def locate(shape: np.ndarray, order: int, closed: bool, points: np.ndarray, draw
 
 def _left_of_curves(nodes: np.ndarray, order: int) -> np.ndarray:
     """(edges,): how far curves may be from edges with nodes (edges, order + 1, 2) on them: four times the
-    next of their Legendre coefficients, by the ratio of the last two; nothing of straight edges.
+    next of their Legendre coefficients, by the ratio of the last two; nothing of straight edges, as all of
+    order 1 are.
     """
     table = np.linalg.inv(legendre.legvander(gll_nodes(order), order))
     before, last = np.linalg.norm(np.einsum("ka,eai->kei", table[-2:], nodes), axis=2)
-    return 4.0 * last * np.divide(last, before, out=np.zeros_like(last), where=before > last)
+    chord = nodes[:, -1] - nodes[:, 0]
+    aside = np.abs(np.einsum("eai,ei->ea", nodes - nodes[:, :1], chord[:, ::-1] * (-1.0, 1.0))).max(axis=1)
+    curved = (aside > TOLERANCE * (chord**2).sum(axis=1)) & (before > last)
+    return 4.0 * last * np.divide(last, before, out=np.zeros_like(last), where=curved)
 
 
 def _meetings(

@@ -339,6 +339,19 @@ def test_stress_on_a_drawn_circle(order, error):
             found.stress((0.0199 * x, 0.0199 * y))
 
 
+@pytest.mark.parametrize("order", [1, 2])
+def test_straight_edges_reach_no_further(order):
+    """No point beyond a straight side is taken for one on a curve, as 1 mm below a plate of order 1."""
+    mesh = Plate([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]).mesh(order=order)
+    found = sb.static(
+        sb.Model(mesh, sb.Material(1e9, 0.3, 1000.0), clamped="edge4"), sb.EdgeLoad("edge2", tx=1e6)
+    )
+    assert found.displacement((0.5, 0.0))[0] > 0.0
+    for along in (0.1, 0.3, 0.5, 0.7, 0.9):
+        with pytest.raises(ValueError, match="lies outside the structure"):
+            found.displacement((along, -0.001))
+
+
 def test_no_stress_intensity_without_a_tip_element():
     model = sb.Model(paper_beam().mesh(order=3, layout="vertex"), ALUMINIUM)
     assert sb.static(model, sb.PointForce("A", fy=-1.0)).stress_intensity == {}
