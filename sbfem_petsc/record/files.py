@@ -151,15 +151,26 @@ def written(path: Any, what: str = WHAT) -> Iterator[h5py.File]:
     Raises
     ------
     TypeError, ValueError
-        See `replaced`; if what stands there is neither HDF5 nor of a run.
+        See `replaced`; if what stands there is whole and no results.
     """
     path = checked_path(what, "path", path)
-    if home_of(path) is None and not may_be_replaced(path) and not h5py.is_hdf5(path):
+    if home_of(path) is None and not may_be_replaced(path) and _of_others(path):
         raise ValueError(f"{what} {path!r} would replace a file that holds no results; name another one")
     with replaced(path, what) as temporary, for_hdf5(temporary) as target, _new_file(target) as file:
         file.attrs["sbfem_petsc"] = text_of(importlib.import_module("..", __package__).__version__)
         file.attrs["schema"] = SCHEMA
         yield file
+
+
+def _of_others(path: str) -> bool:
+    """Whether a file is no HDF5, or of another program; one that is torn does not tell."""
+    if not h5py.is_hdf5(path):
+        return True
+    try:
+        with h5py.File(path, "r") as file:
+            return "schema" not in file.attrs
+    except UNSOUND:
+        return False
 
 
 class _Target(io.FileIO):

@@ -112,6 +112,13 @@ def test_files_of_users_stay(solved, tmp_path):
         file.write_text("mine")
     with pytest.raises(ValueError, match=r"push\.toml' would replace a file that holds no results"):
         sb.save(own, closing)
+    with h5py.File(tmp_path / "measured.h5", "w") as file:  # of another program
+        file["u"] = [1.0, 2.0]
+    with pytest.raises(ValueError, match=r"measured\.h5' would replace a file that holds no results"):
+        sb.save(tmp_path / "measured.h5", closing)
+    with h5py.File(tmp_path / "measured.h5") as file:
+        assert [*file["u"]] == [1.0, 2.0]
+    (tmp_path / "measured.h5").unlink()
     with pytest.raises(ValueError, match=r"'push_tip\.csv', which belongs to it, would replace a file"):
         closing.to_csv(tmp_path / "push.csv")
     assert own.read_text() == tip.read_text() == "mine"
