@@ -109,9 +109,12 @@ class Views:
         Raises
         ------
         TypeError, ValueError
-            If they cannot be written, or one would replace a file that does not belong to the first.
+            If there are none, they cannot be written, or one would replace a file that does not belong to the
+            first.
         """
         tables = self.tables()
+        if not tables:
+            raise ValueError(f"to_csv: this {type(self).__name__} has nothing to put into a table")
         first = next((axis for axis in tables if axis != NONE), NONE)
         return write_table(path, tables.pop(first), tables)
 

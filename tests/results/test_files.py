@@ -132,6 +132,12 @@ def test_files_of_users_stay(solved, tmp_path):
     sb.save(tmp_path / "a.h5", closing)
 
 
+def test_no_tables(tmp_path):
+    with pytest.raises(ValueError, match="LinearOutput has nothing to put into a table"):
+        examples.oscillator().tips.to_csv(tmp_path / "tips.csv")
+    assert not os.listdir(tmp_path)
+
+
 def test_tables(solved, tmp_path):
     closing = solved[3]["closing"]
     paths = closing.to_csv(tmp_path / "push.csv")
