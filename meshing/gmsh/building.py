@@ -236,21 +236,22 @@ class _Builder:
             where = "lies on the outline and is an edge set without contact; name the two faces of a notch"
             mend = f"{spelled}:right and {spelled}:left if they shall close"
             warn(self._origin, f"physical curve {name!r} {where} {mend}.")
-        elif crack := self._crack_along(name, inside):
+        elif name.startswith("crack:"):
+            pass
+        elif crack := self._crack_along(inside):
             where = (
                 f"lies on {crack!r} and is an edge set of both its faces, each of which loads and supports"
             )
             mend = "act on; the crack's own sets, NAME_right and NAME_left, are of one face"
             warn(self._origin, f"physical curve {name!r} {where} {mend}.")
-        elif inside and not name.startswith("crack:") and self._same_material(inside):
+        elif inside and self._same_material(inside):
             where = "lies inside a material and is an edge set, not a crack"
             warn(self._origin, f"physical curve {name!r} {where}; name it 'crack:{name}' if it is one.")
 
-    def _crack_along(self, name: str, edges: list[Edge]) -> str | None:
-        """Another group, of a crack, that has one of these edges."""
-        keys = {edge_key(edge) for edge in edges}
-        others = ((other, lines) for other, lines in self.cells.groups.items() if other != name)
-        return next((other for other, lines in others if not keys.isdisjoint(map(edge_key, lines))), None)
+    def _crack_along(self, edges: list[Edge]) -> str | None:
+        """A crack that has one of these edges."""
+        keys, cracks = {edge_key(edge) for edge in edges}, self.cells.groups.items()
+        return next((name for name, lines in cracks if not keys.isdisjoint(map(edge_key, lines))), None)
 
     def _same_material(self, edges: list[Edge]) -> bool:
         """Whether an edge of these has one material on both sides."""

@@ -143,6 +143,14 @@ def test_edges_around_tips_are_missed(tmp_path):
     assert np.hypot(*(ends[:, 1] - ends[:, 0]).T).sum() == pytest.approx(2 * (0.5 - reach))
 
 
+def test_two_cracks_on_one_line(tmp_path):
+    """Are refused, and none is said to be an edge set on the other."""
+    text = PLATE.replace('Physical Curve("rest")', 'Physical Curve("crack:b")={9}; Physical Curve("rest")')
+    with warnings.catch_warnings(), pytest.raises(ValueError, match="belongs to one crack"):
+        warnings.simplefilter("error")
+        read_gmsh(write(tmp_path, text), order=3)
+
+
 @pytest.mark.slow
 def test_geo_size(tmp_path):
     path = write(tmp_path, PLATE)
