@@ -413,8 +413,8 @@ def _of_nodes(matrix: sparse.csr_matrix, width: int) -> bool:
     """Whether each `width` rows in turn have entries in the same ones of as many columns each."""
     if matrix.shape[0] % width:
         return False
-    ones = np.ones(matrix.nnz, dtype=bool)
-    blocks = sparse.csr_matrix((ones, matrix.indices // width, matrix.indptr.copy()))
+    ones, shape = np.ones(matrix.nnz, dtype=bool), (matrix.shape[0], matrix.shape[1] // width)
+    blocks = sparse.csr_matrix((ones, matrix.indices // width, matrix.indptr.copy()), shape)
     blocks.sum_duplicates()
     first, *others = (blocks[k::width] for k in range(width))
     return not any(

@@ -585,3 +585,17 @@ def test_eigenvalues_are_counted_beside_stiff_rows():
     assert solver.factorised(sure=False) and not solver.movable(mass)
     assert [solver.below(place, mass) for place in 1.05 * squares] == [1, 2]
     solver.close()
+
+
+def test_no_stiffness_at_all():
+    """Is a sentence where matrices are sparse (SciPy's on the dimensions of a matrix before)."""
+    row = scipy.sparse.csr_matrix([[1.0, 0.0, 0.0]])
+    with pytest.raises(sb.SolveError, match="the factorisation failed"):
+        sb.reduce_matrices(
+            scipy.sparse.eye(3, format="csr"),
+            scipy.sparse.csr_matrix((3, 3)),
+            row,
+            [1.0],
+            loads=row.T,
+            sensors={},
+        )
