@@ -5,6 +5,7 @@ from __future__ import annotations
 import abc
 import functools
 import math
+import sys
 
 import numpy as np
 
@@ -346,21 +347,25 @@ class Shooting(Steady):
         elif self.jacobian == "differences":
             self._by_differences(state, motion, matrix.getDenseArray())
         elif self.jacobian == "dense":
-            matrix.getDenseArray()[:] = self._derivative(motion, rough=False)
+            matrix.getDenseArray()[:] = self._held(self._derivative(motion, rough=False))
         else:
             self._by_update(state, motion, matrix.getDenseArray())
         matrix.assemble()
-
-    def _invert(self, array: np.ndarray) -> None:
-        # where friction alone holds a rigid-body motion its place is left to what rounding has for a pivot
-        if not self.driven.period.reduced.omega.all() and np.linalg.matrix_rank(array) < len(array):
-            raise Lost("solutions are not isolated: a pivot is rounding alone")
-        self.inverse = Updated(Factors(array))
 
     def _derivative(self, motion: PeriodMotion, rough: bool = True) -> np.ndarray:
         unit = np.eye(len(motion.residual))
         self.made += 1
         return self.driven.carried(motion, unit, rough=rough) - unit
+
+    def _held(self, array: np.ndarray, rounding: float = sys.float_info.epsilon) -> np.ndarray:
+        """A derivative by which places that nothing holds, of rigid-body motions that are free or slip, stay
+        what they are: their pivot would be rounding alone, and a step would go anywhere.
+        """
+        if self.driven.period.reduced.omega.all():
+            return array
+        left, values, right = np.linalg.svd(array)
+        free = values <= len(array) * rounding * values[0]
+        return array + values[0] * left[:, free] @ right[free]
 
     def _by_differences(self, state: np.ndarray, motion: PeriodMotion, array: np.ndarray) -> None:
         step = np.sqrt(np.finfo(float).eps) * max(
@@ -371,13 +376,14 @@ class Shooting(Steady):
         # slips that stay what they are, see `DrivenPeriod.carried`
         stay = ~array.any(axis=1)
         array[stay, stay] = -1.0
+        array[:] = self._held(array, math.sqrt(sys.float_info.epsilon))
 
     def _by_update(self, state: np.ndarray, motion: PeriodMotion, array: np.ndarray) -> None:
         """Broyden's update of the last iteration's derivative, if that was good enough."""
         residual, last = motion.residual, self._last
         if last is None:
-            array[:] = self._derivative(motion) if self.near is None else self.near
-            self._invert(array)
+            array[:] = self._held(self._derivative(motion) if self.near is None else self.near)
+            self.inverse = Updated(Factors(array))
         elif np.linalg.norm(residual) <= max(self.gain * np.linalg.norm(last[1]), CLOSE * self.enough):
             step = state - last[0]
             row = step / (step @ step)
@@ -385,6 +391,6 @@ class Shooting(Steady):
             array += np.outer(added, row)
             self.inverse.add(added, row)
         else:
-            array[:] = self._derivative(motion)
-            self._invert(array)
+            array[:] = self._held(self._derivative(motion))
+            self.inverse = Updated(Factors(array))
         self._last, self.known, self.derivative = (state, residual), True, array.copy()

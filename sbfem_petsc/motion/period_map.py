@@ -364,10 +364,11 @@ class DrivenPeriod:
         kept |= located | columns[2 * m :][sticks[:1].ravel()].any(axis=0)
         kept[columns.shape[1] - len(parameters) :] = True
         result = np.zeros_like(columns)
-        result[:, kept] = derivative(
-            columns[:, kept],
-            functools.partial(self._sources, motion, parameters) if "frequency" in parameters else None,
-        )
+        if kept.any():
+            result[:, kept] = derivative(
+                columns[:, kept],
+                functools.partial(self._sources, motion, parameters) if "frequency" in parameters else None,
+            )
         result[:m] *= p.weights[:, None]
         result[2 * m :][sticks.all(axis=0)] = 0.0
         result[:, result.shape[1] - len(parameters) :] += shifts
@@ -471,10 +472,11 @@ class DrivenPeriod:
 
     def linear_resolvent(self, vectors: np.ndarray) -> np.ndarray:
         """(Phi - 1)^-1 of motions without contact, and of slips that are forgotten, on vectors like states:
-        the preconditioner of matrix-free shooting.
+        the preconditioner of matrix-free shooting. Rigid-body motions, which have none, are held and damped.
         """
-        r = self.period.reduced
-        return free_resolvent((r.omega, r.damping), self.duration, self.period.weights, vectors)
+        r, weights = self.period.reduced, self.period.weights
+        held = np.where(r.omega > 0.0, (r.omega, r.damping), (weights, np.full(len(weights), 0.5)))
+        return free_resolvent((held[0], held[1]), self.duration, weights, vectors)
 
 
 @dataclass(eq=False)

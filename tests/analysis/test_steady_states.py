@@ -221,3 +221,34 @@ def test_masses_that_stops_alone_hold():
         expected = 1j * load / (2.0 * np.pi * frequency) ** 2
         np.testing.assert_allclose(orbit.harmonics("first")[1], expected, rtol=1e-13)
         assert np.abs(orbit.harmonics("second")).max() < 1e-13 * abs(expected)
+
+
+@pytest.mark.parametrize("jacobian", ["auto", "dense", "matrix-free"])
+def test_free_masses_that_meet(jacobian):
+    """Two masses that nothing else holds, their spring and their stop: the distance is that of one mass
+    m1 m2 / (m1 + m2), the place that of F / ((m1 + m2) omega^2). Newton's method had no steps.
+    """
+
+    def of(mass, row):
+        row = np.array([row])
+        return reduce_matrices(
+            mass,
+            row.T @ row,
+            row,
+            np.array([0.0]),
+            loads=np.eye(len(mass))[:, -1:],
+            sensors={str(k): k for k in range(len(mass))},
+            damping=0.05,
+            compliance=np.array([0.5]),
+        )
+
+    free, held = of(np.diag([1.0, 2.0]), [-1.0, 1.0]), of(np.array([[2.0 / 3.0]]), [1.0])
+    for frequency in (0.1, 0.25):
+        orbit = sb.periodic(free, 1.0, frequency, jacobian=jacobian, search=NEWTON_ALONE)
+        apart = sb.periodic(held, 1.0 / 3.0, frequency)
+        first, second = (orbit.harmonics(name)[:6] for name in "01")
+        expected, size = apart.harmonics("0")[:6], apart.amplitude("0")
+        np.testing.assert_allclose(second - first, expected, atol=1e-8 * size)
+        middle = np.append(1j / (3.0 * (2.0 * np.pi * frequency) ** 2), np.zeros(4))
+        np.testing.assert_allclose(((first + 2.0 * second) / 3.0)[1:], middle, atol=1e-8 * size)
+        assert abs(first[0]) < 2.0 * size
