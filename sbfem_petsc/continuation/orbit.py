@@ -101,7 +101,11 @@ class Orbit(Motion, ToldError):
         "1", "relative change of the displacements from half as many steps", finite=False, default=math.nan
     )
     friction_loss: float | None = quantity(
-        "J", "lost to friction over the period, where faces rub", kinds="f", default=None, row=True
+        "J",
+        "lost to friction over `periods` periods of the loads, where faces rub",
+        kinds="f",
+        default=None,
+        row=True,
     )
     sticking: int | None = quantity(
         "1", "slips that stick throughout the period, on which the motion depends", kinds="iu", default=None
@@ -209,7 +213,8 @@ class Orbit(Motion, ToldError):
             verdict += f" (largest multiplier {np.abs(self.multipliers[0]):.7f})"
         model = self.reduced.in_words if self.reduced is not None else "unreduced model"
         if self.friction_loss is not None:
-            verdict += f", {self.friction_loss:.6g} J lost to friction a period"
+            over = f"{self.periods} periods" if self.periods > 1 else "a period"
+            verdict += f", {self.friction_loss:.6g} J lost to friction in {over}"
         if self.sticking:
             verdict += (
                 f", {self.sticking} slips stick throughout and have no part in that: the motion depends on "

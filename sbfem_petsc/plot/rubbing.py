@@ -199,7 +199,7 @@ def plot_losses(
     for k, orbit in enumerate(orbits):
         if not isinstance(orbit, Orbit) or orbit.friction_loss is None:
             raise TypeError(f"plot_losses: orbits[{k}] = {shown(orbit)} is no Orbit of faces that rub")
-        losses.append(orbit.friction_loss)
+        losses.append(orbit.friction_loss / orbit.periods)
     levels = np.array([np.abs(orbit.harmonics(point, direction)[: count + 1]) for orbit in orbits])
     order = np.argsort(levels[:, 1])
     levels = levels[order]

@@ -145,6 +145,17 @@ def test_losses_over_amplitude():
             plot.plot_losses(wrong, "x")
 
 
+def test_losses_of_motions_told_over_several_periods():
+    """Twice the loads' period holds twice the loss, which the picture tells a period, as that of one."""
+    load = [sb.Harmonic(1.5, 0.3), sb.Constant(-2.0)]
+    one, two = (sb.periodic(slider(damping=0.05), load, 0.3, steps=512, periods=n) for n in (1, 2))
+    assert two.friction_loss == pytest.approx(2.0 * one.friction_loss)
+    assert "J lost to friction in a period" in repr(one) and "J lost to friction in 2 periods" in repr(two)
+    first, _ = plot.plot_losses([one, two], "x")
+    ((_, loss),) = lines(first)
+    assert loss == pytest.approx([one.friction_loss, one.friction_loss])
+
+
 def test_motions_without_friction_or_a_model():
     rubbing = examples.rubbing_loads()
     assert plot.plot_slips(rubbing).get_ylabel() == "pair"
