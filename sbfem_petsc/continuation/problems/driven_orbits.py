@@ -22,6 +22,7 @@ from ..linear import Dense
 from ..multipliers import Multipliers, multipliers_of
 from ..newton import attempt
 from ..problem import FINER_GAIN, Lost, Point, Problem, Range
+from ..shooting import held
 
 # Arc length in which the state's relative change and SPAN times the parameter's change, as a share of its
 # range, are summed as squares.
@@ -369,10 +370,9 @@ class OrbitState(FixedPoint):
     def _smooth(self) -> Dense:
         return self._less_start(np.column_stack([self.monodromy, self.rate]))
 
-    @staticmethod
-    def _less_start(matrix: np.ndarray) -> Dense:
+    def _less_start(self, matrix: np.ndarray) -> Dense:
         """Of x(T) - x(0), by that of x(T)."""
-        matrix[:, :-1] -= np.eye(len(matrix))
+        matrix[:, :-1] = held(self.driven.period, matrix[:, :-1] - np.eye(len(matrix)))
         return Dense(matrix)
 
 
