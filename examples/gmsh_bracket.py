@@ -3,7 +3,7 @@
 Reads `bracket.geo`, which lies beside this file, and finds the natural frequencies 1-10 with the crack open,
 static contact when the arm's end is pushed up with 4 kN, the linear response when it is pulled down, and the
 stress intensity factors of both. The crack ends below the arm's neutral axis: pushed up, its upper part
-closes and its tip still opens. Edges of orders 3 to 6 tell the error.
+closes and its tip still opens. Edges of orders 3 to 6 tell the error, of which those of 3 and 4 are warned.
 
     mpiexec -n 2 python examples/gmsh_bracket.py --size 0.01 -static_ksp_type cg -static_pc_type gamg
 """

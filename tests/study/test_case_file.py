@@ -205,9 +205,7 @@ def test_starter_cases_run(kind, tmp_path):
     path = tmp_path / f"{kind}.toml"
     sbfem("new", kind, path)
     text = starter_text(f"{kind}.toml")
-    if kind == "gmsh":
-        text = text.replace("order = 4", "order = 3")
-    else:
+    if kind != "gmsh":
         text = text.replace("[model]", "[mesh]\norder = 3\n[model]").replace(
             "pairs = 3", "pairs = 3\nmodes = 24"
         )
