@@ -10,7 +10,7 @@ import sys
 import numpy as np
 
 from ..errors import PetscFailure, SolveError, called, failed_solve, on_all_ranks, warn_of_options
-from ..motion.period_map import DrivenPeriod, FixedPoint, Period
+from ..motion.period_map import DrivenPeriod, FixedPoint
 from ..motion.period_motion import PeriodMotion
 from ..petsc import (
     LEFT,
@@ -136,17 +136,6 @@ def rough_derivative(driven: DrivenPeriod, state: np.ndarray) -> np.ndarray:
     """
     fewer = (in_fewer_steps(driven) if driven.period.modes >= MANY else None) or driven
     return fewer.carried(fewer.run(state), np.eye(len(state)), rough=True)
-
-
-def held(period: Period, array: np.ndarray, rounding: float = sys.float_info.epsilon) -> np.ndarray:
-    """A derivative of x(T) - x(0) by which places that nothing holds, of rigid-body motions that are free or
-    slip, stay what they are: their pivot would be rounding alone, and a step would go anywhere.
-    """
-    if period.reduced.omega.all():
-        return array
-    left, values, right = np.linalg.svd(array)
-    free = values <= len(array) * rounding * values[0]
-    return array + values[0] * left[:, free] @ right[free]
 
 
 class Steady(abc.ABC):
@@ -358,7 +347,7 @@ class Shooting(Steady):
         elif self.jacobian == "differences":
             self._by_differences(state, motion, matrix.getDenseArray())
         elif self.jacobian == "dense":
-            matrix.getDenseArray()[:] = held(self.driven.period, self._derivative(motion, rough=False))
+            matrix.getDenseArray()[:] = self._held(self._derivative(motion, rough=False))
         else:
             self._by_update(state, motion, matrix.getDenseArray())
         matrix.assemble()
@@ -367,6 +356,16 @@ class Shooting(Steady):
         unit = np.eye(len(motion.residual))
         self.made += 1
         return self.driven.carried(motion, unit, rough=rough) - unit
+
+    def _held(self, array: np.ndarray, rounding: float = sys.float_info.epsilon) -> np.ndarray:
+        """A derivative by which places that nothing holds, of rigid-body motions that are free or slip, stay
+        what they are: their pivot would be rounding alone, and a step would go anywhere.
+        """
+        if self.driven.period.reduced.omega.all():
+            return array
+        left, values, right = np.linalg.svd(array)
+        free = values <= len(array) * rounding * values[0]
+        return array + values[0] * left[:, free] @ right[free]
 
     def _by_differences(self, state: np.ndarray, motion: PeriodMotion, array: np.ndarray) -> None:
         step = np.sqrt(np.finfo(float).eps) * max(
@@ -377,13 +376,13 @@ class Shooting(Steady):
         # slips that stay what they are, see `DrivenPeriod.carried`
         stay = ~array.any(axis=1)
         array[stay, stay] = -1.0
-        array[:] = held(self.driven.period, array, math.sqrt(sys.float_info.epsilon))
+        array[:] = self._held(array, math.sqrt(sys.float_info.epsilon))
 
     def _by_update(self, state: np.ndarray, motion: PeriodMotion, array: np.ndarray) -> None:
         """Broyden's update of the last iteration's derivative, if that was good enough."""
         residual, last = motion.residual, self._last
         if last is None:
-            array[:] = held(self.driven.period, self._derivative(motion) if self.near is None else self.near)
+            array[:] = self._held(self._derivative(motion) if self.near is None else self.near)
             self.inverse = Updated(Factors(array))
         elif np.linalg.norm(residual) <= max(self.gain * np.linalg.norm(last[1]), CLOSE * self.enough):
             step = state - last[0]
@@ -392,6 +391,6 @@ class Shooting(Steady):
             array += np.outer(added, row)
             self.inverse.add(added, row)
         else:
-            array[:] = held(self.driven.period, self._derivative(motion))
+            array[:] = self._held(self._derivative(motion))
             self.inverse = Updated(Factors(array))
         self._last, self.known, self.derivative = (state, residual), True, array.copy()

@@ -856,23 +856,6 @@ def test_a_block_that_friction_alone_holds_stays_where_it_is(friction, force, ja
         np.testing.assert_allclose(orbit.friction_loss, loss(amplitude), rtol=1e-3)
 
 
-def test_curves_of_a_block_that_friction_alone_holds():
-    """They had ended where they began, along its place. The loss of each motion in closed form, the amplitude
-    that of steady states for themselves.
-    """
-    plane, loss = block()
-    for curve in (
-        sb.frequency_response(plane, 3.0, 0.3, 0.31, steps=200, stability=False),
-        sb.load_response(plane, 3.0, 0.3, start=1.0, stop=1.02, steps=200, stability=False),
-    ):
-        assert curve.complete
-        orbit = curve.orbit(len(curve.value) - 1)
-        force = 3.0 if orbit.frequency > 0.305 else 3.0 * curve.value[-1]
-        alone = sb.periodic(plane, force, orbit.frequency, steps=200)
-        assert orbit.amplitude("block") == pytest.approx(alone.amplitude("block"), rel=1e-7)
-        assert orbit.friction_loss == pytest.approx(loss(orbit.amplitude("block")), rel=1e-3)
-
-
 def test_slips_that_are_forgotten_alone_are_carried():
     """Of a block that slips at t = 0: NumPy's words on an empty array before."""
     orbit = sb.periodic(block()[0], 3.0, 1.0 / np.pi, steps=200)

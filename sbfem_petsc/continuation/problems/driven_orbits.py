@@ -22,7 +22,6 @@ from ..linear import Dense
 from ..multipliers import Multipliers, multipliers_of
 from ..newton import attempt
 from ..problem import FINER_GAIN, Lost, Point, Problem, Range
-from ..shooting import held
 
 # Arc length in which the state's relative change and SPAN times the parameter's change, as a share of its
 # range, are summed as squares.
@@ -370,9 +369,10 @@ class OrbitState(FixedPoint):
     def _smooth(self) -> Dense:
         return self._less_start(np.column_stack([self.monodromy, self.rate]))
 
-    def _less_start(self, matrix: np.ndarray) -> Dense:
+    @staticmethod
+    def _less_start(matrix: np.ndarray) -> Dense:
         """Of x(T) - x(0), by that of x(T)."""
-        matrix[:, :-1] = held(self.driven.period, matrix[:, :-1] - np.eye(len(matrix)))
+        matrix[:, :-1] -= np.eye(len(matrix))
         return Dense(matrix)
 
 
