@@ -103,7 +103,7 @@ class ClosedSets:
             self[np.isfinite(self._weight).astype(np.int8)]  # all that any force moves pressed and sticking
         except SolveError as depend:
             return depend
-        return failed_solve(f"{what} was not solved; use more steps, or pairs of like size")
+        return failed_solve(f"{what} was not solved; use shorter steps, or pairs of like size")
 
     def _condensed(self, state: np.ndarray) -> ClosedSet:
         """SolveError where rows depend on each other, see `_inverse`."""
