@@ -30,18 +30,26 @@ def save(mesh: MeshArrays, path: str | os.PathLike[str]) -> None:
     """Write a mesh to an HDF5 file.
 
     The file describes itself (every data set has a "description"). Ahead of the HDF5 content stands a block
-    of 512 bytes with the checksum of all that follows; HDF5's own tools skip it. An existing file is replaced
+    of 512 bytes with the checksum of all that follows; HDF5's own tools skip it. An existing mesh is replaced
     once the new one is complete.
 
     Raises
     ------
     TypeError, ValueError
-        `path` is no path, or the file cannot be written.
+        `path` is no path, the file cannot be written, or it would replace one that holds no mesh.
     """
     path = checked_path("save", "path", path)
     content = _packed(mesh)
     with replaced(path, "mesh") as temporary:
+        if os.path.exists(path) and not _FORMAT.encode().startswith(_beginning(path)):
+            raise ValueError(f"save: path {path!r} would replace a file that holds no mesh; name another one")
         Path(temporary).write_bytes(_head(content) + content)
+
+
+def _beginning(path: str) -> bytes:
+    """What tells a mesh, of an empty file nothing."""
+    with open(path, "rb") as file:
+        return file.read(len(_FORMAT))
 
 
 def _packed(mesh: MeshArrays) -> bytes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import itertools
 import json
 import os
 import tempfile
@@ -15,6 +16,7 @@ from mpi4py import MPI
 
 from meshing.whole_file import replaced
 
+from .checks import path as checked_path
 from .output_folder import make_folder
 from .ranks.parallel import collective
 
@@ -83,8 +85,11 @@ def write_table(
     Raises
     ------
     TypeError, ValueError
-        See `replaced`.
+        See `replaced`; if what stands there is no table.
     """
+    path = checked_path("table", "path", path)
+    if os.path.isfile(path) and not _holds_table(path):
+        raise ValueError(f"table {path!r} would replace a file that holds no table; name another one")
     with replaced(path, "table") as temporary:
         files = [temporary, *(f"_{name}".join(os.path.splitext(temporary)) for name in beside)]
         for name, table in zip(files, (columns, *beside.values())):
@@ -95,6 +100,16 @@ def write_table(
                 writer.writerows(zip(*entries))
     folder = os.path.dirname(os.path.realpath(path) if os.path.islink(path) else path)
     return [os.path.join(folder, os.path.basename(name)) for name in files]
+
+
+def _holds_table(path: str) -> bool:
+    """Whether a file is empty, or its first two lines have as many values, two at least."""
+    try:
+        with open(path, newline="", encoding="utf-8") as file:
+            widths = [len(row) for row in itertools.islice(csv.reader(file), 2)]
+    except (OSError, UnicodeDecodeError, csv.Error):
+        return False
+    return not widths or min(widths) == max(widths) > 1
 
 
 def as_json(value: Any, levels: int = 3, end: str = "\n") -> str:

@@ -52,6 +52,8 @@ def _begin(path: str) -> bytes:
         require_regular(path)
         with open(path, "rb") as file:
             return file.read(8)
+    except PermissionError:
+        return b"?"  # whatever a user has there
     except OSError:
         return b""
 

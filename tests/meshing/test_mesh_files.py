@@ -232,6 +232,14 @@ def test_links_are_followed_and_companions_do_not_replace_files(saved, tmp_path)
     MESH.export(tmp_path / "other.xdmf")
     MESH.export(tmp_path / "other.xdmf")
     assert sorted(os.listdir(tmp_path)) == ["link.h5", "mesh.h5", "other.h5", "other.xdmf"]
+    (tmp_path / "case.toml").write_text("mine")
+    with pytest.raises(
+        ValueError, match=r"save: path '.*case\.toml' would replace a file that holds no mesh"
+    ):
+        MESH.save(tmp_path / "case.toml")
+    assert (tmp_path / "case.toml").read_text() == "mine"
+    (tmp_path / "empty").touch()
+    MESH.save(tmp_path / "empty")
 
 
 FULL = """

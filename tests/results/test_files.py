@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import errno
 import json
 import os
 import shutil
@@ -20,6 +21,7 @@ import pytest
 import sbfem_petsc as sb
 from sbfem_petsc.petsc import MPI
 from sbfem_petsc.ranks.parallel import whole
+from sbfem_petsc.record import journal
 from sbfem_petsc.record.layout import bare
 from sbfem_petsc.record.record import Record, described, entries, quantity
 from sbfem_petsc.results.vtkhdf import write_series
@@ -121,6 +123,12 @@ def test_files_of_users_stay(solved, tmp_path):
     (tmp_path / "measured.h5").unlink()
     with pytest.raises(ValueError, match=r"'push_tip\.csv', which belongs to it, would replace a file"):
         closing.to_csv(tmp_path / "push.csv")
+    for text in ("[beam]\nlength = 0.4\n", "# one, two\n[beam]\n"):
+        own.write_text(text)
+        with pytest.raises(ValueError, match=r"table .*push\.toml' would replace a file that holds no table"):
+            closing.to_csv(own)
+        assert own.read_text() == text
+    own.write_text("mine")
     assert own.read_text() == tip.read_text() == "mine"
     assert sorted(os.listdir(tmp_path)) == ["push.toml", "push_tip.csv"]
     tip.unlink()
@@ -130,6 +138,21 @@ def test_files_of_users_stay(solved, tmp_path):
     assert closing.to_csv(tmp_path / "link") == files
     sb.save(tmp_path / "a.h5", closing)
     sb.save(tmp_path / "a.h5", closing)
+    (tmp_path / "empty").touch()  # as the system makes temporary files
+    closing.to_csv(tmp_path / "empty")
+
+
+def test_files_that_cannot_be_read_stay(solved, tmp_path, monkeypatch):
+    """Their folder alone would let another one take their place."""
+
+    def refused(path, *mode):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    (tmp_path / "own").write_text("mine")
+    monkeypatch.setattr(journal, "open", refused, raising=False)
+    with pytest.raises(ValueError, match="'.*own' would replace a file that holds no results"):
+        sb.save(tmp_path / "own", solved[3]["closing"])
+    assert (tmp_path / "own").read_text() == "mine"
 
 
 def test_no_tables(tmp_path):
