@@ -19,6 +19,7 @@ from ..continuation.multipliers import eigenvalues
 from ..continuation.problems.driven_orbits import Family, OpenRowFamily
 from ..continuation.problems.locus import AT_END, KINDS, PACE, Locus, find_grazing, follow_locus, grazing_row
 from ..errors import SolveError, warn
+from ..motion.factors import FACTORS
 from ..motion.preparation import refuse_falling
 from ..progress import Progress
 from ..ranks.parallel import collective
@@ -156,9 +157,8 @@ def _require_effect(what: str, branch: Branch, parameter: str) -> None:
     """Refuse a factor on what is zero throughout, over which every line is vertical but for rounding."""
     values = {"damping": branch.period.reduced.damping, "gap": branch.period.reduced.initial_gap}
     if parameter in values and not values[parameter].any():
-        named = {"damping": "damping ratios", "gap": "gaps"}[parameter]
         raise ValueError(
-            f"{what}: parameter = {parameter!r} has no effect, for all {named} are 0; give another "
+            f"{what}: parameter = {parameter!r} has no effect, for {FACTORS[parameter]} are 0; give another "
             f"parameter, or a model with {parameter}"
         )
 
@@ -206,7 +206,9 @@ def loci(
     refuse_falling(what, branch.period.friction)
     with collective(branch.period.reduced.comm):
         if branch.parameter != "frequency":
-            raise ValueError(f"{what}: branch = {branch!r} is over the load; give one over the frequency")
+            raise ValueError(
+                f"{what}: branch = {branch!r} is over the {branch.parameter}; give one over the frequency"
+            )
         _require_effect(what, branch, parameter)
     found = [b for b in branch.bifurcations if b.kind in SMOOTH_KINDS and b.kind in kinds]
     found = [b for b in found if b.kind != "fold" or _smooth(branch, b)]

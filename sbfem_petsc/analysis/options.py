@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, ClassVar, Literal
 
+from ..motion.factors import FACTORS, WORDS
 from ..options import Options, Pair, item
 
 # Hz: no structure has a frequency beyond, and what a structure can be driven at.
@@ -17,7 +18,9 @@ MOST, SAMPLES, LONGEST = 10**7, 10**5, 10**9
 _STEPS = "time steps a forcing period; default: 512 or more"
 _MODES = "modes; default: as accuracy needs, or all up to 8 times the loads' highest frequency, at least 80"
 _LONGEST = "most forcing periods in one period of a motion, or in the common period of its tones"
-FACTOR = "what a factor is on: the oscillating loads, all damping ratios or all gaps"
+_FACTOR: Any = Literal[tuple(FACTORS)]
+_PARAMETER: Any = Literal[("frequency", *FACTORS)]
+FACTOR = f"what a factor is on: {WORDS}"
 _CONTACT = "false: crack faces may overlap"
 
 
@@ -239,7 +242,7 @@ class LoadResponseOptions(Ranged, CurveOptions):
     frequency: float = driven_at("forcing frequency")
     start: float = item(0.0, text="first factor", ge=0, le=1e15)
     stop: float = item(1.0, text="last factor", ge=0, le=1e15)
-    parameter: Literal["load", "damping", "gap"] = item("load", text=FACTOR)
+    parameter: _FACTOR = item("load", text=FACTOR)
     largest_step: float | None = _largest_step("factor")
 
 
@@ -260,7 +263,7 @@ class SwitchOptions(Options):
 class LineOptions(Options):
     """What lines of bifurcations are followed over, and how far."""
 
-    parameter: Literal["load", "damping", "gap"] = item("load", text=FACTOR)
+    parameter: _FACTOR = item("load", text=FACTOR)
     points: int = _counted("points to either side of a bifurcation at most", 100)
 
 
@@ -347,7 +350,7 @@ class TorusCurveOptions(Options):
 class QuasiPeriodicResponseOptions(TorusCurveOptions):
     """Options of `quasi_periodic_response`."""
 
-    parameter: Literal["frequency", "load", "damping", "gap"] | None = item(
+    parameter: _PARAMETER | None = item(
         None, text="what changes: the forcing frequency, or a factor on the loads, damping ratios or gaps"
     )
     stop: float = item(text="forcing frequency (Hz) or factor at which it ends", gt=0, le=1e15)

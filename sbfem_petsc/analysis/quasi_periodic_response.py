@@ -92,8 +92,7 @@ def quasi_periodic_response(
     with LineFile(own.comm, file, resume=resume, task="quasi-periodic response", progress=progress) as run:
         told: dict[str, Any] = {"stop": stop, "stability": stability, "growing": growing}
         told |= {"samples": own.samples, "parameter": own.parameter, "frequency": own.frequency or 0.0}
-        told |= {"load": own.load, "damping": own.damping, "gap": own.gap}
-        told["largest_step"] = largest_step or "none"
+        told |= {"largest_step": largest_step or "none", **own.factors}
         period, known = run.begin_period(own.period, told, known)
         own = replace(own, period=period)
         finer = own.finer(what)

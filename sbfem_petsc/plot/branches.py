@@ -263,12 +263,14 @@ def draw_growth(axes: Axes, curve: Branch) -> None:
 
 def abscissa(owner: str, curves: Mapping[str, Any], words: str = "frequency") -> Scale:
     """Of branches over one parameter; ValueError for others."""
-    if len({curve.parameter for curve in curves.values()}) > 1:
+    over = {curve.parameter for curve in curves.values()}
+    if len(over) > 1:
         raise ValueError(
-            f"{owner}: some branches are over the frequency and some over the load; draw them apart"
+            f"{owner}: some branches are over the {' and some over the '.join(sorted(over))}; draw them apart"
         )
-    if next(iter(curves.values())).parameter == "load":
-        return Scale(1.0, "factor on the load")
+    (parameter,) = over
+    if parameter != "frequency":
+        return Scale(1.0, f"factor on the {parameter}")
     return Scale.of(words, "Hz", *(curve.value for curve in curves.values()))
 
 

@@ -64,7 +64,9 @@ def plot_swept(
     if branch is not None:
         instance("plot_swept", "branch", branch, Branch, "a Branch, or None")
         if branch.parameter != "frequency":
-            raise ValueError(f"plot_swept: branch = {branch!r} is over the load; give one over the frequency")
+            raise ValueError(
+                f"plot_swept: branch = {branch!r} is over the {branch.parameter}; give one over the frequency"
+            )
     sweeps = instances("plot_swept", "swept", swept, SweptResponse, "a SweptResponse, or several")
     shown: list[Branch | SweptResponse] = [*([] if branch is None else [branch]), *sweeps]
     if not shown:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from matplotlib import image
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
+from sbfem_petsc.motion.factors import FACTORS
 from sbfem_petsc.plot import (
     plot_branches,
     plot_harmonics,
@@ -233,6 +235,16 @@ def test_a_curve_over_the_load(oscillator, tmp_path):
     assert abscissa("plot_branches", {"0.1 N": curve}).label == "factor on the load"
     with pytest.raises(ValueError, match="over the frequency and some over the load"):
         plot_branches({"load": curve, "frequency": replace(curve, parameter="frequency")}, "two")
+
+
+def test_what_curves_are_over():
+    """Factors on the damping and on the gaps were drawn as frequencies, in Hz."""
+    curves = {name: SimpleNamespace(parameter=name, value=np.array([0.5, 1.0])) for name in FACTORS}
+    for name, curve in curves.items():
+        over = abscissa("plot_branches", {"": curve})
+        assert over.label == f"factor on the {name}" and over(0.5) == 0.5
+    with pytest.raises(ValueError, match="some branches are over the gap and some over the load"):
+        abscissa("plot_branches", {name: curves[name] for name in ("load", "gap")})
 
 
 @pytest.mark.slow

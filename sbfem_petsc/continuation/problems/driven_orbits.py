@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...motion.contact_work import contact_work
+from ...motion.factors import FACTORS, WORDS
 from ...motion.period_map import DrivenPeriod, FixedPoint, Period
 from ...motion.period_motion import PeriodMotion
 from ...motion.steps import free_motion
@@ -86,10 +87,10 @@ class ParameterRange:
 class OverParameter(Record):
     """A result over a parameter."""
 
-    parameter: str = quantity(text="what it is over", one_of=("frequency", "load", "damping", "gap"))
+    parameter: str = quantity(text="what it is over", one_of=("frequency", *FACTORS))
     value: np.ndarray = quantity(
         "Hz or 1",
-        "forcing frequency, or factor on the oscillating loads, all damping ratios or all gaps",
+        f"forcing frequency, or factor on {WORDS}",
         "point",
         least=0.0,
         unit_of=lambda branch: "Hz" if branch.parameter == "frequency" else "1",

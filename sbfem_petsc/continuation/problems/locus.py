@@ -21,6 +21,7 @@ import numpy as np
 from meshing.warnings import BranchWarning
 
 from ...errors import SolveError, warn
+from ...motion.factors import FACTORS
 from ...motion.period_map import DrivenPeriod
 from ...motion.period_motion import PeriodMotion
 from ...record.record import Record, described, quantity
@@ -37,7 +38,6 @@ from .driven_orbits import Family, OpenRowFamily, least
 from .locus_problem import LocusProblem
 
 KINDS = ("fold", "period doubling", "Neimark-Sacker", "grazing")
-PARAMETERS = ("load", "damping", "gap")
 # How a side is followed: its points, the first one included, and lengths of steps.
 PACE = Settings(points=101, first=0.02, largest=0.2, smallest=1e-4)
 AT_END = "end of the range"
@@ -57,7 +57,7 @@ class Locus(Record):
     coordinates: ClassVar = ("frequency", "value")
 
     kind: str = quantity(text="what is followed", one_of=KINDS)
-    parameter: str = quantity(text="what the factor is on", one_of=PARAMETERS)
+    parameter: str = quantity(text="what the factor is on", one_of=tuple(FACTORS))
     frequency: np.ndarray = quantity("Hz", "forcing frequency", "point", least=0.0)
     value: np.ndarray = quantity("1", "factor on the second parameter", "point")
     states: np.ndarray = quantity(

@@ -15,6 +15,7 @@ import numpy as np
 
 from ...errors import SolveError, failed_solve
 from ...motion.excitation import Excitation
+from ...motion.factors import FACTORS
 from ...motion.period_map import DrivenPeriod, Period
 from ...petsc import MPI
 from ...record.record import Record, described, quantity
@@ -46,7 +47,7 @@ class OwnTone(Record):
     """
 
     period: Period = quantity(text="the period map", part="Period", detail=True)
-    parameter: str = quantity(text="what it is over", one_of=("frequency", "load", "damping", "gap"))
+    parameter: str = quantity(text="what it is over", one_of=("frequency", *FACTORS))
     frequency: float | None = quantity("Hz", "forcing frequency, where another one is the parameter", least=0)
     samples: int = quantity("1", "phases of the motion's own tone", least=3)
     comm: MPI.Comm
@@ -69,6 +70,11 @@ class OwnTone(Record):
                 f"{self.samples} samples"
             )
 
+    @property
+    def factors(self) -> dict[str, float]:
+        """All of `FACTORS` by name."""
+        return {name: getattr(self, name) for name in FACTORS}
+
     def at(self, value: float) -> OwnTone:
         """With the parameter at a value; the frequency stays None where it is the parameter."""
         known: Any = {self.parameter: value}
@@ -90,7 +96,7 @@ class OwnTone(Record):
             raise Lost(f"the {self.parameter} has become {value:.6g}")
         own = self.at(value)
         frequency = value if own.frequency is None else own.frequency
-        return own.period.at(frequency, own.load, damping=own.damping, gap=own.gap)
+        return own.period.at(frequency, **own.factors)
 
     def require_room(self, owner: str) -> None:
         """Refuse a curve that would take more memory than is free. Collective."""
