@@ -40,8 +40,8 @@ ALIKE = 0.75
 
 
 def start() -> None:
-    """Start PETSc with the options in `sys.argv` that are meant for it, unless the program has started it
-    itself.
+    """Start PETSc with the options in `sys.argv` that are meant for it, and those in PETSC_OPTIONS, unless
+    the program has started it itself.
 
     Each rank starts it for itself: a rank that has left, or never uses it, is not waited for, at the start
     as at the end. Only where an option asks for what is of all ranks, such as -log_view, they start together.
@@ -58,12 +58,12 @@ def start() -> None:
     from mpi4py import MPI
 
     world, words = MPI.COMM_WORLD, meant(sys.argv[1:])
-    everything = [*words, *os.environ.get("PETSC_OPTIONS", "").split()]
+    everything = [*words, *meant(os.environ.get("PETSC_OPTIONS", "").split())]
     together = world.size == 1 or any(
         word.startswith(tuple("-" + name for name in WHOLE_RUN)) for word in everything
     )
-    told = any(word.startswith("-options_left") for word in words)
-    left = ["-options_left"] if words and not told and (together or world.rank == 0) else []
+    told = any(word.startswith("-options_left") for word in everything)
+    left = ["-options_left"] if everything and not told and (together or world.rank == 0) else []
     initialise([*sys.argv[:1], *words, *left], comm=world if together else MPI.COMM_SELF)
     from petsc4py import PETSc
 

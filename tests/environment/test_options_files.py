@@ -29,6 +29,22 @@ def of_a_stranger(tmp_path, text):
     return home, here, spare
 
 
+def outputs(words, folder, **environment):
+    """What Python prints, with such variables of its environment and none of matplotlib's or MPI's."""
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI", "PMI", "MATPLOTLIB"))}
+    alone = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_ALLOW_RUN_AS_ROOT": "1"}
+    alone |= {"OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, *words],
+        cwd=folder,
+        env=kept | alone | environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    return done.stdout + done.stderr
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("program", ["program", pytest.param("command with options", marks=pytest.mark.long)])
 def test_no_options_file_is_read(program, tmp_path):
@@ -38,24 +54,7 @@ def test_no_options_file_is_read(program, tmp_path):
         lambda spare, place: f"-log_view :{spare}/{place.parent.name}{place.name}\n-no_such_option 1\n",
     )
     (here / "matplotlibrc").write_text("font.sans-serif: 17\n nonsense")
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI", "PMI", "MATPLOTLIB"))}
-    environment |= {
-        "HOME": str(home),
-        "PYTHONPATH": str(ROOT),
-        "PETSC_OPTIONS": "-own_option 1 -options_left",
-        "OMPI_MCA_ess_singleton_isolated": "1",
-        "OMPI_ALLOW_RUN_AS_ROOT": "1",
-        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    }
-    done = subprocess.run(
-        [sys.executable, *PROGRAMS[program]],
-        cwd=here,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    said = done.stdout + done.stderr
+    said = outputs(PROGRAMS[program], here, HOME=str(home), PETSC_OPTIONS="-own_option 1 -options_left")
     assert os.listdir(spare) == [] and "no_such_option" not in said, said
     assert "own_option" in said and "Traceback" not in said and "Bad value" not in said, said
     assert "font" in said or "doctor" not in PROGRAMS[program]
@@ -131,3 +130,13 @@ def test_no_settings_of_libraries_are_read(name, tmp_path):
     assert {"numba": "(3)", "matplotlib": "figure "}[name] in said, said
     assert said.splitlines()[-1] == str(tmp_path)
     assert sorted(os.listdir(tmp_path)) == sorted([file, "evil.py"])
+
+
+@pytest.mark.slow
+def test_options_of_the_environment_are_told(tmp_path):
+    """As those of a command line: misspelt ones had been taken without a word."""
+    words = ["-c", "import sbfem_petsc.petsc"]
+    said = outputs(words, tmp_path, PETSC_OPTIONS="-statik_ksp_type cg -static_kps_type cg")
+    assert "-statik_ksp_type belongs to no solve; is 'static_' meant" in said
+    assert "name:-static_kps_type value: cg" in said.split("Option left", 1)[1]
+    assert "left" not in outputs(words, tmp_path, PETSC_OPTIONS="-ksp_type cg")
