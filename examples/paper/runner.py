@@ -17,6 +17,8 @@ from .store import Store
 # is shown with its stack.
 EXPECTED = (ValueError, TypeError, KeyError, RuntimeError, OSError)
 DONE = 7
+# Seconds between looks at whether the others have ended: a rank that waits within MPI takes a core from them.
+PAUSE = 0.1
 
 
 @dataclass(frozen=True)
@@ -89,16 +91,26 @@ def run_parts(
 
     shares = share_out(missing, comm.size)
     sent, awaited = [], len(missing) - len(shares[0])
+
+    def listen() -> None:
+        nonlocal awaited
+        while comm.iprobe(tag=DONE):
+            tell(*comm.recv(tag=DONE))
+            awaited -= 1
+
     for part in shares[comm.rank]:
         mine[part.name] = outcome = attempt(part, bench, store, pictures)
         short = Outcome(None, outcome.seconds, outcome.error)
         if comm.rank:
             sent.append(comm.isend((part.name, short), dest=0, tag=DONE))
-            continue
-        tell(part.name, short)
-        while comm.iprobe(tag=DONE):
-            tell(*comm.recv(tag=DONE))
-            awaited -= 1
+        else:
+            tell(part.name, short)
+            listen()
+    ended = comm.Ibarrier()
+    while not ended.Test():
+        time.sleep(PAUSE)
+        if comm.rank == 0:
+            listen()
     for _ in range(awaited if comm.rank == 0 else 0):
         tell(*comm.recv(tag=DONE))
     for request in sent:
