@@ -26,6 +26,9 @@ SYMMETRY = 1e-6
 SLOWEST, FASTEST, HEAVIEST = 10.0, 1e5, 3e4
 # Forces beside their parts that rounding of double precision leaves at most; the least that is divided by.
 EXACT, TINY = 1e-11, 1e-300
+# Rounding of entries that a person may have written, and the share of forces then that look backwards, which
+# those of springs to the ground do not.
+BY_HAND, BACKWARDS = 1e-5, 0.1
 # Forces beside their parts, unknowns of which some are too many, and bodies of whose order, and of whose
 # digits, nothing is asked: they may be written by hand; one of solid elements is none of these.
 FORCED, NEARLY, FEW, SMALL = 1e-2, 0.9, 200, 50
@@ -113,9 +116,11 @@ def warn_of_rounding(given: sparse.spmatrix, stiffness: sparse.csr_matrix, direc
     directions : (n,) array of int
     """
     along, part = directions == np.arange(3)[:, None], _rounding(given)
-    forces = np.concatenate([np.abs(_forces(stiffness, own.astype(float))[own]) for own in along])
-    left = np.median(np.append(0.0, forces[forces < part]))
-    if len(directions) >= SMALL and left > EXACT:
+    forces = np.concatenate([_forces(stiffness, own.astype(float))[own] for own in along])
+    forces = np.append(0.0, forces[np.abs(forces) < part])
+    left = np.median(np.abs(forces))
+    told = part < BY_HAND or (forces < 0.0).mean() > BACKWARDS
+    if told and len(directions) >= SMALL and left > EXACT:
         warn(
             f"{OWNER}: entries of stiffness are rounded, as in single precision: moved as a whole, the body "
             f"meets forces of {left:.2g} of their parts, low frequencies are further off; write all digits",
@@ -129,12 +134,12 @@ def _forces(stiffness: sparse.csr_matrix, moved: np.ndarray) -> np.ndarray:
 
 
 def _rounding(matrix: sparse.spmatrix) -> float:
-    """By which part of itself an entry is rounded at most: to single precision, or to 6 to 10 decimals."""
+    """By which part of itself an entry is rounded at most: to single precision, or to 2 to 10 decimals."""
     values = np.abs(np.float64(sparse.coo_matrix(matrix).data))
     values = values[values > 0.0]
     units = [(2.0**-24, np.ldexp(np.frexp(values)[0], 24))]
     decimals = values / 10.0 ** np.floor(np.log10(values))
-    units += [(5.0 * 10.0**-digits, 10.0 ** (digits - 1) * decimals) for digits in range(6, 11)]
+    units += [(5.0 * 10.0**-digits, 10.0 ** (digits - 1) * decimals) for digits in range(2, 11)]
     return next((part for part, many in units if (abs(many - np.round(many)) < 1e-3).all()), 0.0)
 
 

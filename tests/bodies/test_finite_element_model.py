@@ -482,12 +482,12 @@ def test_plates_that_are_held_over_a_face(thick):
 
 @pytest.mark.parametrize(
     "rounded",
-    [np.float32, *(lambda values, n=n: [float(f"{value:.{n}e}") for value in values] for n in (6, 9))],
-    ids=["single", "seven", "ten"],
+    [np.float32, *(lambda values, n=n: [float(f"{value:.{n}e}") for value in values] for n in (3, 4, 6, 9))],
+    ids=["single", "four", "five", "seven", "ten"],
 )
 def test_stiffness_of_few_digits(body, rounded):
-    """Single precision, and numbers written with seven digits, are warned of by what is left of forces of a
-    body that moves as a whole; a mass of such, and chains on weak springs, are right.
+    """Single precision, and numbers written with four to ten digits, are warned of by what is left of forces
+    of a body that moves as a whole; a mass of such, and chains on springs, are right.
     """
 
     def few(matrix):
@@ -509,6 +509,7 @@ def test_stiffness_of_few_digits(body, rounded):
         sb.FiniteElementModel(few(both.mass), both.stiffness, *given, fixed=both.fixed)
         nodes, unknowns = {k: (0.01 * k, 0.0, 0.0) for k in range(300)}, [(k, 0) for k in range(300)]
         sb.FiniteElementModel(1e-4 * eye, chain, unknowns, nodes)
+        sb.FiniteElementModel(1e-4 * eye, chain + 9999.5 * eye, unknowns, nodes)  # of three digits
 
 
 def test_nodes_of_nothing_do_not_make_the_body_larger(parts):
