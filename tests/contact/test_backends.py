@@ -35,7 +35,7 @@ def structure(request):
 @pytest.mark.parametrize("count", [1, pytest.param(3, marks=pytest.mark.long)])
 @pytest.mark.parametrize("kind", [Bordered, Dual])
 def test_sequences(structure, kind, count):
-    """Some 40 problems over the three structures, or 315 in the long run, each from the set before or any
+    """Some 40 problems over the three structures, or 160 in the long run, each from the set before or any
     other. Each row is trusted to 1e-9 of the largest, and moves the others.
     """
     model, w = structure
@@ -43,7 +43,7 @@ def test_sequences(structure, kind, count):
     generator, problems, unsolved, states = np.random.default_rng(3), 0, 0, set()
     for seed in range(count):
         start = None
-        for gap in list(gaps(len(w), unit, np.random.default_rng(seed)))[:: 5 if count == 1 else 2]:
+        for gap in list(gaps(len(w), unit, np.random.default_rng(seed)))[:: 5 if count == 1 else 4]:
             with closing(kind(model.statics, model.contact)) as backend:
                 found, _ = active_set(backend, gap, laws, start)
             problems += 1

@@ -29,7 +29,7 @@ from mpi4py import MPI
 from sbfem_petsc.motion.unreduced import history as module
 from tests.results.test_unreduced_history import make, LOAD, RUN
 from tests.parallel import wait_for_a_signal
-module.CHUNK = 64
+module.CHUNK = 32
 path, wait, restart, kill = sys.argv[1], sys.argv[2] == "wait", sys.argv[3] == "restart", len(sys.argv) > 4
 def tell(done):
     if MPI.COMM_WORLD.rank == 0:
@@ -44,8 +44,8 @@ if MPI.COMM_WORLD.rank == 0:
     print(json.dumps({"u": found.displacement("A").tolist(), "force": force, "complete": True}))
 """
 LOAD = sb.PointForce("A", fy=sb.ToneBurst(3000.0, 3000, 3))
-RUN = {"duration": 0.00128, "step": 2e-6, "modes": 12, "decimation": 5, "reduction": None}
-COUNT = 640
+RUN = {"duration": 0.00064, "step": 2e-6, "modes": 12, "decimation": 5, "reduction": None}
+COUNT = 320
 
 
 def make(damping=0.01):
@@ -64,13 +64,13 @@ def model():
 
 @pytest.fixture(autouse=True)
 def small_chunks(monkeypatch):
-    monkeypatch.setattr(module, "CHUNK", 64)
+    monkeypatch.setattr(module, "CHUNK", 32)
 
 
 @pytest.fixture(scope="module")
 def whole(model):
     """The uninterrupted history, not recorded."""
-    previous, module.CHUNK = module.CHUNK, 64
+    previous, module.CHUNK = module.CHUNK, 32
     try:
         return sb.transient(model, LOAD, **RUN)
     finally:
@@ -127,7 +127,7 @@ def test_killed_and_restarted(model, whole, tmp_path, kind):
     assert run.returncode != 0
     with pytest.warns(IncompleteHistory, match="resume=True"):
         part = sb.read(path)
-    assert not part.complete and 3 * 64 // 5 < len(part.time) < COUNT // 5
+    assert not part.complete and 3 * 32 // 5 < len(part.time) < COUNT // 5
     close(part, whole, len(part.time))
     close(sb.transient(model, LOAD, file=path, resume=True, **RUN), whole)
     assert sb.read(path).complete
@@ -194,23 +194,23 @@ def test_two_ranks_killed_and_restarted(model, whole, tmp_path):
 def test_a_longer_run(model, whole, tmp_path, step):
     """A complete history of half of the time goes on to the whole; a shorter one is not made of it."""
     path = tmp_path / "h.h5"
-    sb.transient(model, LOAD, file=path, **{**RUN, "duration": 0.00064})
+    sb.transient(model, LOAD, file=path, **{**RUN, "duration": 0.00032})
     assert sb.read(path).complete
     close(sb.transient(model, LOAD, file=path, resume=True, **{**RUN, "step": step}), whole)
     close(sb.read(path), whole)
     assert sb.read(path).complete and {p.name for p in tmp_path.iterdir()} == {"h.h5", "h.h5.state"}
-    with pytest.raises(ValueError, match="longer than 0.00064 s"):
-        sb.transient(model, LOAD, file=path, resume=True, **{**RUN, "duration": 0.00064})
+    with pytest.raises(ValueError, match="longer than 0.00032 s"):
+        sb.transient(model, LOAD, file=path, resume=True, **{**RUN, "duration": 0.00032})
 
 
 @pytest.mark.slow
 def test_rows_left_in_the_file(model, whole, tmp_path):
-    path, short = tmp_path / "h.h5", {**RUN, "duration": 0.00064, "in_memory": False}
+    path, short = tmp_path / "h.h5", {**RUN, "duration": 0.00032, "in_memory": False}
     with pytest.raises(KeyboardInterrupt):
         sb.transient(model, LOAD, file=path, progress=stopped(0.4), **short)
     half = sb.transient(model, LOAD, file=path, resume=True, **short)
     assert isinstance(half.contact_force, np.memmap)
-    close(half, whole, 65)
+    close(half, whole, 33)
     close(sb.transient(model, LOAD, file=path, resume=True, in_memory=False, **RUN), whole)
 
 

@@ -118,6 +118,19 @@ def sbfem(*arguments) -> Done:
     return Done(code, out.getvalue(), err.getvalue())
 
 
+# Commands one after another on the same ranks, which end with the code that all have ended with.
+COMMANDS = """
+import json, sys
+from sbfem_petsc.cli import main
+codes = set()
+for command in json.loads(sys.argv[1]):
+    try:
+        main(command)
+    except SystemExit as ended:
+        codes.add(ended.code)
+sys.exit(codes.pop() if len(codes) == 1 else f"ended with {codes}")
+"""
+
 # A sweep that waits for a signal when it has written its second row.
 WAITING = """
 import sys

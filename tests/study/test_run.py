@@ -30,7 +30,7 @@ from sbfem_petsc.study.starter import write_starter
 from sbfem_petsc.study.structure import Structure
 from tests.parallel import on_ranks
 from tests.results.same import inverted
-from tests.study.small_case import CASE, sbfem, started, written
+from tests.study.small_case import CASE, COMMANDS, sbfem, started, written
 
 # Where the dearer analyses of the case begin.
 STEADY, BURST = (CASE.index(f"[analyses.{name}]") for name in ("steady", "burst"))
@@ -336,21 +336,20 @@ def test_two_ranks(summary, tmp_path):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    "command, old, new, words",
-    [
+def test_wrong_cases_on_two_ranks(tmp_path):
+    """One sentence each, exit code 2; also of what its model alone tells."""
+    commands, told = [], []
+    for command, old, new, words in (
         ("run", "order = 3", "ordre = 3", "did you mean 'order'?"),
         ("check", "count = 5", "count = 5000", "count = 5000 asks for 5,000 modes, and there are"),
         ("check", "duration = 0.003", "duration = 0.003\nstep = 1e-12", "3e+09 steps of 1e-12 s"),
-    ],
-)
-def test_wrong_case_on_two_ranks(command, old, new, words, tmp_path):
-    """One sentence, exit code 2; also of what its model alone tells."""
-    path = written(tmp_path, CASE.replace(old, new))
-    script = f"from sbfem_petsc.cli import main; main([{command!r}, {str(path)!r}])"
-    done = on_ranks(2, script, check=False)
+    ):
+        path = written(tmp_path, CASE.replace(old, new), f"{len(told)}.toml")
+        commands.append([command, str(path)])
+        told.append(words)
+    done = on_ranks(2, COMMANDS, json.dumps(commands), check=False)
     assert done.returncode == 2
-    assert done.stderr.count(words) == 1
+    assert [done.stderr.count(words) for words in told] == [1, 1, 1]
 
 
 def test_from_python(folder):

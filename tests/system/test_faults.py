@@ -2,6 +2,7 @@
 numbers.
 """
 
+import json
 import os
 import pickle
 import re
@@ -24,7 +25,7 @@ from sbfem_petsc.study.run import RunResults
 from sbfem_petsc.study.sweep_file import Sweep
 from tests import kills
 from tests.parallel import ROOT, answer, in_session, interruptible, kill_all, on_ranks
-from tests.study.small_case import CASE, SWEEP, sbfem, stopped_sweep, written
+from tests.study.small_case import CASE, COMMANDS, SWEEP, sbfem, stopped_sweep, written
 
 # Follows a branch, or integrates a history, slowly; each rank says who it is. Ends with the last value.
 PROGRAM = """
@@ -324,23 +325,17 @@ def test_folder_that_takes_no_files(command, files, tmp_path):
     assert done.code == 2 and done.err.count("error:") == 1 and "/proc" in done.err
 
 
-COMMAND = "import sys; from sbfem_petsc.cli import main; main(sys.argv[1:])"
-
-
 @pytest.mark.long
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc, where not even root can write")
-@pytest.mark.parametrize(
-    ("command", "place"),
-    [("run", "/proc/out"), ("sweep", "file/out"), ("report", "/proc/out"), ("export", "file/out")],
-)
-def test_folder_that_takes_no_files_on_two_ranks(command, place, files, tmp_path):
+def test_folders_that_take_no_files_on_two_ranks(files, tmp_path):
     """Both ranks end with one sentence, also below what is a file and no folder."""
-    source = written(tmp_path, CASE + SWEEP) if command in ("run", "sweep") else files["run"][0]
+    case, results = str(written(tmp_path, CASE + SWEEP)), str(files["run"][0])
     (tmp_path / "file").write_text("")
-    formats = ["--csv"] if command == "export" else []
-    where = place if place.startswith("/") else str(tmp_path / place)
-    given = (command, str(source), *formats, "--output", where)
-    done = on_ranks(2, COMMAND, *given, check=False, timeout=300)
+    wheres = ("/proc/out", str(tmp_path / "file/out"), "/proc/report", str(tmp_path / "file/export"))
+    commands = (["run", case], ["sweep", case], ["report", results], ["export", results, "--csv"])
+    given = [[*command, "--output", where] for command, where in zip(commands, wheres)]
+    done = on_ranks(2, COMMANDS, json.dumps(given), check=False, timeout=300)
     assert done.returncode == 2 and "Traceback" not in done.stderr, done.stderr
-    assert done.stderr.count("error:") == 1 and where in done.stderr
+    said = [line for line in done.stderr.splitlines() if "error:" in line]
+    assert len(said) == 4 and all(where in line for where, line in zip(wheres, said)), done.stderr
     assert (tmp_path / "file").read_text() == "" and not os.path.exists("/proc/out")
