@@ -19,33 +19,34 @@ from .problem import Linear, Metric, Point, Problem, Range
 HELD = 0.7
 # The turn of the branch between two steps beyond which a step is taken again at half its length; radian.
 TOO_SHARP = 1.0
-# Further than this from its tangent a step has come to another part of the branch, radian.
+# Further than this from its tangent a step has come to another part of the branch, radian: curves that come
+# down to a stop had run back to where they began.
 ASIDE = 1.0
 # Newton iterations a step should take, and more than which is a sign that it has met another branch.
 COMFORT, TOO_MANY = 4, 7
-# Below this length a turn is a corner of the branch, where a pair begins to touch, and is taken.
+# Below this length a turn is a corner of the branch, where a pair begins to touch, and is taken; a cusp is
+# not passed with a tenth of it or ten times as much.
 CORNER = 5e-3
 # A stiff stop is hardly pressed beyond its corner: only a step much longer than the way to the corner gets
 # there; so many times as long.
 REACHES = 1.0, 8.0, 64.0
 # Beyond a corner, a point in the direction of what lies behind, by this cosine, is on the part of the branch
-# that has been gone through ...
+# that has been gone through, far behind the last points, too: without, a curve over the load whose stop is
+# met at .33 of it runs back to 0 ...
 BACK = 0.999
 # ... and of a branch that bends there a point this near, of its distance from the last one, to the parabola
 # through the last three.
 ALONG = 0.05
-# Beyond a corner a point whose tangent leads back by so much, as the determinant tells, is one that the
-# branch comes from.
-FROM_THERE = 0.9
 # A tangent that points back so straight is that of a smooth branch at which the determinant has changed its
-# sign, and not of the far side of a corner.
+# sign, as on either branch of a pitchfork, and not of the far side of a corner.
 STRAIGHT = 0.999
 # Of the unknowns in their units: how near the last point is to the first one if it is the same solution.
 SAME = 1e-6
 # Of the range: the value of a branch that goes no further does not change.
 STILL = 1e-9
-# Points before a line may close, and how far it may pass beside its first point, of its step.
-FEWEST, MISS = 6, 0.2
+# How far a line that closes may pass beside its first point, of its step: a circle in steps as usual passes
+# by more than .002.
+MISS = 0.2
 # The reason of one that has closed.
 CLOSED = "it is closed"
 # Length of the first step beyond a leap.
@@ -231,7 +232,7 @@ class Follower:
     def _closes(self) -> bool:
         """Whether the last step has passed the first point in the direction in which the line began."""
         points = self.points
-        if len(points) < FEWEST or len(points[0].u) != len(points[-1].u):
+        if len(points[0].u) != len(points[-1].u):
             return False
         metric = Metric(self.problem, points[-1].u)
         step, there = metric.way(points[-2], points[-1]), metric.way(points[-2], points[0])
@@ -377,8 +378,6 @@ class Follower:
         straight = min(self.metric.dot(onward, chord), self.metric.dot(chord, tangent))
         turn = math.acos(min(max(straight, -1.0), 1.0))
         if length > CORNER and turn > TOO_SHARP:
-            return None
-        if behind is not None and self.metric.dot(onward, chord) < -FROM_THERE:
             return None
         if self.line.sign is not None and self.metric.dot(onward, chord) < -STRAIGHT:
             # a branch point: the determinant has changed its sign on a smooth branch; beyond a corner the

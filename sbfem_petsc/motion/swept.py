@@ -155,7 +155,7 @@ class SweptResponse(OfReduced):
         """
         if self.settling == 0:
             return math.inf
-        ends = self._ends
+        ends = self.loads.ends
         between = 0.5 * (ends[-1] + ends[-2] - ends[1])  # of the middles of the first and the last cycle
         change = abs(self.frequency[-1] - self.frequency[0]) / between
         return 2.0 * math.pi * float(change) * self._settling_time**2
@@ -223,7 +223,7 @@ class SweptResponse(OfReduced):
         least = positive("jumps", "least", least)
         if why := self._why_no_jumps():
             raise ValueError(f"jumps: {why}")
-        ends, span = self._ends, self._settling_time
+        ends, span = self.loads.ends, self._settling_time
         # of all cycles behind whose beginning there are four settling times
         begin = ends[: np.searchsorted(ends, ends[-1] - (APART + 1) * span, side="right")]
         sums = np.concatenate([[0.0], np.cumsum(amplitude * np.diff(ends))])
@@ -251,14 +251,9 @@ class SweptResponse(OfReduced):
         return tuple(found)
 
     @property
-    def _ends(self) -> np.ndarray:
-        """(n + 1,) times between cycles, s."""
-        return np.concatenate([[0.0], np.cumsum(1.0 / self.frequency)])
-
-    @property
     def _settling_time(self) -> float:
         """s."""
-        return self.settling / len(self.frequency) * float(self._ends[-1])
+        return self.settling / len(self.frequency) * float(self.loads.ends[-1])
 
     def _why_no_jumps(self) -> str:
         """What keeps jumps from being told; "" where nothing does."""

@@ -229,7 +229,6 @@ def test_a_corner_where_a_branch_turned_about(monkeypatch):
     monkeypatch.setattr(Follower, "_gone_through", lambda self, point: False)
     monkeypatch.setattr(follow, "ASIDE", np.pi)
     monkeypatch.setattr(follow, "STRAIGHT", 0.0)
-    monkeypatch.setattr(follow, "FROM_THERE", 2.0)
     with pytest.warns(sb.BranchWarning, match="back at its beginning at .* has turned about near 0.2383"):
         other = sb.frequency_response(stiff, [0.3], 0.7 / TURN, 1.5 / TURN, **options)
     assert not other.complete and "run back along itself" in other.reason
