@@ -120,7 +120,7 @@ def periodic(
         and some ten vectors that stand for all others, in 64 ceil(8 sqrt(1e-3 / accuracy)) steps or what
         modes and loads ask for; more of them, from the motion found on, where its told error is above, to
         320 modes, or no more than the 80 where 320 would be far from enough. Where faces rub `friction_loss`
-        may be five times as far off, of which nothing is told. Default: 1e-3 of a Model with named points
+        may be ten times as far off, of which nothing is told. Default: 1e-3 of a Model with named points
         where neither modes nor steps nor `tolerance` is given and `segments` is 1, else none.
     search : continuation.search.Search, optional
         How far a motion is looked for where Newton's method does not converge from the first guess.

@@ -32,9 +32,9 @@ from .search import NEWTON_ALONE, find_steady_state
 # Of the highest frequency of the modes from one attempt to the next, by the error; the least share of it that
 # is left to the steps, and the share that they may have; power of the modes by which errors fall at best.
 LEAST_MORE, MOST_MORE, LEFT, OF_STEPS, FASTEST = 1.25, 2.5, 0.25, 0.6, 4.0
-# Where faces rub, times the steps at most from one attempt to the next in more modes, for those of few tell
-# little; times those of a known motion up to which one near it that is lost is looked for in twice as many.
-AT_ONCE, LOST = 4, 2
+# Where faces rub, times the steps of a known motion up to which one near it that is lost is looked for in
+# twice as many.
+LOST = 2
 # Times the first steps where nobody asked.
 UNASKED = 4
 
@@ -201,18 +201,18 @@ class Accuracy:
             return usual, steps
         if in_vain or largest_error(counted.sum(axis=0)) <= wanted:
             return None
-        times, left = 1, wanted
+        times, left, share, rubs = 1, wanted, 1.0, reduced.friction is not None
         if self._model is not None and by_modes > (1.0 - OF_STEPS) * wanted:
-            top, power = float(reduced.frequencies[:modes].max()), 0.25 if reduced.vectors else 0.5
+            top, power = reduced.frequencies[:modes].max(), 0.5 if rubs or not reduced.vectors else 0.25
             share = min(max((2.0 * by_modes / wanted) ** power, LEAST_MORE), MOST_MORE)
             beyond = modes_beyond(self._model, share * top, math.ceil(LEAST_MORE * modes))
             more = min(most, max(modes, min(self.settings.most, beyond)))
         if more == modes:
             left = min(wanted, max(2.0 * (wanted - by_modes), LEFT * wanted))
-        if by_steps > OF_STEPS * wanted or more == modes:
+        elif rubs:  # more modes change sides in steps as much shorter, and those of few tell little of them
+            left, by_steps = max(wanted, LEFT * by_modes), share * by_steps
+        if by_steps > OF_STEPS * left or more == modes:
             times = self._more_steps(steps, by_steps / left)
-            if reduced.friction is not None and more > modes:
-                times = min(times, AT_ONCE)
         if more == modes and (times == 1 or by_modes > wanted):
             return None  # steps alone do not help
         return more if self._model is not None else self.settings.modes, times * steps

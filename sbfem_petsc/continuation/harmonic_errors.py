@@ -27,9 +27,9 @@ FAINT, RESTING = 1e-3, 1e-7
 # Errors of second order, relative to the change in twice the steps; the same of left-out modes, whose error
 # falls about as the square of the highest frequency, and at most.
 SECOND, MODES, MOST = 4.0 / 3.0, 2.0, 4.0
-# The same of vectors that stand for all of them up to twice the highest frequency; of those beyond edges that
-# move have more.
-ALL, MOVED = 1.5, 3.0
+# The same of vectors that stand for all of them up to twice the highest frequency; those beyond edges that
+# move have more, and where faces rub errors fall as little as 1 / band.
+ALL, MOVED, RUBBING = 1.5, 3.0, 2.5
 # Iterations, and the residual relative to the first one and to the linear oscillation: where equal
 # frequencies have other modes of one plane in the wider model the first one is large.
 NEWTON, RELATIVE, OF_OSCILLATION = 16, 1e-2, 1e-5
@@ -124,7 +124,7 @@ def beyond(reduced: ReducedModel, more: ReducedModel) -> float:
     have next to nothing of what is driven, and others tell.
     """
     if reduced.model is not None and more is not reduced:
-        return MOVED if len(reduced.edges) else ALL
+        return MOVED if len(reduced.edges) else ALL if reduced.friction is None else RUBBING
     if more is reduced or not (more.points.loads.any() or more.points.contact.any()):  # which are all
         return 1.0
     own, omega = reduced.points, np.where(reduced.omega > 0.0, reduced.omega, np.inf)  # of what bends

@@ -27,8 +27,9 @@ from .reduced_model import ReducedModel
 PATTERN, BESIDE, MOST = 0.01, 0.5, 16
 # So many vectors at least: beyond a few modes frequencies lie far apart.
 LEAST = 3
-# Least damping ratio of vectors where faces rub: a few of them ring where the many modes that they stand for
-# run apart, and each change between stick and slip sets them off.
+# Least damping ratio of vectors where faces rub, at the highest mode's frequency, further ones in proportion
+# to theirs: a few of them ring where the ever more modes that they stand for run apart, and each change
+# between stick and slip sets them off.
 RUBBED = 0.02
 # Behind fewer modes than these that damping is felt in the harmonics, and hardly in what is told of them.
 FEW = 20
@@ -84,7 +85,7 @@ class LeftOut:
         top = ratios[count - 1]
         further = ratios[count:] * (own.damping[-1] / top) if top else np.full(len(omega), own.damping[-1])
         if own.friction is not None and count >= FEW:
-            further = np.maximum(further, RUBBED)
+            further = np.maximum(further, RUBBED * omega / own.omega.max())
 
         still = self.load_modes / omega[:, None] ** 2, self.gap.T / omega[:, None] ** 2
         supports = None
