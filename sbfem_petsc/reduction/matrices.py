@@ -66,8 +66,9 @@ def reduce_matrices(
     Parameters
     ----------
     mass, stiffness : (n, n) arrays or sparse matrices of SciPy
-        Symmetric; mass positive definite; the stiffness may admit rigid-body motions. Sparse ones are for
-        large systems, by SLEPc and PETSc: the stiffness positive definite, unknowns without mass allowed.
+        Symmetric; mass positive definite; the stiffness may admit rigid-body motions, and what holds one by
+        less than 1e-13 of the largest entries may pass for rounding: 0 Hz. Sparse ones are for large systems,
+        by SLEPc and PETSc: the stiffness positive definite, unknowns without mass allowed.
     contact_rows : (pairs, n) array or sparse matrix
         Gap = contact_rows u + gap + compliance force.
     gap : (pairs,) array
