@@ -68,7 +68,7 @@ _FORMATS = {
     **dict.fromkeys(STEP, _STEP),
     ".brep": _BREP,
     **dict.fromkeys(IGES, _IGES),
-    ".inp": _Format(r"(?!.*\0)\s*\*", "an Abaqus input file"),
+    ".inp": _Format(r"(?!.*\0)(?:\xef\xbb\xbf)?\s*\*", "an Abaqus input file"),
     ".vtu": _VTU,
     ".vtk": _Format(r"# vtk DataFile", "a legacy VTK file (it begins with # vtk DataFile)"),
     ".unv": _UNV,

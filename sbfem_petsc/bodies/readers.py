@@ -295,7 +295,7 @@ def _read(file: str, place: int) -> Any:
             if hasattr(found, "check_format"):  # what indices there are is believed by all else
                 found.check_format()
             return sparse.csr_matrix(found)
-        with open(file, encoding="utf-8", errors="replace") as opened:
+        with open(file, encoding="utf-8-sig", errors="replace") as opened:
             lines = [line.replace(",", " ") for line in opened if not line.startswith("*")]
         table = np.loadtxt(lines or ["0"], ndmin=2)
         what = "node, direction" if place == 2 else "node, direction, node, direction, value"

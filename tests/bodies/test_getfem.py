@@ -29,6 +29,15 @@ def test_frequency_and_mass():
     assert len(body.unknowns) == 30 and len(body.fixed) == 12
 
 
+def test_unknowns_as_editors_of_windows_save_them(tmp_path):
+    """With a byte order mark, which had been refused."""
+    text = (FILES / "plate_unknowns.txt").read_text()
+    (tmp_path / "unknowns.txt").write_text(text, encoding="utf-8-sig")
+    names = ("plate_k.mtx", "plate_m.mtx", "plate_nodes.inp")
+    body = sb.read_matrices(*(FILES / name for name in names), tmp_path / "unknowns.txt")
+    assert body.unknowns.tolist() == plate().unknowns.tolist()
+
+
 def test_shells_by_an_offset():
     """Two plates, midplanes 4.5 mm apart, the upper one pressed down: gaps of .5 mm, frequencies, deflection
     and forces of dense matrices, in which rotations are condensed and forces solve a complementarity problem.

@@ -82,6 +82,9 @@ def test_two_plates(tmp_path):
     assert mesh.nodes[mesh.points["P"]] == pytest.approx([2, 1])
     assert edges(mesh, "clamp") == [(0.0, 0.5)] and edges(mesh, "load") == [(2.0, 0.5)]
     assert read_gmsh(tmp_path / "model.inp", order=1, scale=1e-3).area == pytest.approx(2e-6, rel=1e-12)
+    text = (tmp_path / "model.inp").read_text()
+    (tmp_path / "model.inp").write_text(text, encoding="utf-8-sig")  # as editors of Windows save it
+    assert read_gmsh(tmp_path / "model.inp", order=1).area == pytest.approx(2.0, rel=1e-12)
 
 
 def test_sets_of_several_blocks_and_of_cells_of_two_sizes(tmp_path):

@@ -48,7 +48,7 @@ def extract(*, file: str, **options: Any) -> tuple[dict[str, Any], dict[str, np.
     Refusal
         It is no plane mesh, is not understood, or has cells without a material or with two.
     """
-    with open(file, encoding="utf-8", errors="replace") as stream:
+    with open(file, encoding="utf-8-sig", errors="replace") as stream:
         lines = ((f"line {number}", line) for number, line in enumerate(stream, 1))
         deck = _Deck(list(of_one_part(cards(lines))))
     groups = deck.materials() | deck.curves()
