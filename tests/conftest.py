@@ -46,12 +46,15 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What is long is slow too: `-m "not slow"` on the command line replaces the default `not long`. Files
     with programs on several ranks, which wait for one another (tests/parallel.py), come first and so to one
-    worker.
+    worker; of these the ones with the longest limits of time, before other workers take some over.
     """
+    limits: dict[pathlib.Path, float] = {}
     for item in items:
         if item.get_closest_marker("long"):
             item.add_marker(pytest.mark.slow)
-    items.sort(key=lambda item: not hasattr(getattr(item, "module", None), "on_ranks"))
+        own = item.get_closest_marker("timeout")
+        limits[item.path] = max(limits.get(item.path, 0.0), own.args[0] if own else 0.0)
+    items.sort(key=lambda i: (not hasattr(getattr(i, "module", None), "on_ranks"), -limits[i.path]))
 
 
 def pytest_collection_finish() -> None:

@@ -355,6 +355,7 @@ def at(numbers, path: str):
 
 
 @pytest.mark.long
+@pytest.mark.timeout(900)
 def test_whole_report(fast, tmp_path):
     """All parts shared out to two ranks: every number that matters, printed once and as on one rank, and
     which of the paper's statements are met.

@@ -1,11 +1,16 @@
 """The same numbers on one rank and on several, more ranks than S-elements included."""
 
 import functools
+import os
+import pathlib
+import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
-from tests.parallel import alone, answer, on_ranks
+from tests.parallel import ROOT, alone, answer, on_ranks
 
 PROGRAM = """
 import json, sys
@@ -134,3 +139,24 @@ def test_histories():
     for name in ("u", "full"):
         np.testing.assert_allclose(found[name], expected[name], atol=1e-6 * np.abs(expected[name]).max())
     assert np.mean(np.array(found["active"]) != np.array(expected["active"])) < 0.01
+
+
+WORKER = """
+import sys
+from tests.parallel import give_way, in_session
+look = "print(open('/proc/self/autogroup').read())"
+give_way()
+exec(look)
+print(in_session([sys.executable, "-c", look]).communicate()[0])
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not os.path.exists("/proc/self/autogroup"), reason="cores are not shared among sessions")
+def test_workers_give_way_to_programs_on_ranks():
+    """Not this process, nor the terminal that it was started from."""
+    here = pathlib.Path("/proc/self/autogroup")
+    own = here.read_text()
+    done = subprocess.run([sys.executable, "-c", WORKER], cwd=ROOT, capture_output=True, text=True)
+    assert re.findall(r"nice (-?\d+)", done.stdout) == ["10", "0"], done.stderr
+    assert here.read_text() == own
