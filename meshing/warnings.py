@@ -26,7 +26,7 @@ class LargeDisplacementWarning(UserWarning):
 
 
 class MeshWarning(UserWarning):
-    """Cells are large, or their order or terms low, for the wavelengths of a result."""
+    """Cells are large, or their order or terms low, for what a result does in them: waves, bending, tips."""
 
 
 class LoadWarning(UserWarning):

@@ -164,8 +164,11 @@ class EdgeLoad(Load):
 
     def assemble(self, structure: LoadAssembler) -> None:
         """Add the traction's nodal forces."""
-        fixed, pressure = np.array([self.tx, self.ty]), self.pressure
-        structure.edge_traction(self.edge_set, lambda normal: fixed - pressure * normal)
+        structure.edge_traction(self.edge_set, self.traction)
+
+    def traction(self, normal: np.ndarray) -> np.ndarray:
+        """(..., 2): that of constant components where outward normals (..., 2) are, Pa."""
+        return np.array([self.tx, self.ty]) - self.pressure * normal
 
 
 @dataclass(frozen=True)

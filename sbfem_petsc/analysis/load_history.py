@@ -26,11 +26,12 @@ from ..record.record import Record, derived, described, of_each, quantity
 from ..reduction.reduced_model import SYSTEM, ReducedModel
 from ..signals.signal import Signal
 from ..system.fields.places import checked_line
+from ..system.fields.static_resolution import warn_of_rest
 from ..system.fields.tip_facts import together
 from ..system.model import Model
 from .analysis import analysis
 from .options import LoadHistoryOptions
-from .static import reduced_states, state
+from .static import at_rest, reduced_states, state
 from .static_result import Static
 
 _over_time = of_each("states", Static, "time")
@@ -207,6 +208,11 @@ def load_history(
         For times that are not numbers.
     SolveError
         If the linear solve or the active set fails.
+
+    Warns
+    -----
+    MeshWarning
+        As `static`; of displacements once, in the state that is off most.
     """
     if isinstance(model, ReducedModel):
         times, signals = _checked(time), loading("load_history", model, load).signals
@@ -229,6 +235,9 @@ def load_history(
     for t in times:
         former = states[-1] if states else None
         states.append(state(model, _at(loads, float(t)), contact, former=former))
+    warn_of_rest(
+        model.statics, [at_rest(f"load_history, at {t:.6g} s", one) for t, one in zip(times, states)]
+    )
     return LoadHistory(times, tuple(states))
 
 

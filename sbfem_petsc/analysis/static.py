@@ -28,6 +28,7 @@ from ..signals.signal import Constant
 from ..system.fields.fracture import contact_nodal_forces, energy_release_rates, notes, t_stresses
 from ..system.fields.resolution import warn_of_tips
 from ..system.fields.sampling import Field
+from ..system.fields.static_resolution import AtRest, warn_of_rest
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
 from ..system.solve.equilibrium import Equilibrium
@@ -84,8 +85,10 @@ def static(
     Warns
     -----
     MeshWarning
-        If faces touch next to a tip over less than its S-element resolves; if the stresses around a tip are
-        not carried by its edges; if the accuracy asked for is not reached.
+        If the displacement under the loads is off by about a thousandth of itself or more, because edges are
+        long for how they bend (nothing is told of what single forces do next to them); if faces touch next to
+        a tip over less than its S-element resolves; if the stresses around a tip are not carried by its
+        edges; if the accuracy asked for is not reached.
     LargeDisplacementWarning
         If displacements are more than 5 % of the body.
     StepWarning
@@ -99,7 +102,9 @@ def static(
         return _of_rows(model, load, contact, accuracy)
     instance("static", "model", model, Model, SYSTEM)
     if accuracy is None:
-        return state(model, load, contact)
+        found = state(model, load, contact)
+        warn_of_rest(model.statics, [at_rest("static", found)])
+        return found
     _prepare(model, load)
     _, found, estimate = refined(
         "static",
@@ -184,6 +189,13 @@ def state(model: Model, load, contact: bool, former: Static | None = None) -> St
     if former is None:
         _warn_of_closing(found)
     return found
+
+
+def at_rest(name: str, found: Static) -> AtRest:
+    """What is asked of cells and order of a state; the name is for messages. Collective."""
+    pairs = found.model.pairs.nodes[found.equilibrium.force[: len(found.gap)] != 0.0]
+    acceleration = found.columns.acceleration[:, 0]
+    return AtRest(name, found.field, found.load, acceleration, pairs.ravel(), found.strain_energy)
 
 
 def _prepare(model: Model, load) -> None:

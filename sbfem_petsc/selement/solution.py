@@ -170,7 +170,7 @@ def solve_selement(
 
 
 def solve_selements(
-    stack: Sectors, closed: bool, terms: int, *, density: np.ndarray | None = None
+    stack: Sectors, closed: bool, terms: int | None = None, *, density: np.ndarray | None = None
 ) -> list[SElement]:
     """Solve many non-dimensional S-elements of one number of nodes as `solve_selement`, those at once that
     can be.
@@ -183,6 +183,8 @@ def solve_selements(
         As of `solve_selement`.
     """
     found = _solved(stack, closed, density, None)
+    if terms is None:
+        return found
     return [
         element.with_inertia(terms) if dynamics is None else replace(element, dynamics=dynamics)
         for element, dynamics in zip(found, inertia_of_stack(found, terms))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import functools
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -53,6 +54,7 @@ LEFT_OUT = 0.3
 # Share of the errors of waves that cells may have which warnings leave out beside larger ones: it changed the
 # largest of eight errors by 4 % at most, of cantilevers, beams with a notch and plates with cracks.
 NEGLIGIBLE = 0.03
+Acting = Callable[[SElement, Group, np.ndarray, int], tuple[np.ndarray, np.ndarray]]
 # S-elements that are looked at at a time, and what left-out auxiliary unknowns contribute to one, see
 # `Pencil`.
 _BATCH, _TOLERANCE = 1024, 1e-6
@@ -87,13 +89,15 @@ def frequency_errors(found: Modal, modes: Sequence[int], negligible: float = 0.0
     modes = list(modes)
     omega = 2.0 * np.pi * found.frequencies[modes]
     shapes = elements.layout.nodal(found.shapes[:, modes])
-    lost, edges = np.zeros(len(modes)), _Edges(statics, len(modes))
-    for groups, terms in _alike(elements, _looked_at(elements, float(omega.max()), negligible)):
-        for group, rich in zip(groups, _richer(elements, groups, terms)):
-            for first in range(0, len(group.sizes), _BATCH):
-                some = group.select(slice(first, first + _BATCH))
-                lost += _add_group(elements, some, rich, omega, shapes, edges)
-    lost = elements.layout.comm.allreduce(lost) + FURTHER * edges.energies()
+    edges = Edges(statics, len(modes))
+
+    def acting(element: SElement, group: Group, u: np.ndarray, more: int) -> tuple[np.ndarray, np.ndarray]:
+        material = elements.materials[group.material]
+        waves = omega**2 * (material.density / material.modulus) * group.sizes[:, None, None] ** 2
+        force = _dynamic(element, u, waves, elements.terms + more)
+        return force, u * force
+
+    lost = energies_lost(edges, _looked_at(elements, float(omega.max()), negligible), shapes, acting)
     if not statics.supported:  # rigid-body modes have nothing to lose
         lost[omega**2 < lowest_scale(elements)] = 0.0
     return np.divide(lost, 2.0 * omega**2, out=np.zeros(len(modes)), where=omega > 0.0)
@@ -256,9 +260,9 @@ def _shear_speed(elements: Elements, group: Group) -> float:
     return float(np.sqrt(material.elasticity[..., 2, 2].min() * material.modulus / material.density))
 
 
-def _looked_at(elements: Elements, omega: float, negligible: float) -> list[tuple[Group, float]]:
-    """S-elements whose errors at omega count, by groups, and their largest size times omega / c_s.
-    Collective.
+def _looked_at(elements: Elements, omega: float, negligible: float) -> list[tuple[Group, int | None]]:
+    """S-elements whose errors at omega count, by groups, and the terms of the continued fraction that they
+    are looked at with. Collective.
 
     Errors of waves go with the area and at least with (size omega / c_s)^(2 order - 2): those of cells which
     have less than a share of the mean of it are together less than this share of all. Second order and less
@@ -276,21 +280,53 @@ def _looked_at(elements: Elements, omega: float, negligible: float) -> list[tupl
         (group, long, np.flatnonzero((long >= LEFT_OUT * _safe(elements)) & (error >= least)))
         for group, long, (_, error) in zip(groups, waves, parts)
     ]
-    return [(group.select(rows), float(long[rows].max())) for group, long, rows in found if len(rows)]
+    return [
+        (group.select(rows), _terms(elements, long[rows].max())) for group, long, rows in found if len(rows)
+    ]
 
 
-def _alike(elements: Elements, found: list[tuple[Group, float]]) -> Iterator[tuple[list[Group], int]]:
+def _terms(elements: Elements, waves: float) -> int:
+    """Of the continued fraction that S-elements of a size times omega / c_s are looked at with."""
+    return elements.terms + (MORE_TERMS if waves > SHORT or not elements.terms else 0)
+
+
+def energies_lost(
+    edges: Edges, found: list[tuple[Group, int | None]], shapes: np.ndarray, acting: Acting
+) -> np.ndarray:
+    """(columns,): what displacements lose of their energies in two orders less, twice. Collective.
+
+    Parameters
+    ----------
+    edges : Edges
+        New ones, with loads on them if there are any.
+    found : list of (Group, int or None)
+        S-elements that are looked at, and the terms of the continued fraction that they take.
+    shapes : (m, 2, columns) array
+        Displacements of this rank's nodes.
+    acting : callable
+        Forces (k, n, columns) of an S-element, as it is or in the higher order, and what its energies are the
+        sum of over n.
+    """
+    elements, lost = edges.elements, np.zeros(shapes.shape[-1])
+    for groups, terms in _alike(found):
+        for group, rich in zip(groups, _richer(elements, groups, terms)):
+            for first in range(0, len(group.sizes), _BATCH):
+                some = group.select(slice(first, first + _BATCH))
+                lost += _add_group(edges, some, rich, shapes, acting)
+    return elements.layout.comm.allreduce(lost) + FURTHER * edges.energies()
+
+
+def _alike(found: list[tuple[Group, int | None]]) -> Iterator[tuple[list[Group], int | None]]:
     """Groups that are solved at once, and the terms of the continued fraction that they take."""
-    alike: dict[tuple[int, int, bool, int], list[Group]] = {}
-    for group, waves in found:
-        terms = elements.terms + (MORE_TERMS if waves > SHORT or not elements.terms else 0)
+    alike: dict[tuple[int, int, bool, int | None], list[Group]] = {}
+    for group, terms in found:
         alike.setdefault((group.material, len(group.shape), group.closed, terms), []).append(group)
     for (_, _, _, terms), groups in alike.items():
         for first in range(0, len(groups), STACK):
             yield groups[first : first + STACK], terms
 
 
-def _richer(elements: Elements, groups: list[Group], terms: int) -> list[SElement]:
+def _richer(elements: Elements, groups: list[Group], terms: int | None) -> list[SElement]:
     """The S-elements of some groups in a higher order."""
     order, material = elements.layout.order, elements.materials[groups[0].material]
     whole = _prolongation(len(groups[0].shape), order, groups[0].closed)
@@ -299,24 +335,22 @@ def _richer(elements: Elements, groups: list[Group], terms: int) -> list[SElemen
     return solve_selements(stack, groups[0].closed, terms, density=material.densities)
 
 
-def _add_group(
-    elements: Elements, group: Group, rich: SElement, omega: np.ndarray, shapes: np.ndarray, edges: _Edges
-) -> np.ndarray:
-    """Energies that the group's S-elements lose with the modes as they are; residuals go to `edges`."""
+def _add_group(edges: Edges, group: Group, rich: SElement, shapes: np.ndarray, acting: Acting) -> np.ndarray:
+    """Energies that the group's S-elements lose as they are; residuals go to `edges`."""
+    elements = edges.elements
     order, material = elements.layout.order, elements.materials[group.material]
     whole = _prolongation(len(group.shape), order, group.closed)
-    bubbles = _bubbles(len(group.shape), order, group.closed)
+    further = further_polynomials(len(group.shape), order, group.closed)
     scale, count, members = material.modulus * elements.thickness, len(whole), len(group.sizes)
-    own = np.einsum("nb,ij->nibj", bubbles, np.eye(2)).reshape(2 * count, -1)
-    waves = omega**2 * (material.density / material.modulus) * group.sizes[:, None, None] ** 2
+    own = np.einsum("nb,ij->nibj", further, np.eye(2)).reshape(2 * count, -1)
     local = np.matmul(group.rotations[:, None], shapes[group.nodes])
     fine = np.einsum("fn,knim->kfim", whole, local, optimize=True).reshape(members, 2 * count, -1)
     coarse = local.reshape(members, 2 * len(group.shape), -1)
-    force = _dynamic(rich, fine, waves, elements.terms + MORE_TERMS)
+    force, left = acting(rich, group, fine, MORE_TERMS)
     edges.add(group, scale * (own.T @ force), scale * (own.T @ rich.stiffness @ own))
     # one by one: of the lowest modes little is left
-    less = _dynamic(group.solution, coarse, waves, elements.terms)
-    by_element = (coarse * less).sum(axis=1) - (fine * force).sum(axis=1)
+    _, whole_energy = acting(group.solution, group, coarse, 0)
+    by_element = whole_energy.sum(axis=1) - left.sum(axis=1)
     return scale * by_element.sum(axis=0)
 
 
@@ -332,6 +366,7 @@ def _dynamic(element: SElement, u: np.ndarray, waves: np.ndarray, terms: int) ->
     return result
 
 
+@functools.cache
 def _prolongation(nodes: int, order: int, closed: bool) -> np.ndarray:
     """From nodal values to those of an order higher by `MORE_ORDERS` on the same edges."""
     higher = order + MORE_ORDERS
@@ -344,7 +379,8 @@ def _prolongation(nodes: int, order: int, closed: bool) -> np.ndarray:
     return result
 
 
-def _bubbles(nodes: int, order: int, closed: bool) -> np.ndarray:
+@functools.cache
+def further_polynomials(nodes: int, order: int, closed: bool) -> np.ndarray:
     """(nodes of the higher order, edges * MORE_ORDERS): further polynomials on the edges, zero at their
     ends.
     """
@@ -360,11 +396,11 @@ def _bubbles(nodes: int, order: int, closed: bool) -> np.ndarray:
     return result
 
 
-class _Edges:
+class Edges:
     """Residuals and stiffnesses of further polynomials on the S-elements' edges, by the edges' nodes."""
 
     def __init__(self, statics: Stiffness, modes: int):
-        self._layout, self.modes = statics.layout, modes
+        self._layout, self.elements, self.modes = statics.layout, statics.elements, modes
         self.found: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
         # where springs act the S-elements alone are not in balance: nothing is said of these edges
         self._elastic: dict[frozenset[int], np.ndarray] = {}
@@ -375,13 +411,16 @@ class _Edges:
                 self._elastic[key] = springs | self._elastic.get(key, np.zeros(2, dtype=bool))
         # nor of those at a support on a point, whose reaction is singular
         points = self._layout.points
-        self._points = [points[s.where][2] for s in statics.supports if s.where in points]
+        held = [points[s.where][2] for s in statics.supports if s.where in points]
+        self.single = np.isin(self._layout.part.nodes, held)
+        # nor of edges all whose nodes are of S-elements that are left out
+        self.left = np.zeros_like(self.single)
 
     def add(self, group: Group, residual: np.ndarray, block: np.ndarray) -> None:
         """Add the shares of S-elements, (k, 4 edges, modes) and (4 edges, 4 edges) for MORE_ORDERS of two,
         in the frame of the group's shape.
         """
-        part, order, size = self._layout.part, self._layout.order, 2 * MORE_ORDERS
+        order, size = self._layout.order, 2 * MORE_ORDERS
         chains = edge_nodes(len(group.shape), order, group.closed)
         edges = group.nodes[:, chains].reshape(-1, order + 1)
         own = np.stack([block[i : i + size, i : i + size] for i in range(0, len(block), size)])
@@ -389,6 +428,14 @@ class _Edges:
         back = turns.swapaxes(-1, -2)
         forces = (back @ residual.reshape(len(residual), len(chains), size, -1)).reshape(len(edges), size, -1)
         blocks = (back @ own @ turns).reshape(len(edges), size, size)
+        self._add(edges, forces, blocks)
+
+    def pull(self, edges: np.ndarray, forces: np.ndarray) -> None:
+        """Add loads (edges, 4, modes) on the further polynomials of edges (edges, order + 1)."""
+        self._add(edges, -forces, np.zeros((*forces.shape[:2], forces.shape[1])))
+
+    def _add(self, edges: np.ndarray, forces: np.ndarray, blocks: np.ndarray) -> None:
+        part, order = self._layout.part, self._layout.order
         # seen from its other end: odd polynomials change sign
         nodes = part.nodes[edges]
         odd = np.repeat([(-1.0) ** n for n in range(order + 1, order + MORE_ORDERS + 1)], 2)
@@ -403,10 +450,11 @@ class _Edges:
         """(edges, 4): of the further polynomials' unknowns those of which something is said."""
         part = self._layout.part
         free = (part.unknowns[edges] >= 0).any(axis=1)
-        free &= ~np.isin(part.nodes[edges], self._points).any(axis=1)[:, None]
+        free &= ~(self.single[edges].any(axis=1) | self.left[edges].all(axis=1))[:, None]
         if self._elastic:
             none = np.zeros(2, dtype=bool)
-            free &= ~np.array([self._elastic.get(frozenset(edge), none) for edge in edges.tolist()])
+            springs = [self._elastic.get(frozenset(edge), none) for edge in edges.tolist()]
+            free &= ~np.array(springs, dtype=bool).reshape(-1, 2)
         return np.tile(free, MORE_ORDERS)
 
     def energies(self) -> np.ndarray:

@@ -1,0 +1,167 @@
+"""Whether cells and order carry a state at rest: errors of the displacement, estimated cell by cell."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from meshing.gll import gll_nodes, tabulated
+from meshing.warnings import MeshWarning
+
+from ...errors import warn
+from ...loads import EdgeLoad, Loads, PointForce
+from ...selement.coefficients import edge_nodes
+from ...selement.solution import SElement
+from ..elements.shapes import Group
+from ..layout.layout import Layout
+from ..solve.stiffness import Stiffness
+from ..supports import edge_metric
+from .resolution import MORE_ORDERS, Edges, energies_lost, further_polynomials
+
+# Relative error of displacements under the loads beyond which the user is warned. On 50 beams, blocks and
+# plates with holes and cracks in orders 1 to 5, from 63 % to 6e-6, .59 to 1.46 of it is told, the least where
+# more than a tenth is missed.
+WARNED = 1e-3
+# An error is estimated where the next polynomials on the edges, if they fall as the last two do, may have
+# more than `WARNED`: they have .4 times as much energy as is told, or more.
+SAFE = 2.5
+# Strain energy in units of E t |u|^2 that is rounding, as of a body that its supports move as a whole.
+_ROUND_OFF, _TINY = 1e-12, 1e-300
+_NONE = np.empty(0, dtype=int)
+
+
+class AtRest(NamedTuple):
+    """A static state.
+
+    Attributes
+    ----------
+    name : str
+        The analysis, and what tells the state from others, for messages.
+    field : (m, 2) array
+        Displacements of this rank's nodes, m.
+    load : Loads
+        Constant ones.
+    acceleration : (2,) array
+        Of the supports, m/s^2.
+    pressed : (n,) int array
+        Nodes that contact forces act on, by their numbers in the mesh.
+    energy : float
+        Strain energy, J.
+    """
+
+    name: str
+    field: np.ndarray
+    load: Loads
+    acceleration: np.ndarray
+    pressed: np.ndarray
+    energy: float
+
+
+def warn_of_rest(statics: Stiffness, states: Sequence[AtRest]) -> None:
+    """Warn if displacements of the worst one of some states are off by more than `WARNED`. Collective."""
+    doubts = _doubts(statics, states)
+    worst, order = states[int(np.argmax(doubts))], statics.layout.order
+    if doubts.max() <= WARNED or (error := static_error(statics, worst)) <= WARNED:
+        return
+    warn(
+        f"{worst.name}: the displacement under the loads is too small by about {error:.1g} of itself"
+        f"{' or more' * (error > 0.1)}, or the forces of prescribed displacements too large: edges of order "
+        f"{order} are too long for how they bend there; take a higher order (order={order + 2} or more in "
+        "mesh), smaller cells (size), or both, or accuracy= of static",
+        MeshWarning,
+    )
+
+
+def static_error(statics: Stiffness, state: AtRest) -> float:
+    """Estimated relative error of the displacement under the loads, which is too small. Collective.
+
+    It is the share of the strain energy that S-elements take too much of in their order, and that the two
+    further polynomials on each edge would add, one edge by itself. Nothing is said of S-elements on which
+    single forces act, whose displacements have no limit, nor of edges that are pressed on.
+    """
+    layout, elements, edges = statics.layout, statics.elements, Edges(statics, 1)
+    single, heavy = _acted_on(statics, state.load), bool(state.acceleration.any())
+
+    def acting(element: SElement, group: Group, u: np.ndarray, more: int) -> tuple[np.ndarray, np.ndarray]:
+        force = element.stiffness @ u
+        if not heavy:
+            return force, u * force
+        material = elements.materials[group.material]
+        inertia = (material.density / material.modulus) * group.sizes[:, None, None] ** 2
+        pull = inertia * (
+            element.mass @ np.tile(group.rotations @ state.acceleration[:, None], (u.shape[1] // 2, 1))
+        )
+        return force + pull, u * (force + 2.0 * pull)
+
+    groups = elements.moving if heavy else elements.groups
+    acted_on = [single[group.nodes].any(axis=1) for group in groups]
+    left = [group.nodes[rows].ravel() for group, rows in zip(groups, acted_on)]
+    everywhere = layout.comm.allgather(np.unique(layout.part.nodes[np.concatenate([*left, _NONE])]))
+    edges.left |= np.isin(layout.part.nodes, np.concatenate(everywhere))
+    edges.single |= np.isin(layout.part.nodes, state.pressed)
+    _pull(edges, state.load, elements.thickness, layout)
+    looked_at = [(group.select(~rows), 0 if heavy else None) for group, rows in zip(groups, acted_on)]
+    lost = float(energies_lost(edges, looked_at, state.field[..., None], acting)[0])
+    return lost / (lost + 2.0 * state.energy)
+
+
+def _doubts(statics: Stiffness, states: Sequence[AtRest]) -> np.ndarray:
+    """(states,): no less than the error of each as it would be told, by the highest polynomials of the
+    displacement on the edges; 0 where nothing is strained. Collective.
+    """
+    elements, layout = statics.elements, statics.layout
+    order, places, found = layout.order, layout.part.coordinates, np.zeros(len(states))
+    single = [_acted_on(statics, state.load) for state in states]
+    last_two = np.linalg.inv(legendre.legvander(gll_nodes(order), order))[-2:]
+    alike = itertools.groupby(elements.groups, lambda group: (group.material, len(group.shape), group.closed))
+    for (_, count, closed), some in alike:
+        groups = list(some)
+        nodes = np.concatenate([group.nodes for group in groups])
+        edges, scale = nodes[:, edge_nodes(count, order, closed)], elements.scales(groups[0])[0]
+        for k, state in enumerate(states):
+            parts = last_two @ state.field[edges]
+            if order == 2:  # slopes, of which what a rigid body has says nothing
+                parts[..., 0, :] -= _turned(parts[..., 0, :], last_two[0] @ places[edges])
+            lower, highest = np.moveaxis((parts**2).sum(axis=-1), -1, 0)
+            falls = highest / np.maximum(np.maximum(lower, highest), _TINY)
+            own = (highest * falls ** min(1.0, 0.5 * (order - 1))).sum(axis=1)
+            found[k] += SAFE * scale * order * own[~single[k][nodes].any(axis=1)].sum()
+    size = np.array([np.abs(state.field).max(initial=0.0) for state in states])
+    size = np.max(layout.comm.allgather(size), axis=0)
+    energies = 2.0 * np.array([state.energy for state in states])
+    strained = energies > _ROUND_OFF * elements.modulus * elements.thickness * size**2
+    return np.divide(layout.comm.allreduce(found), energies, out=np.zeros(len(states)), where=strained)
+
+
+def _turned(slopes: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """(k, edges, 2): what the mean turn of each S-element adds to slopes of the displacement along its edges,
+    whose directions and lengths are alike.
+    """
+    across = along[..., ::-1] * [-1.0, 1.0]
+    turns = (across * slopes).sum(axis=(1, 2)) / (along**2).sum(axis=(1, 2))
+    return turns[:, None, None] * across
+
+
+def _acted_on(statics: Stiffness, load: Loads) -> np.ndarray:
+    """(m,) bool: this rank's nodes that single forces act on, those of supports included."""
+    points = statics.layout.points
+    names = [support.where for support in statics.supports if support.where in points]
+    names += [part.point for part in load.parts if isinstance(part, PointForce)]
+    return np.isin(statics.layout.part.nodes, [points[name][2] for name in names])
+
+
+def _pull(edges: Edges, load: Loads, thickness: float, layout: Layout) -> None:
+    """Add what tractions do to the further polynomials on their edges."""
+    order = layout.order
+    values, _, weights = tabulated(order + MORE_ORDERS, order + 2)
+    further = values @ further_polynomials(order + 1, order, False)
+    for part in load.parts:
+        if isinstance(part, EdgeLoad):
+            where = layout.part.edge_sets[part.edge_set]
+            length, normal = edge_metric(layout.part.coordinates[where], order)
+            forces = np.einsum("q,eq,qb,eqi->ebi", weights, length, further, part.traction(normal))
+            edges.pull(where, thickness * forces.reshape(len(where), 2 * MORE_ORDERS, 1))
