@@ -295,6 +295,11 @@ def test_directions_that_count_from_1(parts):
     plane = {label: (0.0, y, x + z) for label, (x, y, z) in parts["nodes"].items()}
     frame = {**parts, "unknowns": unknowns, "nodes": plane, "fixed": (), "elements": {}}
     assert len(sb.FiniteElementModel(**frame).unknowns) == len(unknowns)
+    eye, corners = scipy.sparse.identity(8, format="csr"), [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+    flat = [(node, direction) for node in range(4) for direction in (1, 2)]
+    with pytest.raises(ValueError, match="directions 1 and 2; give 0 and 1 for x and y"):
+        sb.FiniteElementModel(eye, 1e9 * eye, flat, {k: (x, y, 0.0) for k, (x, y) in enumerate(corners)})
+    sb.FiniteElementModel(eye, 1e9 * eye, flat, {k: (0.0, x, y) for k, (x, y) in enumerate(corners)})
 
 
 @pytest.mark.parametrize(
