@@ -19,16 +19,17 @@ from .problem import Linear, Metric, Point, Problem, Range
 HELD = 0.7
 # The turn of the branch between two steps beyond which a step is taken again at half its length; radian.
 TOO_SHARP = 1.0
-# Further than this from its tangent a step has come to another part of the branch, radian: curves that come
-# down to a stop had run back to where they began.
+# Further than this from its tangent a step has come to another part of the branch, radian. Curves that come
+# down to a stop had run back to where they began; `BACK` and `ALONG` keep those from it, too.
 ASIDE = 1.0
-# Newton iterations a step should take, and more than which is a sign that it has met another branch.
+# Newton iterations a step should take, and more than which is a sign that it has met another branch; both for
+# what steps cost: curves of 20 random systems of stops come as far without the second.
 COMFORT, TOO_MANY = 4, 7
 # Below this length a turn is a corner of the branch, where a pair begins to touch, and is taken; a cusp is
 # not passed with a tenth of it or ten times as much.
 CORNER = 5e-3
 # A stiff stop is hardly pressed beyond its corner: only a step much longer than the way to the corner gets
-# there; so many times as long.
+# there, as on a curve over the load that meets one; so many times as long.
 REACHES = 1.0, 8.0, 64.0
 # Beyond a corner, a point in the direction of what lies behind, by this cosine, is on the part of the branch
 # that has been gone through, far behind the last points, too: without, a curve over the load whose stop is

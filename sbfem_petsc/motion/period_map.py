@@ -332,29 +332,26 @@ class DrivenPeriod:
         self,
         motion: PeriodMotion,
         columns: np.ndarray,
-        parameters: tuple[str, ...] = (),
+        frequency: bool = False,
         located: bool = False,
         rubbing: bool = False,
         rough: bool = False,
     ) -> np.ndarray:
-        """Derivative of x(T) along columns of x(0), (2 m + k, c), and behind them with the named parameters,
-        "frequency" or "load", at fixed x(0).
+        """Derivative of x(T) along columns of x(0), (2 m + k, c), and behind them with the frequency, if that
+        is asked for, at fixed x(0).
 
         Exact for the steps as they are, but that slips which stay what they are over the whole period count
         as if they came to nothing: any others are as periodic. `located` moves closing and opening pairs to
         where they do so inside a step (see `located_switches`); where rows rub it does so with `rubbing`
-        alone, of periodic motions, also for what slips and sticks; without parameters. `rough` leaves out
+        alone, of periodic motions, also for what slips and sticks; without frequency. `rough` leaves out
         what hardly counts where faces rub, which is half of the work: enough for Newton's method.
         """
-        p, m = self.period, self.period.modes
-        gap_rates = np.zeros((p.steps + 1, p.pairs, len(parameters)))
-        shifts = np.zeros((p.unknowns, len(parameters)))
-        for k, name in enumerate(parameters):
-            gap_rates[:, :, k], shifts[: 2 * m, k] = (
-                self._frequency_rates() if name == "frequency" else self._load_rates()
-            )
+        p, m, further = self.period, self.period.modes, int(frequency)
+        gap_rates, shifts = np.zeros((p.steps + 1, p.pairs, further)), np.zeros((p.unknowns, further))
+        if frequency:
+            gap_rates[:, :, 0], shifts[: 2 * m, 0] = self._frequency_rates()
         located &= rubbing or p.friction is None
-        rates = gap_rates, self._told_rates(motion, parameters)
+        rates = gap_rates, self._told_rates(motion, further)
         derivative = self._derivative(motion, rates, located, rough, keep=columns.shape[1] < m)
         columns = np.concatenate([columns, -shifts], axis=1)
         columns[:m] /= p.weights[:, None]
@@ -362,16 +359,14 @@ class DrivenPeriod:
         kept = columns[: 2 * m].any(axis=0)
         sticks = motion.rows[:, len(p.laws) :] == STICKS
         kept |= located | columns[2 * m :][sticks[:1].ravel()].any(axis=0)
-        kept[columns.shape[1] - len(parameters) :] = True
+        kept[columns.shape[1] - further :] = True
         result = np.zeros_like(columns)
         if kept.any():
-            result[:, kept] = derivative(
-                columns[:, kept],
-                functools.partial(self._sources, motion, parameters) if "frequency" in parameters else None,
-            )
+            sources = functools.partial(self._sources, motion) if frequency else None
+            result[:, kept] = derivative(columns[:, kept], sources)
         result[:m] *= p.weights[:, None]
         result[2 * m :][sticks.all(axis=0)] = 0.0
-        result[:, result.shape[1] - len(parameters) :] += shifts
+        result[:, result.shape[1] - further :] += shifts
         return result
 
     def _derivative(
@@ -429,22 +424,20 @@ class DrivenPeriod:
         )
         return gaps, linear
 
-    def _told_rates(self, motion: PeriodMotion, parameters: tuple[str, ...]) -> np.ndarray:
+    def _told_rates(self, motion: PeriodMotion, further: int) -> np.ndarray:
         """How much more gaps and slips change where it is told where rows land, (n, pairs, e): with the
         steps' length, for their speeds differ from those at the steps' ends.
         """
         p, told = self.period, motion.told
-        result = np.zeros((*told.shape, len(parameters)))
-        if told.size and "frequency" in parameters:
+        result = np.zeros((*told.shape, further))
+        if told.size and further:
             forces = (motion.aside - motion.forces[1:]) @ p.left @ (p.right.T * self.coefficients[9])
             rate = -self.step / self.frequency
-            result[:, :, parameters.index("frequency")] = rate * (forces @ p.right) @ p.left.T
+            result[:, :, 0] = rate * (forces @ p.right) @ p.left.T
         return result
 
-    def _sources(
-        self, motion: PeriodMotion, parameters: tuple[str, ...], starts: np.ndarray, ends: np.ndarray
-    ) -> np.ndarray:
-        """What a change of the steps' length adds to q and v over moves from `starts` to `ends`, (n, 2 m, e):
+    def _sources(self, motion: PeriodMotion, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """What a change of the steps' length adds to q and v over moves from `starts` to `ends`, (n, 2 m, 1):
         a move takes several steps only where no contact acts between its ends nor at its start.
         """
         p, r = self.period, self.period.reduced
@@ -456,19 +449,8 @@ class DrivenPeriod:
         # last step alone
         count = (ends - starts)[:, None]
         total_q, total_v = count * q - (count - 1) * cq * after, count * v - (count - 1) * cv * after
-        result = np.zeros((len(starts), 2 * p.modes, len(parameters)))
-        where = parameters.index("frequency")
-        result[:, : p.modes, where] = rate * total_v
-        result[:, p.modes :, where] = rate * (
-            0.5 * (before + after) - r.omega**2 * total_q - 2.0 * r.damping * r.omega * total_v
-        )
-        return result
-
-    def _load_rates(self) -> tuple[np.ndarray, np.ndarray]:
-        """Rates of the free gaps and of the linear state with the factor on the oscillating loads."""
-        one, none = (self.period.at(self.frequency, factor) for factor in (1.0, 0.0))
-        state = one.linear_state - none.linear_state
-        return one.free_gap - none.free_gap, state[: 2 * self.period.modes]
+        pulled = 0.5 * (before + after) - r.omega**2 * total_q - 2.0 * r.damping * r.omega * total_v
+        return rate * np.concatenate([total_v, pulled], axis=1)[:, :, None]
 
     def linear_resolvent(self, vectors: np.ndarray) -> np.ndarray:
         """(Phi - 1)^-1 of motions without contact, and of slips that are forgotten, on vectors like states:

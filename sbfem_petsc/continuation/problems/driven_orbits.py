@@ -37,8 +37,6 @@ REST = 1e-3
 FEW = 8
 # Change of the state over fewer periods, relative to its size, below which a motion is one of fewer periods.
 SAME = 1e-7
-# Parameters along which the derivative of x(T) is exact.
-EXACT = "frequency", "load"
 
 
 @dataclass(frozen=True)
@@ -123,11 +121,9 @@ class Family:
     ) -> np.ndarray:
         """dx(T) along x(0), the frequency and the second parameter, (2 m, 2 m + 2)."""
         identity = np.eye(len(state))
-        if self.parameter == "load":
-            return driven.carried(motion, identity, ("frequency", "load"))
         step = DIFFERENCE * max(abs(value), LEAST)
         rate = (self.at(driven.frequency, value + step).run(state).residual - motion.residual) / step
-        return np.column_stack([driven.carried(motion, identity, ("frequency",)), rate])
+        return np.column_stack([driven.carried(motion, identity, frequency=True), rate])
 
 
 class OpenRowFamily(Family):
@@ -356,11 +352,9 @@ class OrbitState(FixedPoint):
         """See `problem.State`."""
         if smooth:
             return self._smooth
-        name, unit = self.problem.parameter.name, np.eye(len(self.state))
-        if name in EXACT:
-            return self._less_start(self.driven.carried(self.motion, unit, (name,), rough=True))
-        along = self.driven.carried(self.motion, unit, rough=True)
-        return self._less_start(np.column_stack([along, self.rate]))
+        exact, unit = self.problem.parameter.name == "frequency", np.eye(len(self.state))
+        along = self.driven.carried(self.motion, unit, frequency=exact, rough=True)
+        return self._less_start(along if exact else np.column_stack([along, self.rate]))
 
     def begin(self, derivative: np.ndarray) -> None:
         """Take dx(T) / dx(0) to be about this, for smooth linearised equations to begin with."""

@@ -370,7 +370,7 @@ class FreeState(OrbitState):
             matrix[:size, :size] = self.monodromy
             matrix[:size, size] = -self.moving / self.frequency
         else:
-            matrix[:size, : size + 1] = self.driven.carried(self.motion, np.eye(size), ("frequency",))
+            matrix[:size, : size + 1] = self.driven.carried(self.motion, np.eye(size), frequency=True)
             matrix[:size, size] *= self.frequency
         matrix[range(size), range(size)] -= 1.0
         matrix[:size, size + 1] = self.rate
