@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -116,7 +117,7 @@ def _doubts(statics: Stiffness, states: Sequence[AtRest]) -> np.ndarray:
     elements, layout = statics.elements, statics.layout
     order, places, found = layout.order, layout.part.coordinates, np.zeros(len(states))
     single = [_acted_on(statics, state.load) for state in states]
-    last_two = np.linalg.inv(legendre.legvander(gll_nodes(order), order))[-2:]
+    last_two = _last_two(order)
     alike = itertools.groupby(elements.groups, lambda group: (group.material, len(group.shape), group.closed))
     for (_, count, closed), some in alike:
         groups = list(some)
@@ -126,7 +127,7 @@ def _doubts(statics: Stiffness, states: Sequence[AtRest]) -> np.ndarray:
             parts = last_two @ state.field[edges]
             if order == 2:  # slopes, of which what a rigid body has says nothing
                 parts[..., 0, :] -= _turned(parts[..., 0, :], last_two[0] @ places[edges])
-            lower, highest = np.moveaxis((parts**2).sum(axis=-1), -1, 0)
+            lower, highest = np.moveaxis(parts[..., 0] ** 2 + parts[..., 1] ** 2, -1, 0)
             falls = highest / np.maximum(np.maximum(lower, highest), _TINY)
             own = (highest * falls ** min(1.0, 0.5 * (order - 1))).sum(axis=1)
             found[k] += SAFE * scale * order * own[~single[k][nodes].any(axis=1)].sum()
@@ -135,6 +136,12 @@ def _doubts(statics: Stiffness, states: Sequence[AtRest]) -> np.ndarray:
     energies = 2.0 * np.array([state.energy for state in states])
     strained = energies > _ROUND_OFF * elements.modulus * elements.thickness * size**2
     return np.divide(layout.comm.allreduce(found), energies, out=np.zeros(len(states)), where=strained)
+
+
+@functools.cache
+def _last_two(order: int) -> np.ndarray:
+    """(2, order + 1): coefficients of the last two Legendre polynomials of nodal values."""
+    return np.linalg.inv(legendre.legvander(gll_nodes(order), order))[-2:]
 
 
 def _turned(slopes: np.ndarray, along: np.ndarray) -> np.ndarray:
