@@ -20,7 +20,7 @@ HELD = 0.7
 # The turn of the branch between two steps beyond which a step is taken again at half its length; radian.
 TOO_SHARP = 1.0
 # Further than this from its tangent a step has come to another part of the branch, radian. Curves that come
-# down to a stop had run back to where they began; `BACK` and `ALONG` keep those from it, too.
+# down to a stop had run back to where they began; no test of these or of random stops fails without it now.
 ASIDE = 1.0
 # Newton iterations a step should take, and more than which is a sign that it has met another branch; both for
 # what steps cost: curves of 20 random systems of stops come as far without the second.
