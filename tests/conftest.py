@@ -10,7 +10,6 @@ import sys
 import pytest
 
 import sbfem_petsc  # noqa: F401  names the kernels of OpenBLAS before NumPy loads it, as ./run does
-from tests.parallel import give_way
 
 ROOT = pathlib.Path(__file__).parents[1]
 
@@ -36,11 +35,6 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
     """
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
     return cores + 1 if cores > 1 and config.args_source == pytest.Config.ArgsSource.TESTPATHS else None
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    if hasattr(config, "workerinput"):
-        give_way()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

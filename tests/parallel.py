@@ -22,21 +22,13 @@ import pytest
 ROOT = pathlib.Path(__file__).parents[1]
 
 
-def give_way(nice: str = "10") -> None:
-    """For a test worker: it, and what it starts, come after programs that lead sessions of their own, as
-    those on several ranks do: of ranks that have to share their cores each waits for the others' turns at
-    every message. Linux shares cores out among sessions; where it does not, all stay alike.
+def come_first() -> None:
+    """For a program on several ranks before it starts, where it may: its session comes before those of test
+    workers. Of ranks that have to share their cores each waits for the others' turns at every message; and
+    Linux shares cores out among sessions, whatever the niceness of a process.
     """
-    group = pathlib.Path("/proc/self/autogroup")
-    if not group.exists():
-        return
-    os.setsid()  # not of the terminal's session, whose other programs would give way too
-    for _ in range(100):
-        try:
-            group.write_text(nice)
-            return
-        except BlockingIOError:  # not twice within a tenth of a second, but for root
-            time.sleep(0.1)
+    with contextlib.suppress(OSError):  # no such file, or not root
+        pathlib.Path("/proc/self/autogroup").write_text("-10")
 
 
 @contextlib.contextmanager
@@ -100,7 +92,7 @@ def whole(
     """Run a command in a session of its own; after `timeout` seconds all of it is killed and the test
     fails with what it has written until then.
     """
-    process = in_session(command, environment)
+    process = in_session(command, environment, preexec_fn=come_first)
     try:
         output, errors = process.communicate(timeout=timeout)
     except BaseException as error:  # also when the test itself is interrupted
