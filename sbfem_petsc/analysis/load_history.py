@@ -235,9 +235,7 @@ def load_history(
     for t in times:
         former = states[-1] if states else None
         states.append(state(model, _at(loads, float(t)), contact, former=former))
-    warn_of_rest(
-        model.statics, [at_rest(f"load_history, at {t:.6g} s", one) for t, one in zip(times, states)]
-    )
+    warn_of_rest(model, [at_rest(f"load_history, at {t:.6g} s", one) for t, one in zip(times, states)])
     return LoadHistory(times, tuple(states))
 
 

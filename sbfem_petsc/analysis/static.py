@@ -103,7 +103,7 @@ def static(
     instance("static", "model", model, Model, SYSTEM)
     if accuracy is None:
         found = state(model, load, contact)
-        warn_of_rest(model.statics, [at_rest("static", found)])
+        warn_of_rest(model, [at_rest("static", found)])
         return found
     _prepare(model, load)
     _, found, estimate = refined(

@@ -12,6 +12,7 @@ from skfem.helpers import ddot, eye, sym_grad, trace
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate
 from sbfem_petsc.analysis.static import at_rest
+from sbfem_petsc.system.fields import static_resolution
 from sbfem_petsc.system.fields.static_resolution import WARNED, static_error, warn_of_rest
 from tests.parallel import alone, answer, on_ranks
 from tests.systems import ALUMINIUM
@@ -182,7 +183,22 @@ def test_accuracy_is_not_warned_of():
     with warnings.catch_warnings():
         warnings.simplefilter("error", sb.MeshWarning)
         found = sb.static(model, sb.EdgeLoad("right", ty=1e5), accuracy=1e-3)
-        warn_of_rest(found.model.statics, [at_rest("static", found)])
+        warn_of_rest(found.model, [at_rest("static", found)])
+
+
+def test_states_of_one_load_are_looked_at_once(monkeypatch):
+    """A large mesh takes seconds for one; another load is another state."""
+    looked_at = []
+    monkeypatch.setattr(
+        static_resolution, "static_error", lambda *given: looked_at.append(1) or static_error(*given)
+    )
+    model = sb.Model(Beam(0.2, 0.01).mesh(order=1), ALUMINIUM)
+    for load in (1e5, 2e5, -1e4):
+        with pytest.warns(sb.MeshWarning, match="is too small by about 0.4 of itself"):
+            sb.static(model, sb.EdgeLoad("right", ty=load))
+    assert len(looked_at) == 1
+    sb.static(model, sb.EdgeLoad("right", tx=1e5))
+    assert len(looked_at) == 2
 
 
 PROGRAM = """

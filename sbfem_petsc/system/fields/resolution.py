@@ -309,10 +309,14 @@ def energies_lost(
     """
     elements, lost = edges.elements, np.zeros(shapes.shape[-1])
     for groups, terms in _alike(found):
-        for group, rich in zip(groups, _richer(elements, groups, terms)):
+        alike = list(zip(groups, _richer(elements, groups, terms)))
+        if sum(len(group.sizes) for group in groups) <= _BATCH:
+            lost += _add_alike(edges, alike, shapes, acting)
+            continue
+        for group, rich in alike:
             for first in range(0, len(group.sizes), _BATCH):
                 some = group.select(slice(first, first + _BATCH))
-                lost += _add_group(edges, some, rich, shapes, acting)
+                lost += _add_alike(edges, [(some, rich)], shapes, acting)
     return elements.layout.comm.allreduce(lost) + FURTHER * edges.energies()
 
 
@@ -335,23 +339,31 @@ def _richer(elements: Elements, groups: list[Group], terms: int | None) -> list[
     return solve_selements(stack, groups[0].closed, terms, density=material.densities)
 
 
-def _add_group(edges: Edges, group: Group, rich: SElement, shapes: np.ndarray, acting: Acting) -> np.ndarray:
-    """Energies that the group's S-elements lose as they are; residuals go to `edges`."""
-    elements = edges.elements
-    order, material = elements.layout.order, elements.materials[group.material]
-    whole = _prolongation(len(group.shape), order, group.closed)
-    further = further_polynomials(len(group.shape), order, group.closed)
-    scale, count, members = material.modulus * elements.thickness, len(whole), len(group.sizes)
-    own = np.einsum("nb,ij->nibj", further, np.eye(2)).reshape(2 * count, -1)
-    local = np.matmul(group.rotations[:, None], shapes[group.nodes])
-    fine = np.einsum("fn,knim->kfim", whole, local, optimize=True).reshape(members, 2 * count, -1)
-    coarse = local.reshape(members, 2 * len(group.shape), -1)
-    force, left = acting(rich, group, fine, MORE_TERMS)
-    edges.add(group, scale * (own.T @ force), scale * (own.T @ rich.stiffness @ own))
-    # one by one: of the lowest modes little is left
-    _, whole_energy = acting(group.solution, group, coarse, 0)
-    by_element = whole_energy.sum(axis=1) - left.sum(axis=1)
-    return scale * by_element.sum(axis=0)
+def _add_alike(
+    edges: Edges, alike: list[tuple[Group, SElement]], shapes: np.ndarray, acting: Acting
+) -> np.ndarray:
+    """Energies that S-elements of groups that are solved at once lose; residuals go to `edges`."""
+    elements, groups = edges.elements, [group for group, _ in alike]
+    order, some = elements.layout.order, groups[0]
+    whole = _prolongation(len(some.shape), order, some.closed)
+    own = _own(len(some.shape), order, some.closed)
+    nodes = np.concatenate([group.nodes for group in groups])
+    turns = np.concatenate([group.rotations for group in groups])
+    scale, members = elements.materials[some.material].modulus * elements.thickness, len(nodes)
+    local = np.matmul(turns[:, None], shapes[nodes])
+    coarse = local.reshape(members, 2 * len(some.shape), -1)
+    fine = np.matmul(whole, local.reshape(members, len(some.shape), -1)).reshape(members, 2 * len(whole), -1)
+    force, energy = np.empty_like(fine), np.empty((members, fine.shape[-1]))
+    first = 0
+    for group, rich in alike:
+        rows = slice(first, first := first + len(group.sizes))
+        force[rows], left = acting(rich, group, fine[rows], MORE_TERMS)
+        _, there = acting(group.solution, group, coarse[rows], 0)
+        energy[rows] = there.sum(axis=1) - left.sum(axis=1)  # one by one: of the lowest modes little is left
+    blocks = np.matmul(np.matmul(own.T, np.stack([rich.stiffness for _, rich in alike])), own)
+    members_of = np.repeat(np.arange(len(groups)), [len(group.sizes) for group in groups])
+    edges.add(nodes, some.closed, turns, scale * np.matmul(own.T, force), scale * blocks[members_of])
+    return scale * energy.sum(axis=0)
 
 
 def _dynamic(element: SElement, u: np.ndarray, waves: np.ndarray, terms: int) -> np.ndarray:
@@ -377,6 +389,13 @@ def _prolongation(nodes: int, order: int, closed: bool) -> np.ndarray:
         rows = (k * higher + np.arange(higher + 1)) % len(result)
         result[np.ix_(rows, edge)] = table
     return result
+
+
+@functools.cache
+def _own(nodes: int, order: int, closed: bool) -> np.ndarray:
+    """Displacements along x and y of the further polynomials, by columns."""
+    further = further_polynomials(nodes, order, closed)
+    return np.einsum("nb,ij->nibj", further, np.eye(2)).reshape(2 * len(further), -1)
 
 
 @functools.cache
@@ -416,19 +435,21 @@ class Edges:
         # nor of edges all whose nodes are of S-elements that are left out
         self.left = np.zeros_like(self.single)
 
-    def add(self, group: Group, residual: np.ndarray, block: np.ndarray) -> None:
-        """Add the shares of S-elements, (k, 4 edges, modes) and (4 edges, 4 edges) for MORE_ORDERS of two,
-        in the frame of the group's shape.
+    def add(
+        self, nodes: np.ndarray, closed: bool, turns: np.ndarray, residual: np.ndarray, blocks: np.ndarray
+    ) -> None:
+        """Add the shares of S-elements with such nodes (k, n), (k, 4 edges, modes) and (k, 4 edges, 4 edges)
+        for MORE_ORDERS of two, in the frame of their group's shape, into which (k, 2, 2) turn.
         """
         order, size = self._layout.order, 2 * MORE_ORDERS
-        chains = edge_nodes(len(group.shape), order, group.closed)
-        edges = group.nodes[:, chains].reshape(-1, order + 1)
-        own = np.stack([block[i : i + size, i : i + size] for i in range(0, len(block), size)])
-        turns = np.einsum("ab,kij->kaibj", np.eye(MORE_ORDERS), group.rotations).reshape(-1, 1, size, size)
+        edges = nodes[:, edge_nodes(nodes.shape[1], order, closed)]
+        own = np.stack(
+            [blocks[:, i : i + size, i : i + size] for i in range(0, blocks.shape[1], size)], axis=1
+        )
+        turns = np.einsum("ab,kij->kaibj", np.eye(MORE_ORDERS), turns).reshape(-1, 1, size, size)
         back = turns.swapaxes(-1, -2)
-        forces = (back @ residual.reshape(len(residual), len(chains), size, -1)).reshape(len(edges), size, -1)
-        blocks = (back @ own @ turns).reshape(len(edges), size, size)
-        self._add(edges, forces, blocks)
+        forces = (back @ residual.reshape(*edges.shape[:2], size, -1)).reshape(-1, size, residual.shape[-1])
+        self._add(edges.reshape(-1, order + 1), forces, (back @ own @ turns).reshape(-1, size, size))
 
     def pull(self, edges: np.ndarray, forces: np.ndarray) -> None:
         """Add loads (edges, 4, modes) on the further polynomials of edges (edges, order + 1)."""
