@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from meshing.folder_index import home_of
 from meshing.whole_file import replaced
 
 from .checks import path as checked_path
@@ -85,10 +86,11 @@ def write_table(
     Raises
     ------
     TypeError, ValueError
-        See `replaced`; if what stands there is no table.
+        See `replaced`; if what stands there, in no output folder, is no table.
     """
     path = checked_path("table", "path", path)
-    if os.path.isfile(path) and not _holds_table(path):
+    # in an output folder `claim` knows what is the program's, whatever a spreadsheet has made of it
+    if os.path.isfile(path) and home_of(path) is None and not _holds_table(path):
         raise ValueError(f"table {path!r} would replace a file that holds no table; name another one")
     with replaced(path, "table") as temporary:
         files = [temporary, *(f"_{name}".join(os.path.splitext(temporary)) for name in beside)]

@@ -9,6 +9,7 @@ import dataclasses
 import errno
 import json
 import os
+import pathlib
 import shutil
 import signal
 import subprocess
@@ -19,6 +20,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from sbfem_petsc.output_folder import make_output_folder
 from sbfem_petsc.petsc import MPI
 from sbfem_petsc.ranks.parallel import whole
 from sbfem_petsc.record import journal
@@ -140,6 +142,12 @@ def test_files_of_users_stay(solved, tmp_path):
     sb.save(tmp_path / "a.h5", closing)
     (tmp_path / "empty").touch()  # as the system makes temporary files
     closing.to_csv(tmp_path / "empty")
+    make_output_folder(str(tmp_path / "out"))
+    files = closing.to_csv(tmp_path / "out" / "push.csv")
+    pathlib.Path(files[0]).write_text(
+        "sep=,\n" + pathlib.Path(files[0]).read_text()
+    )  # as a spreadsheet wants it
+    assert closing.to_csv(tmp_path / "out" / "push.csv") == files  # which the folder's index lists
 
 
 def test_files_that_cannot_be_read_stay(solved, tmp_path, monkeypatch):
