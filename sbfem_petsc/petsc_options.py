@@ -35,8 +35,9 @@ WHOLE_RUN = (
     "memory_view",
     "citations",
 )
-# Share of equal letters from which a prefix is taken for a misspelt one of ours.
-ALIKE = 0.75
+# Share of equal letters from which a prefix is taken for a misspelt one of ours; -start_in_debugger of PETSc
+# has .77 of them with static_.
+ALIKE = 0.78
 
 
 def start() -> None:
