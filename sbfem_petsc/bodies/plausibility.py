@@ -26,9 +26,11 @@ SYMMETRY = 1e-6
 SLOWEST, FASTEST, HEAVIEST = 10.0, 1e5, 3e4
 # Forces beside their parts that rounding of double precision leaves at most; the least that is divided by.
 EXACT, TINY = 1e-11, 1e-300
-# Rounding of entries that a person may have written, and the share of forces then that look backwards, which
-# those of springs to the ground do not.
-BY_HAND, BACKWARDS = 1e-5, 0.1
+# By which part of itself a number is off that a few operations have made of a written one.
+CLOSE = 4e-15
+# Rounding from which a person may write entries, and the share of forces then that look backwards, which
+# those of springs to the ground do not; that of two digits.
+BY_HAND, BACKWARDS, COARSEST = 1e-2, 0.1, 0.05
 # Forces beside their parts, unknowns of which some are too many, and bodies of whose order, and of whose
 # digits, nothing is asked: they may be written by hand; one of solid elements is none of these.
 FORCED, NEARLY, FEW, SMALL = 1e-2, 0.9, 200, 50
@@ -115,11 +117,15 @@ def warn_of_rounding(given: sparse.spmatrix, stiffness: sparse.csr_matrix, direc
         As it was given, and as it is used.
     directions : (n,) array of int
     """
-    along, part = directions == np.arange(3)[:, None], _rounding(given)
+    entries = sparse.coo_matrix(given)
+    part, beside = (_rounding(entries.data[own]) for own in (slice(None), entries.row != entries.col))
+    # springs to the ground that are added by hand need digits of the diagonal alone
+    all_alike, part = part == beside and part < BY_HAND, min(part, COARSEST)
+    along = directions == np.arange(3)[:, None]
     forces = np.concatenate([_forces(stiffness, own.astype(float))[own] for own in along])
     forces = np.append(0.0, forces[np.abs(forces) < part])
     left = np.median(np.abs(forces))
-    told = part < BY_HAND or (forces < 0.0).mean() > BACKWARDS
+    told = all_alike or (forces < 0.0).mean() > BACKWARDS
     if told and len(directions) >= SMALL and left > EXACT:
         warn(
             f"{OWNER}: entries of stiffness are rounded, as in single precision: moved as a whole, the body "
@@ -133,14 +139,16 @@ def _forces(stiffness: sparse.csr_matrix, moved: np.ndarray) -> np.ndarray:
     return (stiffness @ moved) / np.maximum(abs(stiffness) @ np.abs(moved), TINY)
 
 
-def _rounding(matrix: sparse.spmatrix) -> float:
-    """By which part of itself an entry is rounded at most: to single precision, or to 2 to 10 decimals."""
-    values = np.abs(np.float64(sparse.coo_matrix(matrix).data))
+def _rounding(entries: np.ndarray) -> float:
+    """By which part of itself an entry is rounded at most: to 1 to 10 decimals, or to single precision, which
+    has whole numbers of few of them, too.
+    """
+    values = np.abs(np.float64(entries))
     values = values[values > 0.0]
-    units = [(2.0**-24, np.ldexp(np.frexp(values)[0], 24))]
     decimals = values / 10.0 ** np.floor(np.log10(values))
-    units += [(5.0 * 10.0**-digits, 10.0 ** (digits - 1) * decimals) for digits in range(2, 11)]
-    return next((part for part, many in units if (abs(many - np.round(many)) < 1e-3).all()), 0.0)
+    units = [(5.0 * 10.0**-digits, 10.0 ** (digits - 1) * decimals) for digits in range(1, 11)]
+    units.insert(5, (2.0**-24, np.ldexp(np.frexp(values)[0], 24)))
+    return next((part for part, many in units if (abs(many - np.round(many)) <= CLOSE * many).all()), 0.0)
 
 
 def tree_of(places: np.ndarray) -> Any:
