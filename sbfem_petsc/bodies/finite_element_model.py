@@ -87,7 +87,8 @@ class FiniteElementModel:
             raise ValueError(f"{OWNER}: nodes has places {far:g} m off; give them in units = {units!r}")
         self._node = {label: k for k, label in enumerate(self.labels.tolist())}
         rows = self._pairs("unknowns", unknowns, self.mass.shape[0])
-        found, sides = np.unique(rows[:, 1]).tolist(), np.ptp(self.places[rows[:, 0]], axis=0) > 0.0
+        found, sides = np.unique(rows[:, 1]).tolist(), np.ptp(self.places[rows[:, 0]], axis=0)
+        sides = sides > TOGETHER * sides.max()
         if found == [1, 2, 3] and sides[0]:
             raise ValueError(f"{OWNER}: unknowns has directions 1, 2 and 3; give 0, 1 and 2 for x, y and z")
         if found == [1, 2] and sides.tolist() == [True, True, False]:  # of a plane body

@@ -297,8 +297,10 @@ def test_directions_that_count_from_1(parts):
     assert len(sb.FiniteElementModel(**frame).unknowns) == len(unknowns)
     eye, corners = scipy.sparse.identity(8, format="csr"), [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
     flat = [(node, direction) for node in range(4) for direction in (1, 2)]
-    with pytest.raises(ValueError, match="directions 1 and 2; give 0 and 1 for x and y"):
-        sb.FiniteElementModel(eye, 1e9 * eye, flat, {k: (x, y, 0.0) for k, (x, y) in enumerate(corners)})
+    for z in (0.0, 1e-17):  # of a turned drawing
+        nodes = {k: (x, y, k * z) for k, (x, y) in enumerate(corners)}
+        with pytest.raises(ValueError, match="directions 1 and 2; give 0 and 1 for x and y"):
+            sb.FiniteElementModel(eye, 1e9 * eye, flat, nodes)
     sb.FiniteElementModel(eye, 1e9 * eye, flat, {k: (0.0, x, y) for k, (x, y) in enumerate(corners)})
 
 
