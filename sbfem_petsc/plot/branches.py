@@ -84,7 +84,7 @@ def plot_branches(
     Parameters
     ----------
     branches : Branch or dict of str to Branch
-        All over the frequency, or all over the load; on rank 0 at least, on all ranks for a place (x, y).
+        All over the same parameter; on rank 0 at least, on all ranks for a place (x, y).
     point : str or (x, y)
         Name, or m. Motions at a place are integrated again.
     direction : {"y", "x"}
@@ -332,7 +332,7 @@ def plot_quasi_periodic(
     Parameters
     ----------
     branches : QuasiPeriodicBranch or dict of str to QuasiPeriodicBranch
-        All over the frequency, or all over the load; on rank 0 at least, on all ranks for a place (x, y).
+        All over the same parameter; on rank 0 at least, on all ranks for a place (x, y).
     point : str or (x, y)
         Name, or m. Motions at a place are integrated again.
     direction : {"y", "x"}
