@@ -201,6 +201,20 @@ def test_states_of_one_load_are_looked_at_once(monkeypatch):
     assert len(looked_at) == 2
 
 
+def test_another_load_in_as_much_doubt():
+    """It is told its own error, not that of the load before it."""
+    model = sb.Model(Plate(SQUARE).mesh(order=2, size=0.3), ALUMINIUM, clamped="edge1")
+    doubts, errors = [], []
+    for beside in (sb.EdgeLoad("edge2", pressure=-1e6), sb.EdgeLoad("edge2", ty=4.98e5)):
+        with pytest.warns(sb.MeshWarning, match="too small") as said:
+            found = sb.static(model, SHEAR + beside)
+        doubts.append(static_resolution._doubts(model.statics, [at_rest("static", found)])[0][0])
+        errors.append(told_of(found))
+        assert f"by about {errors[-1]:.1g} of itself" in str(said[0].message)
+    assert doubts[1] == pytest.approx(doubts[0], rel=0.2 * static_resolution.ALIKE)
+    assert errors[1] < 0.7 * errors[0]
+
+
 PROGRAM = """
 import json, warnings
 import sbfem_petsc as sb

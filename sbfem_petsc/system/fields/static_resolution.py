@@ -31,7 +31,9 @@ WARNED = 1e-3
 # An error is estimated where the next polynomials on the edges, if they fall as the last two do, may have
 # more than `WARNED`: they have .4 times as much energy as is told, or more.
 SAFE = 2.5
-# Part of their doubts in which states of a model differ that are looked at one by one.
+# Part of their doubts, or of the body in the middle of these, in which states of a model differ that are
+# looked at one by one. By the doubts alone 76 of 581 loads on plates had the error of another one, .53 to 1.9
+# times theirs, and 7 were told of or not for it; in the same place none is a quarter off.
 ALIKE = 0.01
 # Strain energy in units of E t |u|^2 that is rounding, as of a body that its supports move as a whole.
 _ROUND_OFF, _TINY = 1e-12, 1e-300
@@ -67,12 +69,14 @@ class AtRest(NamedTuple):
 
 def warn_of_rest(model: Model, states: Sequence[AtRest]) -> None:
     """Warn if displacements of the worst one of some states are off by more than `WARNED`. Collective."""
-    doubts = _doubts(model.statics, states)
-    worst, order = states[int(np.argmax(doubts))], model.layout.order
-    if doubts.max() <= WARNED:
+    doubts, middles = _doubts(model.statics, states)
+    k, order = int(np.argmax(doubts)), model.layout.order
+    worst = states[k]
+    if doubts[k] <= WARNED:
         return
-    # states in as much doubt, as of other amplitudes of a load, are alike: large meshes take seconds for one
-    key = "static_error", round(float(np.log(doubts.max())) / ALIKE)
+    # states in as much doubt about the same place, as of other amplitudes of a load, are alike: large meshes
+    # take seconds for one
+    key = "static_error", *np.rint([np.log(doubts[k]) / ALIKE, *(middles[k] / ALIKE)]).astype(int).tolist()
     if (error := model.keep(key, lambda: static_error(model.statics, worst))) <= WARNED:
         return
     warn(
@@ -117,12 +121,13 @@ def static_error(statics: Stiffness, state: AtRest) -> float:
     return lost / (lost + 2.0 * state.energy)
 
 
-def _doubts(statics: Stiffness, states: Sequence[AtRest]) -> np.ndarray:
+def _doubts(statics: Stiffness, states: Sequence[AtRest]) -> tuple[np.ndarray, np.ndarray]:
     """(states,): no less than the error of each as it would be told, by the highest polynomials of the
-    displacement on the edges; 0 where nothing is strained. Collective.
+    displacement on the edges; 0 where nothing is strained. (states, 2): the middle of what it is made of, in
+    units of the body. Collective.
     """
     elements, layout = statics.elements, statics.layout
-    order, places, found = layout.order, layout.part.coordinates, np.zeros(len(states))
+    order, places, found = layout.order, layout.part.coordinates, np.zeros((len(states), 3))
     single = [_acted_on(statics, state.load) for state in states]
     last_two = _last_two(order)
     alike = itertools.groupby(elements.groups, lambda group: (group.material, len(group.shape), group.closed))
@@ -130,6 +135,7 @@ def _doubts(statics: Stiffness, states: Sequence[AtRest]) -> np.ndarray:
         groups = list(some)
         nodes = np.concatenate([group.nodes for group in groups])
         edges, scale = nodes[:, edge_nodes(count, order, closed)], elements.scales(groups[0])[0]
+        where = np.concatenate([np.ones((len(nodes), 1)), places[nodes[:, 0]]], axis=1)
         for k, state in enumerate(states):
             parts = last_two @ state.field[edges]
             if order == 2:  # slopes, of which what a rigid body has says nothing
@@ -137,12 +143,16 @@ def _doubts(statics: Stiffness, states: Sequence[AtRest]) -> np.ndarray:
             lower, highest = np.moveaxis(parts[..., 0] ** 2 + parts[..., 1] ** 2, -1, 0)
             falls = highest / np.maximum(np.maximum(lower, highest), _TINY)
             own = (highest * falls ** min(1.0, 0.5 * (order - 1))).sum(axis=1)
-            found[k] += SAFE * scale * order * own[~single[k][nodes].any(axis=1)].sum()
-    size = np.array([np.abs(state.field).max(initial=0.0) for state in states])
-    size = np.max(layout.comm.allgather(size), axis=0)
+            own[single[k][nodes].any(axis=1)] = 0.0
+            found[k] += SAFE * scale * order * own @ where
+    ends = [side.max(initial=-np.inf) for side in (*places.T, *-places.T)]
+    size = [np.abs(state.field).max(initial=0.0) for state in states]
+    most, found = np.max(layout.comm.allgather(ends + size), axis=0), layout.comm.allreduce(found)
+    span, size = (most[:2] + most[2:4]).max(), most[4:]
     energies = 2.0 * np.array([state.energy for state in states])
     strained = energies > _ROUND_OFF * elements.modulus * elements.thickness * size**2
-    return np.divide(layout.comm.allreduce(found), energies, out=np.zeros(len(states)), where=strained)
+    middles = found[:, 1:] / np.maximum(found[:, :1] * span, _TINY)
+    return np.divide(found[:, 0], energies, out=np.zeros(len(states)), where=strained), middles
 
 
 @functools.cache
