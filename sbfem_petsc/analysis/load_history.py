@@ -212,7 +212,7 @@ def load_history(
     Warns
     -----
     MeshWarning
-        As `static`; of displacements once, in the state that is off most.
+        As `static`; of displacements once, in the state that is off most of the four in most doubt.
     """
     if isinstance(model, ReducedModel):
         times, signals = _checked(time), loading("load_history", model, load).signals

@@ -177,6 +177,16 @@ def test_a_history_is_told_of_its_worst_state():
     assert told_of(found.states[0]) < told_of(found.states[1]) < told_of(found.states[2])
 
 
+def test_the_worst_state_is_not_that_in_most_doubt():
+    """Pressure alone is off more than pressure beside shear, whose sum is in thrice as much doubt."""
+    model = sb.Model(Plate(SQUARE).mesh(order=2, size=0.3), ALUMINIUM, clamped="edge1")
+    shear = sb.EdgeLoad("edge3", tx=sb.Samples([0.0, 1.0], [1e6, 0.0]))
+    with pytest.warns(sb.MeshWarning, match="load_history, at 1 s: .* too small by about 0.005") as said:
+        found = sb.load_history(model, shear + sb.EdgeLoad("edge2", pressure=1e6), [0.0, 1.0])
+    assert len(said) == 1
+    assert told_of(found.states[0]) < 0.7 * told_of(found.states[1])
+
+
 def test_accuracy_is_not_warned_of():
     """`accuracy=` refines until the error is none."""
     model = sb.Model(Beam(0.02, 0.01).mesh(order=2), ALUMINIUM)
