@@ -225,6 +225,14 @@ def test_another_load_in_as_much_doubt():
     assert errors[1] < 0.7 * errors[0]
 
 
+def test_forces_on_points_are_said_to_be_left_out():
+    """S-elements at them are: an estimate without them is much too small for a body held on two corners."""
+    supports = [sb.Support("O", True, True), sb.Support("P", False, True)]
+    mesh = Plate(SQUARE).mesh(order=1, size=0.2, points={"O": (0, 0), "P": (1, 0)})
+    _, said = solved(mesh, SHEAR, clamped=None, supports=supports)
+    assert said[0].endswith("; what forces on points ('O', 'P') add next to these is not in it")
+
+
 PROGRAM = """
 import json, warnings
 import sbfem_petsc as sb

@@ -13,7 +13,7 @@ from numpy.polynomial import legendre
 from meshing.gll import gll_nodes, tabulated
 from meshing.warnings import MeshWarning
 
-from ...errors import warn
+from ...errors import listed, warn
 from ...loads import EdgeLoad, Loads, PointForce
 from ...selement.coefficients import edge_nodes
 from ...selement.solution import SElement
@@ -89,11 +89,13 @@ def warn_of_rest(model: Model, states: Sequence[AtRest]) -> None:
             error, worst = found, states[k]
     if worst is None:
         return
+    points = _single_forces(model.statics, worst.load)
+    beside = f"; what forces on points ({listed(points)}) add next to these is not in it" if points else ""
     warn(
         f"{worst.name}: the displacement under the loads is too small by about {error:.1g} of itself"
         f"{' or more' * (error > 0.1)}, or the forces of prescribed displacements too large: edges of order "
         f"{order} are too long for how they bend there; take a higher order (order={order + 2} or more in "
-        "mesh), smaller cells (size), or both, or accuracy= of static",
+        f"mesh), smaller cells (size), or both, or accuracy= of static{beside}",
         MeshWarning,
     )
 
@@ -183,9 +185,13 @@ def _turned(slopes: np.ndarray, along: np.ndarray) -> np.ndarray:
 def _acted_on(statics: Stiffness, load: Loads) -> np.ndarray:
     """(m,) bool: this rank's nodes that single forces act on, those of supports included."""
     points = statics.layout.points
-    names = [support.where for support in statics.supports if support.where in points]
-    names += [part.point for part in load.parts if isinstance(part, PointForce)]
-    return np.isin(statics.layout.part.nodes, [points[name][2] for name in names])
+    return np.isin(statics.layout.part.nodes, [points[name][2] for name in _single_forces(statics, load)])
+
+
+def _single_forces(statics: Stiffness, load: Loads) -> list[str]:
+    """Points on which forces of loads and supports act."""
+    held = [support.where for support in statics.supports if support.where in statics.layout.points]
+    return held + [part.point for part in load.parts if isinstance(part, PointForce)]
 
 
 def _pull(edges: Edges, load: Loads, thickness: float, layout: Layout) -> None:
