@@ -41,7 +41,7 @@ FAILING = {
     "sys.exit() if rank else structure()": "rank 1 has ended",
     "model = structure(); sb.modal(model, 2) if rank == 0 else None": "rank 1 has ended",
     "model = structure(); sb.static(model, push).stress((0.02, 0.005)) if rank else None": "rank 0 has ended",
-    "found = sb.static(structure(), push); found.strain_energy if rank == 0 else None": "rank 1 has ended",
+    "u = sb.static(structure(), push); rank or u.displacement((0.02, 0.005))": "rank 1 has ended",
     "found = sb.static(structure(), push); found.stress((0.02, 0.005 + rank / 1e3))": "place differs",
     # errors on one rank inside what all of them do
     "structure(damping=2.0 if rank else 0.0)": "0.0 on rank 0, 2.0 on rank 1",
@@ -106,7 +106,6 @@ DIFFERENT = {
     "pushes[rank].stress((0.02, 0.005))": "self differs",
     "pushes[rank].displacement((0.02, 0.005))": "self differs",
     "pushes[0].displacement((0.02, 0.005 + rank / 1e3))": "place differs",
-    "pushes[rank].strain_energy": "self differs",
     "sb.frequency_response(structure(), push, 300.0, 310.0 + rank, modes=4)": "stop differs",
     "sb.modal(model, 2) if rank else sb.static(model, push)": "call the same on all ranks",
 }

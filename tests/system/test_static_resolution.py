@@ -233,6 +233,15 @@ def test_forces_on_points_are_said_to_be_left_out():
     assert said[0].endswith("; what forces on points ('O', 'P') add next to these is not in it")
 
 
+def test_no_element_is_left_to_look_at():
+    """All have a single force on them."""
+    points = {"P": (0.5, 0.5), "Q": (0, 0), "R": (1, 0), "S": (1, 1), "T": (0, 1)}
+    mesh = Plate(SQUARE).mesh(order=2, size=2, points=points)
+    forces = [sb.PointForce(name, fx=1e5) for name in points]
+    found, _ = solved(mesh, sum(forces, SHEAR), clamped="edge1")
+    assert told_of(found) == 0.0
+
+
 PROGRAM = """
 import json, warnings
 import sbfem_petsc as sb

@@ -324,6 +324,8 @@ def _alike(found: list[tuple[Group, int | None]]) -> Iterator[tuple[list[Group],
     """Groups that are solved at once, and the terms of the continued fraction that they take."""
     alike: dict[tuple[int, int, bool, int | None], list[Group]] = {}
     for group, terms in found:
+        if not len(group.sizes):  # as of a rank that has no S-elements
+            continue
         alike.setdefault((group.material, len(group.shape), group.closed, terms), []).append(group)
     for (_, _, _, terms), groups in alike.items():
         for first in range(0, len(groups), STACK):
