@@ -22,15 +22,6 @@ import pytest
 ROOT = pathlib.Path(__file__).parents[1]
 
 
-def come_first() -> None:
-    """For a program on several ranks before it starts, where it may: its session comes before those of test
-    workers. Of ranks that have to share their cores each waits for the others' turns at every message; and
-    Linux shares cores out among sessions, whatever the niceness of a process.
-    """
-    with contextlib.suppress(OSError):  # no such file, or not root
-        pathlib.Path("/proc/self/autogroup").write_text("-10")
-
-
 @contextlib.contextmanager
 def all_cores() -> Iterator[None]:
     """One program on several ranks at a time, whatever the number of test workers: ranks that wait for one
@@ -92,7 +83,7 @@ def whole(
     """Run a command in a session of its own; after `timeout` seconds all of it is killed and the test
     fails with what it has written until then.
     """
-    process = in_session(command, environment, preexec_fn=come_first)
+    process = in_session(command, environment)
     try:
         output, errors = process.communicate(timeout=timeout)
     except BaseException as error:  # also when the test itself is interrupted

@@ -1,15 +1,11 @@
 """The same numbers on one rank and on several, more ranks than S-elements included."""
 
 import functools
-import os
-import pathlib
-import sys
-import time
 
 import numpy as np
 import pytest
 
-from tests.parallel import alone, answer, in_session, on_ranks
+from tests.parallel import alone, answer, on_ranks
 
 PROGRAM = """
 import json, sys
@@ -138,17 +134,3 @@ def test_histories():
     for name in ("u", "full"):
         np.testing.assert_allclose(found[name], expected[name], atol=1e-6 * np.abs(expected[name]).max())
     assert np.mean(np.array(found["active"]) != np.array(expected["active"])) < 0.01
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not os.path.exists("/proc/self/autogroup"), reason="cores are not shared among sessions")
-def test_programs_on_ranks_come_first():
-    """Where they may; not this process, nor the terminal that it was started from."""
-    here = pathlib.Path("/proc/self/autogroup")
-    own = here.read_text()
-    done = on_ranks(1, f"print(open('{here}').read())")
-    time.sleep(0.2)  # but for root the system takes one such wish within a tenth of a second
-    may = in_session([sys.executable, "-c", f"import pathlib; pathlib.Path('{here}').write_text('-10')"])
-    may.communicate()  # root in a container may not
-    assert f"nice {0 if may.returncode else -10}" in done.stdout
-    assert here.read_text() == own
