@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
+import scipy  # whose rooms are loaded where they are needed
 from scipy import sparse
 
 from meshing.input_checks import values_at
@@ -15,7 +16,6 @@ from ..checks import real, real_array, shown
 from ..contact.law import ContactLaw, Unilateral
 from ..errors import warn
 from .cells import corners
-from .plausibility import tree_of
 from .rows import Contact
 
 # Distance of partners in spacings of nodes; a row that is none, for a force of any size would press on it;
@@ -47,8 +47,9 @@ def partners(labels: np.ndarray, x: np.ndarray, y: np.ndarray, normal: np.ndarra
     """(left, left + right): 1 for the right node that faces each left one along the normal, -1 for itself."""
     flat = np.eye(3) - np.outer(normal, normal)
     x, y = x @ flat, y @ flat
-    (far, second), (nearest, _) = (found.T for found in tree_of(y).query(x, 2))
-    size = np.ptp(x, axis=0).max() if len(x) == 1 else np.median(tree_of(x).query(x, 2)[0][:, 1])
+    (far, second), (nearest, _) = (found.T for found in scipy.spatial.cKDTree(y).query(x, 2))
+    # the distance of the one next to it; of a single node there is none
+    size = np.median(scipy.spatial.cKDTree(x).query(x, 2)[0][:, 1]) if len(x) > 1 else 0.0
     away, behind = far > APART * size + 1e-12, second <= APART * size + 1e-12
     if behind.any():
         raise ValueError(
@@ -62,15 +63,11 @@ def partners(labels: np.ndarray, x: np.ndarray, y: np.ndarray, normal: np.ndarra
         )
     if len(set(nearest)) < len(x):
         raise ValueError("contact: two left nodes share a right one; the faces' meshes must match")
-    share = sparse.csr_matrix((np.ones(len(x)), (np.arange(len(x)), nearest)), (len(x), len(y)))
-    return sparse.hstack([-sparse.identity(len(x)), share]).tocsr()
+    return sparse.hstack([-sparse.identity(len(x)), sparse.identity(len(y), format="csr")[nearest]]).tocsr()
 
 
 def between(
-    nodes: tuple[np.ndarray, np.ndarray, np.ndarray],
-    normal: np.ndarray,
-    faces: tuple[Faces, Faces],
-    apart: Callable[[sparse.csr_matrix], np.ndarray],
+    nodes: tuple[np.ndarray, ...], normal: np.ndarray, faces: tuple[Faces, Faces], apart: Callable
 ) -> sparse.csr_matrix:
     """(left, left + right): means of what is before each other about left nodes, less those of themselves.
 
@@ -167,11 +164,9 @@ def _means(commons: list[Common], places: np.ndarray, moves: np.ndarray) -> spar
 
 def _hull(places: np.ndarray) -> Faces:
     """Triangles between nodes that fill their convex hull; none of nodes on a line."""
-    from scipy.spatial import Delaunay, QhullError
-
     try:
-        return Delaunay(places).simplices.tolist()
-    except (QhullError, ValueError):
+        return scipy.spatial.Delaunay(places).simplices.tolist()
+    except (scipy.spatial.QhullError, ValueError):
         return []
 
 
@@ -232,20 +227,18 @@ def moved(rows: sparse.csr_matrix) -> np.ndarray:
     return abs(rows).max(axis=1).toarray().ravel() > ROUNDING
 
 
-def moving_pairs(
-    one: np.ndarray, law: ContactLaw, rows: sparse.csr_matrix, slips: sparse.csr_matrix, distance: np.ndarray
-) -> Contact:
-    """The pairs of left nodes, by their labels, whose gaps a displacement moves."""
-    moves, slides = moved(rows), moved(slips)
+def moving_pairs(labels: np.ndarray, law: ContactLaw, found: Contact) -> Contact:
+    """Those whose gaps a displacement moves, of all left nodes, whose labels these are."""
+    moves, slides = moved(found.rows), moved(found.slips)
     if not moves.any():
         raise ValueError("contact: no displacement moves a gap: all nodes are held, or both faces are one")
     if (slides & ~moves).any():
         raise ValueError(
-            f"contact: law = {law!r} rubs, and node {one[(slides & ~moves).argmax()]} is held across the "
+            f"contact: law = {law!r} rubs, and node {labels[(slides & ~moves).argmax()]} is held across the "
             "faces but slides: no contact force presses on it; free it, or leave it out"
         )
     laws = tuple(law if rubs or not law.rubs else Unilateral() for rubs in slides[moves])
-    return Contact(rows[moves], distance[moves], laws, sparse.csr_matrix(slips[moves]))
+    return Contact(found.rows[moves], found.gap[moves], laws, found.slips[moves])
 
 
 def given_gap(gap: Any, x: np.ndarray) -> np.ndarray:

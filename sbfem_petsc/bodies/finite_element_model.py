@@ -109,11 +109,10 @@ class FiniteElementModel:
         self._hold(rows, self._pairs("fixed", held or np.zeros((0, 2)), len(held)))
         self._sides = np.ptp(self.places[(self.columns != NONE).any(axis=1)], axis=0)
         own, heavy = self.stiffness.diagonal(), self.mass.diagonal()
-        if own.min() <= 0.0:
+        if (least := own.min()) <= 0.0:
             node, d = self.unknowns[own.argmin()]
             raise ValueError(
-                f"{OWNER}: stiffness of node {node}, direction {d} is {own.min():g}; leave unknowns out that "
-                "nothing holds"
+                f"{OWNER}: stiffness of node {node}, direction {d} is {least:g}; leave out what nothing holds"
             )
         if heavy.min() < 0.0:
             raise ValueError(f"{OWNER}: mass is negative, {heavy.min():g} kg on its diagonal")
@@ -256,7 +255,12 @@ class FiniteElementModel:
         self._require_outward(one, normal)
         slip = self._slip_direction(law, nodes, normal) if law.rubs else np.zeros(3)
         if right is None and gap is None:
-            gap = self._gap_of_wall(x @ normal)
+            if (off := np.ptp(x @ normal)) > LEVEL * self._sides.max():
+                raise ValueError(
+                    f"contact: left nodes lie up to {off:g} m behind each other along the normal, and where "
+                    "the wall is, is not known; give gap, 0.0 if it touches all of them"
+                )
+            gap = 0.0
         elif right is not None and matching:
             means = partners(self.labels[one], x, y, normal)
         elif right is not None:
@@ -273,25 +277,15 @@ class FiniteElementModel:
                 f"contact: the faces overlap by {-least:g} m{why}; is the normal from left to right? Say "
                 "interference=True if they are to press on each other at rest"
             )
-        return moving_pairs(self.labels[one], law, rows, slips, distance)
-
-    def _gap_of_wall(self, heights: np.ndarray) -> float:
-        """That of nodes in a plane, which a wall touches; others are refused."""
-        if (off := np.ptp(heights)) > LEVEL * self._sides.max():
-            raise ValueError(
-                f"contact: left nodes lie up to {off:g} m behind each other along the normal, and where "
-                "the wall is, is not known; give gap, 0.0 if it touches all of them"
-            )
-        return 0.0
+        return moving_pairs(self.labels[one], law, Contact(rows, distance, (), slips))
 
     def _require_outward(self, face: np.ndarray, normal: np.ndarray) -> None:
         """Refuse a normal towards which all elements of a face lie, as far as they are known."""
         ahead = np.zeros(0)
         for cells in self.elements.values():
-            touches = np.isin(cells, face)
-            cells, own = cells[touches.any(axis=1)], touches[touches.any(axis=1)]
             height = self.places[cells] @ normal
-            ahead = np.append(ahead, height.mean(axis=1) - np.average(height, axis=1, weights=own))
+            own = np.ma.array(height, mask=~np.isin(cells, face)).mean(axis=1)
+            ahead = np.append(ahead, (height.mean(axis=1) - own).compressed())
         if len(ahead) and ahead.min() > TOGETHER * self._sides.max():
             raise ValueError(
                 "contact: the normal looks into the elements of the left face; is it from left to right, or "

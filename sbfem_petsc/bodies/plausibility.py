@@ -7,6 +7,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy  # whose rooms are loaded where they are needed
 from scipy import sparse
 
 from meshing.warnings import MeshWarning, UnitWarning
@@ -65,7 +66,7 @@ def warn_of_mass(body: Any, units: str, weight: float) -> None:
     """
     moves, heavy = body.unknowns[:, 1] < 3, body.mass.diagonal()
     stiffness, mass = (part[moves & (heavy > 0.0)] for part in (body.stiffness.diagonal(), heavy))
-    far, said = tree_of(body.places).query(body.places, 2)[0][:, 1], []
+    far, said = scipy.spatial.cKDTree(body.places).query(body.places, 2)[0][:, 1], []
     far = far[np.isfinite(far) & (far > 0.0)]  # some lie in one place
     if len(far) and len(mass):
         speed = np.sqrt(np.median(stiffness / mass)) * np.median(far) / 3.0
@@ -75,10 +76,8 @@ def warn_of_mass(body: Any, units: str, weight: float) -> None:
     if box > 0.0 and weight > HEAVIEST * box:
         said.append(f"a mass of {weight:.3g} kg in {box:.3g} m^3 is more than any solid's")
     if said:
-        warn(
-            f"{OWNER}: {' and '.join(said)}; are units = {units!r} those of the matrices and nodes?",
-            UnitWarning,
-        )
+        why = " and ".join(said)
+        warn(f"{OWNER}: {why}; are units = {units!r} those of the matrices and nodes?", UnitWarning)
     light = np.count_nonzero(moves & (heavy == 0.0))
     if body.mass.count_nonzero() > np.count_nonzero(heavy) and light > LIGHT * moves.sum():
         warn(f"{OWNER}: mass couples unknowns, but {light} displacements have none; is it cut?", MeshWarning)
@@ -94,7 +93,7 @@ def warn_of_order(body: Any) -> None:
     solid = [cells for kind, cells in body.elements.items() if len(KINDS[kind][1]) > 1]
     # nor any of the nearest nodes, as many as one meets in its rows, is held, nor of one's elements
     met = min(np.diff(body.stiffness.indptr).max() // 3 + 1, len(body.places)) if held.any() else 1
-    near = tree_of(body.places).query(body.places, met)[1].reshape(len(body.places), -1)
+    near = scipy.spatial.cKDTree(body.places).query(body.places, met)[1].reshape(len(body.places), -1)
     beside = held[near].any(axis=1)
     for own in solid:
         beside[own[held[own].any(axis=1)]] = True
@@ -149,10 +148,3 @@ def _rounding(entries: np.ndarray) -> float:
     units = [(5.0 * 10.0**-digits, 10.0 ** (digits - 1) * decimals) for digits in range(1, 11)]
     units.insert(5, (2.0**-24, np.ldexp(np.frexp(values)[0], 24)))
     return next((part for part, many in units if (abs(many - np.round(many)) <= CLOSE * many).all()), 0.0)
-
-
-def tree_of(places: np.ndarray) -> Any:
-    """What finds nearest places; loaded where it is needed, for analyses of models know of bodies, too."""
-    from scipy.spatial import cKDTree
-
-    return cKDTree(places)

@@ -64,13 +64,11 @@ def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
     stem = path(JOB, "job", job).removesuffix(".inp")
     deck = read_deck(JOB, f"{stem}.inp")
     unknowns = _unknowns(f"{stem}.dof", deck["nodes"])
-    stiffness, mass = (_matrix(f"{stem}.{ending}", len(unknowns)) for ending in ("sti", "mas"))
-    if stiffness.nnz != mass.nnz:
-        raise ValueError(
-            f"{JOB}: {stem}.sti has {stiffness.nnz} entries, .mas {mass.nnz}; one is cut or of another run"
-        )
+    k, m = (_matrix(f"{stem}.{ending}", len(unknowns)) for ending in ("sti", "mas"))
+    if k.nnz != m.nnz:
+        raise ValueError(f"{JOB}: {stem}.sti has {k.nnz} entries, .mas {m.nnz}; one is cut or of another run")
     deck["fixed"] -= set(map(tuple, unknowns.tolist()))
-    body = FiniteElementModel(mass, stiffness, unknowns, **deck, units=units)
+    body = FiniteElementModel(m, k, unknowns, **deck, units=units)
     _require_one_run(stem, body)
     return body
 
@@ -176,12 +174,10 @@ def _matrix(file: str, count: int) -> sparse.csr_matrix:
             f"{JOB}: {file} has rows {place.min():g} to {place.max():g}, whole numbers from 1 to {count} "
             "were expected, the unknowns of .dof; it is cut, or of another run"
         )
-    return without_doubles(JOB, file, value, place.astype(np.int64) - 1, count)
+    return of_entries(JOB, file, value, place.astype(np.int64) - 1, count)
 
 
-def without_doubles(
-    owner: str, file: str, values: np.ndarray, places: np.ndarray, count: int
-) -> sparse.csr_matrix:
+def of_entries(owner: str, file: str, values: np.ndarray, places: np.ndarray, count: int) -> Any:
     """A matrix of values at (2, n) rows and columns, of which none may be given twice."""
     matrix = sparse.csr_matrix((values, places), (count, count))
     if matrix.nnz < len(values):
@@ -217,10 +213,8 @@ def _text(file: str, owner: str = JOB) -> str:
     try:
         return read_whole(Path(file)).decode(errors="replace")
     except ValueError as error:
-        deck = (
-            "" if file.endswith(".inp") else "; *FREQUENCY, SOLVER=MATRIXSTORAGE writes .sti, .mas and .dof"
-        )
-        raise ValueError(f"{owner}: {str(error).rstrip('.')}{deck}") from None
+        how = "" if file.endswith(".inp") else "; *FREQUENCY, SOLVER=MATRIXSTORAGE writes .sti, .mas and .dof"
+        raise ValueError(f"{owner}: {str(error).rstrip('.')}{how}") from None
 
 
 def read_matrices(
@@ -259,24 +253,23 @@ def read_matrices(
         If a file is missing, cut or of another kind; for what `FiniteElementModel` refuses.
     """
     files = [path(FILES, name, given) for name, given in (("mass", mass), ("stiffness", stiffness))]
-    matrices = [_read(file, k) for k, file in enumerate(files)]
+    m, k = (_read(file, place) for place, file in enumerate(files))
     instance(FILES, "sets", {} if sets is None else sets, Mapping, "a dict of names to labels")
     instance(FILES, "fixed", fixed, Iterable, "pairs (node, direction)")
     deck: dict[str, Any] = {"nodes": nodes, "sets": {}, "fixed": ()}
     if not isinstance(nodes, Mapping):
         instance(FILES, "nodes", nodes, (str, os.PathLike), "a dict of labels to places, or a deck")
         deck = read_deck(FILES, path(FILES, "nodes", nodes))
-    if {isinstance(matrix, np.ndarray) for matrix in matrices} != {unknowns is None}:
+    if {isinstance(matrix, np.ndarray) for matrix in (m, k)} != {unknowns is None}:
         raise ValueError(
             f"{FILES}: unknowns = {shown(unknowns)}; give it unless both files are of Abaqus or Ansys"
         )
     if unknowns is None:
-        matrices, unknowns, supports = _numbered(files, matrices)
+        (m, k), unknowns, supports = _numbered(files, [m, k])
         deck["fixed"] = [*deck["fixed"], *supports]
     elif isinstance(unknowns, (str, os.PathLike)):
         unknowns = _read(path(FILES, "unknowns", unknowns), 2)
     deck |= {"sets": deck["sets"] | dict(sets or {}), "fixed": [*fixed, *deck["fixed"]]}
-    m, k = matrices
     return FiniteElementModel(m, k, unknowns, **deck, units=units)
 
 
@@ -349,19 +342,16 @@ FORMATS = {b"%%MatrixMarket": _market, b"PK": sparse.load_npz, (1211216).to_byte
 
 def _numbered(files: list[str], tables: list[np.ndarray]) -> tuple[list[sparse.csr_matrix], np.ndarray, Any]:
     """Matrices over one numbering, nodes and directions of their rows, and which of them are held."""
-    pairs = np.concatenate([table[:, :4].astype(int).reshape(-1, 2) for table in tables])
-    unknowns, place = np.unique(pairs, axis=0, return_inverse=True)
+    table, parts = np.concatenate(tables), [len(tables[0])]
+    unknowns, place = np.unique(table[:, :4].astype(int).reshape(-1, 2), axis=0, return_inverse=True)
     if unknowns[0, 0] < 0:
         raise ValueError(
             f"{FILES}: node {unknowns[0, 0]} is an internal one (Lagrange multiplier); leave contact, ties "
             "and connectors out of the step that writes the matrices"
         )
-    matrices, held = [], np.zeros(len(unknowns), dtype=bool)
-    for file, table, ends in zip(files, tables, np.split(place.reshape(-1, 2), [len(tables[0])])):
-        (rows, columns), values = ends.T, table[:, 4]
-        much = (rows == columns) & (values >= HELD)
-        held[rows[much]] = True
-        values = np.where(much, 1.0, values)
-        matrices.append(without_doubles(FILES, file, values, ends.T, len(unknowns)))
-    unknowns = unknowns - [0, 1]
-    return matrices, unknowns, unknowns[held].tolist()
+    ends, values, unknowns = place.reshape(-1, 2).T, table[:, 4], unknowns - [0, 1]
+    held = (ends[0] == ends[1]) & (values >= HELD)
+    values[held] = 1.0
+    each = zip(files, np.split(values, parts), np.split(ends, parts, axis=1))
+    matrices = [of_entries(FILES, *given, len(unknowns)) for given in each]
+    return matrices, unknowns, unknowns[ends[0][held]].tolist()

@@ -86,16 +86,13 @@ class Contact:
     slips: sparse.csr_matrix
 
     def __add__(self, other: Contact) -> Contact:
-        other = _same("contact", self, other)
-        held = {_content(row) for row in self.rows}
-        if again := [k for k, row in enumerate(other.rows) if _content(row) in held]:
-            raise ValueError(f"contact: pair {again[0]} that is added is there already; leave its node out")
-        return Contact(
-            sparse.vstack([self.rows, other.rows]).tocsr(),
-            np.concatenate([self.gap, other.gap]),
-            self.laws + other.laws,
-            sparse.vstack([self.slips, other.slips]).tocsr(),
-        )
+        both = (self.rows, _same("contact", self, other).rows), (self.slips, other.slips)
+        one, two = ([(*row.indices, *row.data) for row in rows.sorted_indices()] for rows in both[0])
+        if again := {*one} & {*two}:
+            first = min(map(two.index, again))
+            raise ValueError(f"contact: pair {first} that is added is there already; leave its node out")
+        rows, slips = (sparse.vstack(parts).tocsr() for parts in both)
+        return Contact(rows, np.append(self.gap, other.gap), self.laws + other.laws, slips)
 
     @property
     def size(self) -> int:
@@ -104,11 +101,6 @@ class Contact:
 
     def __repr__(self) -> str:
         return f"Contact({len(self.gap)} pairs of {self.size} unknowns)"
-
-
-def _content(row: sparse.csr_matrix) -> tuple[bytes, bytes]:
-    row = row.sorted_indices()
-    return row.indices.tobytes(), row.data.tobytes()
 
 
 def _same(what: str, one: Any, other: Any) -> Any:
