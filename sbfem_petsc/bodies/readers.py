@@ -53,8 +53,8 @@ def read_calculix(job: Any, units: str = "mm-N-t") -> FiniteElementModel:
     Raises
     ------
     ValueError, TypeError
-        If a file is missing, cut or of another job; if the deck has constraints, contact or elements that
-        CalculiX expands (shells, beams, plane ones).
+        If a file is missing, cut or of another job; if the deck has constraints, contact, supports that move
+        or elements that CalculiX expands (shells, beams, plane ones).
 
     Warns
     -----
@@ -115,7 +115,14 @@ def _held(deck: Deck, card: Card) -> Iterator[tuple[int, int]]:
             first, last = int(row[1]), int(row[2] if row[2:] and row[2] else row[1])
         except (ValueError, IndexError):
             card.refuse(f"does not hold nodes, a first and a last direction: {', '.join(row)}", place)
-        yield from product(nodes, range(first - 1, min(last, 6)))
+        held = range(first - 1, min(last, 6))
+        if held and any(part.strip("+-0.eEdD") for part in row[3:]):
+            card.refuse(
+                f"moves what it holds ({', '.join(row)}), and bodies are held at 0; leave the value out, and "
+                "move all that is held by SupportMotion in loads of reduce",
+                place,
+            )
+        yield from product(nodes, held)
 
 
 def read_deck(owner: str, file: str) -> dict[str, Any]:

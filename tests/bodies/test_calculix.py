@@ -144,13 +144,13 @@ def test_frequencies_of_calculix_itself(tmp_path, kind):
 
 
 def test_lines_of_a_deck(tmp_path):
-    """Nodes of an element go on in the next line, with or without a comma; directions 4 to 6 are held, too;
-    springs, and sets of them, are passed over, so are loads in files of their own.
+    """Nodes of an element go on in the next line, with or without a comma; directions 4 to 6 are held, too,
+    temperatures are not; springs, and sets of them, are passed over, so are loads in files of their own.
     """
     nodes = "".join(f"{k}, {k}., 0., 0.\n" for k in range(1, 21))
     one, two = ", ".join(map(str, range(1, 16))), ", ".join(map(str, range(16, 21)))
     springs = "*ELEMENT, TYPE=SPRINGA, ELSET=S\n9, 1, 2\n*ELSET, ELSET=T\n9, S\n"
-    held = "*BOUNDARY\n3, 4, 6\n4, 2\n*AMPLITUDE, NAME=A, INPUT=a.txt\n"
+    held = "*BOUNDARY\n3, 4, 6\n4, 2, , 0.0\n5, 11, 11, 20.\n*AMPLITUDE, NAME=A, INPUT=a.txt\n"
     held += "*ELSET, ELSET=U\n7, 9\n*NSET, NSET=ENDS, ELSET=T\n*NSET, NSET=ALL, ELSET=U\n"
     for comma in ("", ","):
         file = tmp_path / "lines.inp"
@@ -193,6 +193,12 @@ WRONG = [
     ),
     ("inp", r"\*BOUNDARY\n.*", "", r"node 1 has no unknown along x in .*, and no \*BOUNDARY"),
     ("inp", r"CLAMP, 1", "NOWHERE, 1", r"\*BOUNDARY in .*blocks.inp, line 18 names the set 'NOWHERE'"),
+    (
+        "inp",
+        r"CLAMP, 1, 3",
+        "CLAMP, 1, 3, 0.1",
+        r"\*BOUNDARY in .*blocks.inp, line 19 moves what it holds \(CLAMP, 1, 3, 0.1\), and bodies are held",
+    ),
     (
         "inp",
         r"\*STEP",
