@@ -26,6 +26,7 @@ from ..record.record import Record, derived, described, of_each, quantity
 from ..reduction.reduced_model import SYSTEM, ReducedModel
 from ..signals.signal import Signal
 from ..system.fields.places import checked_line
+from ..system.fields.resolution import warn_of_tips
 from ..system.fields.static_resolution import warn_of_rest
 from ..system.fields.tip_facts import together
 from ..system.model import Model
@@ -235,6 +236,7 @@ def load_history(
     for t in times:
         former = states[-1] if states else None
         states.append(state(model, _at(loads, float(t)), contact, former=former))
+    warn_of_tips("load_history", model.tips, [one.stress_intensity for one in states])
     warn_of_rest(model, [at_rest(f"load_history, at {t:.6g} s", one) for t, one in zip(times, states)])
     return LoadHistory(times, tuple(states))
 

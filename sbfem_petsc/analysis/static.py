@@ -103,6 +103,7 @@ def static(
     instance("static", "model", model, Model, SYSTEM)
     if accuracy is None:
         found = state(model, load, contact)
+        warn_of_tips("static", model.tips, [found.stress_intensity])
         warn_of_rest(model, [at_rest("static", found)])
         return found
     _prepare(model, load)
@@ -182,7 +183,6 @@ def state(model: Model, load, contact: bool, former: Static | None = None) -> St
     """The solution on the model's own mesh, of faces that rub after a former one. Collective."""
     _prepare(model, load)
     found = _solved(model, load, contact, former)
-    warn_of_tips("static", model.tips)
     _warn_of_springs(found)
     if contact:
         _warn_of_contact(found)

@@ -77,8 +77,8 @@ def lekhnitskii_crack(shape, elasticity, tension, shear):
     ],
 )
 def test_crack_in_an_infinite_plate(material, corners, order, bound):
-    """K_I, K_II, T from the exact boundary displacements; bounds three times what is measured. The error of
-    the exponents tells the error of K.
+    """K_I, K_II, T from the exact boundary displacements; bounds three times what is measured. The error
+    of exact singular modes, .64 to 1.05 of that of K, tells it.
     """
     shape = polygon(corners, order, closed=False)
     element = solve_selement(Sectors(shape, order, material.elasticity), False)
@@ -87,7 +87,7 @@ def test_crack_in_an_infinite_plate(material, corners, order, bound):
     error = np.abs(form.rows @ u - exact).max() / np.linalg.norm(exact)
     assert error < bound
     np.testing.assert_array_equal(form.exponents, 0.5)
-    assert 1.0 < error / form.exponent_error < 30.0
+    assert 0.5 < error / np.linalg.norm(form.errors * exact / np.linalg.norm(exact)) < 1.5
     assert abs(t_stress_row(element.radial_form, shape, material.elasticity, AXIS).row @ u - t) < 10.0 * bound
 
 
@@ -227,7 +227,6 @@ def test_notch_exponents(half_opening):
         material = OrthotropicMaterial(14.0, 1.0, 0.3, 0.7, 1.0, angle=turn)
         element = solve_selement(Sectors(shape, 8, material.elasticity), False)
         form = intensity_rows(element.radial_form, Sectors(shape, 8, material.elasticity), AXIS)
-        assert form.exponent_error < 1e-5
         own = np.linalg.eigvals(element.radial)
         own = np.sort(own[(own.real > 0.05) & (own.real < 0.95)].real)
         np.testing.assert_allclose(np.sort(form.exponents), own, atol=1e-5)
@@ -352,7 +351,7 @@ def test_interface_crack(order, corners, bound):
             exact = k * length ** (1j * eps)
             assert np.abs(form.rows @ u - [exact.real, exact.imag]).max() < bound * abs(k)
         np.testing.assert_array_equal(form.exponents, 0.5)
-        assert form.exponent_error < bound
+        assert form.errors.max() < bound
 
 
 def test_interface_crack_turned_over():
@@ -409,7 +408,7 @@ def test_crack_that_ends_at_an_interface(ratio):
     element = solve_selement(Sectors(shape, order, elasticity), False)
     form = intensity_rows(element.radial_form, Sectors(shape, order, elasticity), AXIS)
     np.testing.assert_allclose(form.exponents, exponent, atol=1e-8)
-    assert form.exponent_error < 1e-5 and form.oscillation == 0.0
+    assert form.errors.max() < 1e-5 and form.oscillation == 0.0
     opening = (form.rows.reshape(2, -1, 2) * [1, -1])[:, ::-1].reshape(2, -1)
     np.testing.assert_allclose(opening, form.rows * [[1], [-1]], atol=1e-6 * np.abs(form.rows).max())
 

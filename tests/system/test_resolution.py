@@ -205,6 +205,55 @@ def test_factors_where_volume_is_kept(order):
     assert _factors_told(plate.mesh(order=3, size=0.4), sb.Material(1e9, 0.33, 1000.0))[1] == []
 
 
+# K_I in units of sigma (pi a)^(1/2) of a crack through half of a strip under tension and in bending, Kaya and
+# Erdogan (1987), Quarterly of Applied Mathematics 45.
+STRIP = {"tx": 2.8246, "ty": 1.4972}
+
+
+@pytest.mark.parametrize("order", [2, 3, 5])
+@pytest.mark.parametrize("way", STRIP)
+def test_factors_in_low_orders(way, order):
+    """K_I of a long beam is told to be off by what it is, within a factor of 3: 1.5e-2 and 1.6e-3, and 2e-5,
+    of which nothing is told.
+    """
+    mesh = Beam(20.0, 1.0, [VNotch(10.0, 0.5, 0.0)]).mesh(order=order)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", sb.MeshWarning)
+        found = sb.static(
+            sb.Model(mesh, ALUMINIUM), sb.EdgeLoad("right", **{way: {"tx": 1.0, "ty": -1.0}[way]})
+        )
+    exact = STRIP[way] * {"tx": 1.0, "ty": 60.0}[way] * np.sqrt(0.5 * np.pi)
+    error = abs(found.stress_intensity["crack1"][0] / exact - 1.0)
+    told = [re.search(r"K_I and K_II are off by about (\S+) of", str(w.message)) for w in said]
+    if order == 5:
+        assert error < 1e-4 and told == []
+    else:
+        ((share,),) = [one.groups() for one in told if one]
+        assert error / 3 < float(share) < 3 * error
+
+
+def test_a_history_tells_of_factors_once():
+    """By its own name, in the state that is off most: shear of a crack along stiff fibres, beside tension."""
+    plate = Plate([(0, 0), (1, 0), (1, 2), (0, 2)], cracks=[CrackLine([(0, 1), (0.4, 1)], name="c")])
+    fibres = sb.OrthotropicMaterial(4e11, 1e10, 0.3, 5e9, density=1600)
+    model = sb.Model(plate.mesh(order=4), fibres, clamped="edge1")
+    load = sb.EdgeLoad("edge3", tx=sb.Samples([0.0, 1.0], [0.0, 1e6]), ty=sb.Samples([0.0, 1.0], [1e6, 0.0]))
+    told = []
+    for run in (sb.static, sb.load_history):
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always", sb.MeshWarning)
+            if run is sb.static:
+                for one in (sb.EdgeLoad("edge3", ty=1e6), sb.EdgeLoad("edge3", tx=1e6)):
+                    run(model, one, contact=False)
+            else:
+                run(model, load, [0.0, 0.5, 1.0], contact=False)
+        texts = [str(w.message) for w in said if "K_I and K_II are off" in str(w.message)]
+        told.append([re.sub(r"^\w+: ", "", text) for text in texts])
+        assert all(text.startswith(run.__name__) for text in texts)
+    (less, more), only = told
+    assert less != more and only == [more]
+
+
 @pytest.mark.slow
 def test_factors_in_strong_anisotropy():
     """K of a crack through fibres is told to be off by what a higher order changes it by, within a factor of

@@ -35,8 +35,8 @@ class TipIntensities(TipFacts):
         elements.
     faces : dict of int to (2, m) array
         The same for all traction modes of the tips that this rank holds, by the tip's number.
-    exponent_errors : (tips,) array
-        How far the exponents of the tips' S-elements are from the exact ones.
+    errors : (tips, 2) array
+        Relative ones of what has K_I or K_II alone.
     local : dict of int to ((n,) int array, (2, 2 n) array)
         By the numbers of the tips that this rank holds: its nodes of their S-elements, and the two rows for
         their displacements.
@@ -45,7 +45,7 @@ class TipIntensities(TipFacts):
     rows: Rows
     contact: np.ndarray
     faces: dict[int, np.ndarray]
-    exponent_errors: np.ndarray
+    errors: np.ndarray
     local: dict[int, tuple[np.ndarray, np.ndarray]]
 
     @property
@@ -75,7 +75,7 @@ def tip_intensities(
     """The forms of the tips of a structure with so many contact rows. Collective."""
     layout = elements.layout
     tips = layout.tip_elements
-    exponents, errors, interfaces = np.zeros((len(tips), 2)), np.zeros(len(tips)), np.zeros(len(tips))
+    (exponents, errors), interfaces = np.zeros((2, len(tips), 2)), np.zeros(len(tips))
     contact = np.zeros((2 * len(tips), count))
     local: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     columns: dict[int, np.ndarray] = {}
@@ -93,7 +93,7 @@ def tip_intensities(
             placed = form.placed(place.rotation, place.size, material.modulus).reshape(2, -1)
             local[number] = (place.nodes, placed)
             exponents[number], interfaces[number] = form.exponents, several
-            errors[number] = np.nan_to_num(form.exponent_error)
+            errors[number] = form.errors
             if faces := faces_of.get(number):
                 columns[number] = form.placed_of_tractions(
                     faces.tractions, place.rotation, place.size, elements.thickness
