@@ -14,7 +14,7 @@ from meshing.warnings import MeshWarning
 
 from ..checks import Bounds, choice, flag, instance, integer, names_of, numbers_of, real, real_array, shown
 from ..contact.law import ContactLaw, Unilateral, check_without_layer
-from ..errors import UnknownName, listed, warn
+from ..errors import UnknownName, at_point, warn
 from .cells import KINDS, corners, outer_faces
 from .faces import APART, ROUNDING, between, given_gap, moved, moving_pairs, normal_of, partners
 from .plausibility import OWNER, UNITS, si_matrix, warn_of_mass, warn_of_order, warn_of_rounding, whole
@@ -122,9 +122,10 @@ class FiniteElementModel:
     def _pairs(self, name: str, given: Any, count: int) -> np.ndarray:
         """(count, 2): rows of nodes, by their labels, and directions."""
         pairs = real_array(OWNER, name, given, (count, 2))
-        if not np.isin(pairs[:, 1], np.arange(6)).all():
-            wrong = pairs[~np.isin(pairs[:, 1], np.arange(6))][0].tolist()
-            raise ValueError(f"{OWNER}: {name} has {wrong}, not a node's label and a direction, 0 to 5")
+        if len(wrong := pairs[~np.isin(pairs[:, 1], np.arange(6))]):
+            raise ValueError(
+                f"{OWNER}: {name} has {wrong[0].tolist()}, not a node's label and a direction, 0 to 5"
+            )
         return np.column_stack([self._rows(name, pairs[:, 0]), pairs[:, 1].astype(int)])
 
     def _rows(
@@ -349,41 +350,39 @@ class FiniteElementModel:
     def _nodes_at(self, place: Any) -> np.ndarray:
         if not isinstance(place, (list, tuple)) and not np.ndim(place):
             instance("at", "place", place, (str, int, float, np.number), "a label, a set or x, y, z in m")
-            return self._face(
-                "place", place if isinstance(place, str) else [integer("at", "place", place)], "at"
-            )
+            given = place if isinstance(place, str) else [integer("at", "place", place)]
+            return self._face("place", given, "at")
         far = np.linalg.norm(self.places - numbers_of("at", "place", place, 3, "x, y and z in m"), axis=1)
-        if far.min() > APART * self._sides.max():
-            nearest = self.labels[far.argmin()]
+        if (least := far.min()) > APART * self._sides.max():
+            one = self.labels[far.argmin()]
             raise ValueError(
-                f"at: the nearest node of {shown(place)} is {nearest}, {far.min():g} m off; "
-                "coordinates are in m"
+                f"at: the nearest node of {shown(place)} is {one}, {least:g} m off; coordinates are in m"
             )
-        near = np.flatnonzero(far <= far.min() + TOGETHER * self._sides.max())
+        near = np.flatnonzero(far <= least + TOGETHER * self._sides.max())
         if len(near) > 1:
             raise ValueError(f"at: {len(near)} nodes lie at {shown(place)}; give the label of one")
         return near
 
     def _face(self, name: str, given: Any, owner: str = "contact") -> np.ndarray:
         """Rows of the nodes of a set, or of labels, each once."""
-        if isinstance(given, str) and given not in self.sets:
-            raise UnknownName(f"{owner}: set {given!r} does not exist; the body has {listed(self.sets)}")
-        labels = self.sets[given] if isinstance(given, str) else given
+        labels = at_point(self.sets, given, f"{owner}: set") if isinstance(given, str) else given
         if not len(rows := self._rows(name, labels, 1, owner, UnknownName)):
             raise ValueError(f"{owner}: {name} = {shown(given)} has no nodes")
         return np.array([*dict.fromkeys(rows.tolist())])
 
+    def require_known(self, nodes: np.ndarray, along: Any, owner: str, missed: str) -> None:
+        """Refuse nodes, by their rows, that neither move nor are held in some directions."""
+        if (lost := self.columns[nodes][:, along] == NONE).any():
+            k, d = np.argwhere(lost)[0]
+            label, axis = self.labels[nodes[k]], AXES[along[d]]
+            raise ValueError(f"{owner}: node {label} has no unknown along {axis} {missed}")
+
     def _along(self, vector: np.ndarray, shares: sparse.csr_matrix, nodes: np.ndarray) -> sparse.csr_matrix:
         """(k, n): displacements of nodes along a vector in (k, nodes) shares."""
         along = np.flatnonzero(np.abs(vector) > ROUNDING)
-        columns, met = self.columns[nodes][:, along], np.unique(shares.indices)
-        if (lost := columns[met] == NONE).any():
-            k, d = np.argwhere(lost)[0]
-            label, axis = self.labels[nodes[met[k]]], AXES[along[d]]
-            raise ValueError(
-                f"{OWNER}: node {label} has no unknown along {axis} and is not fixed; give it in fixed, or "
-                "free it of its constraint"
-            )
+        missed = "and is not fixed; give it in fixed, or free it of its constraint"
+        self.require_known(nodes[np.unique(shares.indices)], along, OWNER, missed)
+        columns = self.columns[nodes][:, along]
         rows, d = np.nonzero(columns >= 0)
         entries = vector[along[d]], (rows, columns[rows, d])
         return shares @ sparse.csr_matrix(entries, (len(nodes), len(self.unknowns)))
@@ -426,8 +425,7 @@ def join(*bodies: FiniteElementModel) -> FiniteElementModel:
         fixed += [(label + up, d) for label, d in body.fixed]
         for kind, rows in body.elements.items():
             cells.setdefault(kind, []).append(body.labels[rows] + up)
-    mass = sparse.block_diag([body.mass for body in bodies])
-    stiffness = sparse.block_diag([body.stiffness for body in bodies])
+    mass, stiffness = map(sparse.block_diag, zip(*((body.mass, body.stiffness) for body in bodies)))
     elements = {kind: np.concatenate(parts) for kind, parts in cells.items()}
     whole = mass, stiffness, np.concatenate(unknowns), nodes
     found = FiniteElementModel(*whole, sets=sets, fixed=fixed, elements=elements)

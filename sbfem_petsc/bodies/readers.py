@@ -21,7 +21,6 @@ from ..checks import instance, path, shown
 from .cells import KINDS
 from .finite_element_model import FiniteElementModel
 from .plausibility import whole
-from .rows import AXES, NONE
 
 JOB, FILES = "read_calculix", "read_matrices"
 # What moves or removes unknowns, or closes contact before this program does.
@@ -197,16 +196,11 @@ def _require_one_run(stem: str, body: FiniteElementModel) -> None:
     that share an element, as .dof names them; a node may have a mass of its own.
     """
     count = int(body.labels.max()) + 1
-    near = [(count + 1) * body.labels]
+    near, missed = [(count + 1) * body.labels], f"in {stem}.dof, and no *BOUNDARY of {stem}.inp holds it"
     for cells in body.elements.values():
         named = body.labels[cells]
         near.append((count * named[:, :, None] + named[:, None]).ravel())
-        if (lost := body.columns[cells, :3] == NONE).any():
-            element, place, d = np.argwhere(lost)[0]
-            raise ValueError(
-                f"{JOB}: node {named[element, place]} has no unknown along {AXES[d]} in {stem}.dof, and no "
-                f"*BOUNDARY of {stem}.inp holds it; are they of one run?"
-            )
+        body.require_known(cells.ravel(), (0, 1, 2), JOB, f"{missed}; are they of one run?")
     (one, d), (other, e) = body.unknowns[np.array(body.mass.nonzero())].transpose(0, 2, 1)
     if (wrong := (d != e) | ~np.isin(count * one + other, np.concatenate(near))).any():
         k = wrong.argmax()
