@@ -113,8 +113,7 @@ def located_contacts(
     thin, counts = unscaled.T @ step.right, sizes[which]
     factors, pushes = ((part @ thin)[order] for part in (factors, pushes))
     acts = counts > 0
-    nothing = np.zeros((len(order), 0))
-    return Contacts(instants[acts], counts[acts], factors, nothing, pushes, reads[order], writes[order])
+    return Contacts(instants[acts], counts[acts], factors, pushes, reads[order], writes[order])
 
 
 # ---------------------------------------------------------------------- where rows switch

@@ -177,9 +177,7 @@ def _sets(room: Room, level: int) -> Sets:
     """Those of a level."""
     of, inverse, known = room.sets, room.inverses[level], room.known[level]
     found = of.sharp, inverse, known, room.members[level], room.places[level], of.right, of.solved, of.free
-    return Sets(
-        *found, of.following, of.rates, of.kept, of.landed, of.waits, of.told, of.aside, of.seen, of.every
-    )
+    return Sets(*found, of.following, of.rates, of.kept, of.landed, of.waits, of.told, of.seen, of.every)
 
 
 @inner_loops
@@ -311,7 +309,7 @@ def _tell_landings(history: StepHistory, done: int, pairs: int, sets: Sets) -> N
         for n in range(3):
             history.landings[done, k, n] = sets.landed[count + k, n]
     for i in range(history.told.shape[1]):
-        history.told[done, i], history.aside[done, i] = sets.told[i], sets.aside[i]
+        history.told[done, i] = sets.told[i]
 
 
 @compiled_loops

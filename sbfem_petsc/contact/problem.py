@@ -49,8 +49,6 @@ class Sets(NamedTuple):
         Whether a normal row that stood apart waits until the others have settled without it.
     told : (n + 1,) int8 array
         States then, from which it is told where rows land; the last entry tells whether any do.
-    aside : (n,) array
-        Forces there.
     seen : (m,) int array
         Sums that tell sets apart; of more than these none are exchanged.
     every : (n,) int array
@@ -71,7 +69,6 @@ class Sets(NamedTuple):
     landed: np.ndarray
     waits: np.ndarray
     told: np.ndarray
-    aside: np.ndarray
     seen: np.ndarray
     every: np.ndarray
 
@@ -81,8 +78,8 @@ def rubbing_room(rows: int) -> tuple[np.ndarray, ...]:
     following, waits, told = (np.zeros(n, dtype=np.int8) for n in (rows, rows, rows + 1))
     right, solved, free, kept = (np.empty(n) for n in (rows + 1, *[rows] * 3))
     rates, landed = np.empty((2, rows)), np.empty((rows, 3))
-    seen, aside = np.zeros(MAXIMUM, dtype=np.int64), np.zeros(rows)
-    return right, solved, free, following, rates, kept, landed, waits, told, aside, seen, np.arange(rows)
+    seen = np.zeros(MAXIMUM, dtype=np.int64)
+    return right, solved, free, following, rates, kept, landed, waits, told, seen, np.arange(rows)
 
 
 def empty_sets(rows: int) -> Sets:

@@ -289,14 +289,14 @@ def _land(problem: Problem) -> int:
     of the solution without them, of rows that land only because others do at its end. How many change their
     states, -1 where none lands.
     """
-    _, _, before, laws, rubbing, state, sets, force = problem
+    _, _, before, laws, rubbing, state, sets, _ = problem
     count, lands = rubbing.beside.size, False
     for i in range(count):
         lands |= sets.waits[i] != 0 and caught(laws, i, sets.free[i]) != FREE
     if not lands:
         return -1
     for i in range(state.size):
-        sets.told[i], sets.aside[i] = state[i], force[i]
+        sets.told[i] = state[i]
         sets.landed[i, 0], sets.landed[i, 1], sets.landed[i, 2] = 0.0, 0.0, 0.0
     for k in range(rubbing.rows.size):
         i, t = rubbing.rows[k], count + k

@@ -126,8 +126,8 @@ class StepHistory(NamedTuple):
     landings : (n, k, 3) or (0, 0, 3) array
         Zeros, but for where tangential rows land in each step, see `problem.Sets`; not kept in an empty
         one.
-    told, aside : (n, pairs) or (0, 0) int8 and float arrays
-        States and forces from which it is told where they land in each step; not kept where landings are not.
+    told : (n, pairs) or (0, 0) int8 array
+        States from which it is told where they land in each step; not kept where landings are not.
     """
 
     states: np.ndarray
@@ -140,7 +140,6 @@ class StepHistory(NamedTuple):
     kept: np.ndarray = np.empty(0)
     landings: np.ndarray = np.empty((0, 0, 3))
     told: np.ndarray = np.empty((0, 0), dtype=np.int8)
-    aside: np.ndarray = np.empty((0, 0))
 
 
 class Marched(NamedTuple):

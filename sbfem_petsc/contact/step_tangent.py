@@ -61,7 +61,6 @@ def step_contacts(
     step: StepConstants,
     history: tuple[np.ndarray, np.ndarray, np.ndarray],
     units: np.ndarray,
-    gap_rates: tuple[np.ndarray, np.ndarray],
     least: float = LEAST,
 ) -> Contacts:
     """Of steps as they are, of one length.
@@ -74,13 +73,10 @@ def step_contacts(
         (`step_data.StepHistory`).
     units : (k,) array
         Those of the slips in the state, m.
-    gap_rates : (n + 1, c + k, e) array, (n, c + k, e) array
-        Rates of the free gaps and slips with e parameters, and how much more they are where it is told where
-        rows land.
     least : float
         What is left out.
     """
-    (states, landings, told), (rates, more), count = history, gap_rates, step.rubbing.beside.size
+    (states, landings, told), count = history, step.rubbing.beside.size
     writes, lands = _written(states, landings, told)
     landing = lands.any(axis=1)
     instants = np.flatnonzero((states != FREE).any(axis=1) | writes.any(axis=1))
@@ -109,25 +105,20 @@ def step_contacts(
     )
     ends = np.cumsum(sizes)
     first = ends - sizes
-    held, shifts = spread.copy(), np.zeros((len(spread), rates.shape[2]))
+    held = spread.copy()
     rows, slips = np.nonzero(changes)
     held[rows, count + slips] = np.where(np.repeat(alone, sizes)[rows], 0.0, -1.0 / units[slips])
     for kind in np.flatnonzero(alone):
         behind, own = which[np.flatnonzero(which == kind)[0] + 1], slice(first[kind], ends[kind])
         part, kept = slice(first[behind], ends[behind]), np.flatnonzero(written[kind])
         read = held[part, count + kept] * units[kept]
-        shifts[own] = spread[own] @ more[at[kind] - 1]
-        shifts[part] = read @ shifts[own]
         spread[part] += read @ spread[own]
         held[part] += read @ held[own]
     place, owner = repeated(sizes, which), np.repeat(of, sizes[which])
-    shifts = shifts[place]
-    if shifts.size:
-        shifts += np.einsum("sc,sce->se", spread[place], rates[owner])
     reads, factors = -held[:, count:] * units, spread @ step.left.T @ step.right
     counts = np.bincount(np.searchsorted(instants, owner), minlength=len(instants))
     return Contacts(
-        instants, counts, factors[place], shifts, (push @ step.right)[place], reads[place], changes[place]
+        instants, counts, factors[place], (push @ step.right)[place], reads[place], changes[place]
     )
 
 

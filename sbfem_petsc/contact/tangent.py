@@ -10,7 +10,6 @@ their own instants.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,8 +34,6 @@ class Contacts:
         How many rows of the next arrays belong to each.
     factors : (s, m) array
         The rows of B^T of all instants, one instant after the other.
-    shifts : (s, e) array
-        B^T dq is added to by so much for each of e parameters.
     pushes : (s, m) array
         What the rows' forces push; where nothing rubs, the factors themselves.
     reads, writes : (s, k) arrays
@@ -46,7 +43,6 @@ class Contacts:
     instants: np.ndarray
     counts: np.ndarray
     factors: np.ndarray
-    shifts: np.ndarray
     pushes: np.ndarray
     reads: np.ndarray
     writes: np.ndarray
@@ -162,15 +158,6 @@ class Propagation:
             result[chosen] = self._invert(late[chosen], *push)
         return result
 
-    def inverted(self, powers: np.ndarray, states: np.ndarray) -> np.ndarray:
-        """D^-n of (k, 2 m, e) states, each with its own n."""
-        result = np.empty_like(states)
-        m = states.shape[1] // 2
-        for column in range(states.shape[2]):
-            found = self._invert(powers, states[:, :m, column], states[:, m:, column])
-            result[:, :, column] = found.reshape(len(states), 2 * m)
-        return result
-
     def power(self, steps: int) -> np.ndarray:
         """D^steps, (2, 2, m)."""
         if steps < self.rows.shape[1]:
@@ -182,9 +169,9 @@ class Propagation:
 class Derivative:
     """The linearised motion over all steps.
 
-    The contacts of a block, P = B^T dq at each of its instants, obey coupling P = rows y + shifts with the
-    state y in the frame before the block, and y - effects^T P is the state behind it. What rows that rub
-    remember stands behind the modes and does not move by itself.
+    The contacts of a block, P = B^T dq at each of its instants, obey coupling P = rows y with the state y in
+    the frame before the block, and y - effects^T P is the state behind it. What rows that rub remember stands
+    behind the modes and does not move by itself.
 
     Parameters
     ----------
@@ -253,23 +240,12 @@ class Derivative:
             place += count or 0
         return result
 
-    def __call__(self, x: np.ndarray, sources: Callable | None = None) -> np.ndarray:
-        """Columns of dq above those of dv and the memory after the last step, (2 m + k, n).
-
-        Parameters
-        ----------
-        x : (2 m + k, n) array
-            At the start. The last e columns are derivatives with the e parameters of the contacts, the others
-            with the initial state.
-        sources : callable, optional
-            What the parameters themselves add to q and v over moves from one instant to another without
-            contact between: (starts, ends) -> (n, 2 m, e).
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        """Columns of dq above those of dv and the memory, (2 m + k, n): after the last step, of these at the
+        start.
         """
         x, moving = x.copy(), 2 * self.contacts.factors.shape[1]
-        first = x.shape[1] - self.contacts.shifts.shape[1]
-        reads, writes = self.contacts.reads, self.contacts.writes
-        shifts, added = self._of_parameters(sources)
-        now = 0
+        reads, writes, now = self.contacts.reads, self.contacts.writes, 0
         for frame, begin in enumerate(self._begin.tolist()):
             x = self._moved(x, begin - now)
             now = begin
@@ -278,7 +254,6 @@ class Derivative:
                 forces = dgemm(1.0, x[:moving].T, self._rows[one:other].T)
                 if remembers:
                     forces = dgemm(1.0, x[moving:].T, reads[one:other].T, 1.0, forces, overwrite_c=1)
-                forces[first:] += shifts[one:other].T
                 # the diagonal, ones, is not referred to
                 dtrsm(1.0, coupling, forces, side=1, lower=0, diag=1, overwrite_b=1)
                 if self._onward[frame]:
@@ -286,12 +261,7 @@ class Derivative:
                 dgemm(-1.0, forces, self._effects[one:other].T, 1.0, x[:moving].T, trans_b=1, overwrite_c=1)
                 if remembers:
                     dgemm(-1.0, forces, writes[one:other].T, 1.0, x[moving:].T, trans_b=1, overwrite_c=1)
-            if added is not None:
-                x[:moving, first:] += added[frame]
-        x = self._moved(x, self.steps - now)
-        if added is not None:
-            x[:moving, first:] += added[-1]
-        return x
+        return self._moved(x, self.steps - now)
 
     def _moved(self, x: np.ndarray, steps: int) -> np.ndarray:
         """D^steps x."""
@@ -305,45 +275,6 @@ class Derivative:
             part += other
         result[2 * m :] = x[2 * m :]
         return result
-
-    def _of_parameters(self, sources: Callable | None) -> tuple[np.ndarray, np.ndarray | None]:
-        """What parameters add to the P of each contact and to the state at the end of each frame; the last
-        row is for the end of the last step.
-        """
-        shifts, instants = self.contacts.shifts, self.contacts.instants
-        if sources is None or shifts.shape[1] == 0:
-            return shifts, None
-        taken = instants[instants < self.steps]
-        begin, end = np.append(0, taken + 1), np.append(taken, self.steps)
-        longer = begin < end
-        starts, ends = np.concatenate([taken, begin[longer]]), np.concatenate([taken + 1, end[longer]])
-        order = np.argsort(ends)
-        starts, ends = starts[order], ends[order]
-        found = sources(starts, ends)
-        # each belongs to the last frame that begins before it ends or there, and what comes with the end of
-        # the last step to that
-        frame = np.searchsorted(self._begin, ends, side="right") - 1
-        final = len(self._begin)
-        frame[(ends == self.steps) & ~np.isin(self.steps, instants)] = final
-        frame[frame < 0] = final
-        inside = frame < final
-        late, onward = ends[inside] - self._begin[frame[inside]], self._onward[frame[inside]]
-        found[inside] = self.propagation.inverted(late - (onward & (late > 0)), found[inside])
-        edges = np.searchsorted(frame, np.arange(final + 2))
-        total = _sums(found)
-        before = total[np.searchsorted(ends, instants, side="right")] - total[edges[self._frame]]
-        # where the state goes on by a step, so does what has come before
-        early = np.flatnonzero(inside)[onward & (late == 0)]
-        for parameter in range(found.shape[2]):
-            found[early, :, parameter] = self._moved(found[early, :, parameter].T, 1).T
-        total = _sums(found)
-        added = total[edges[1:]] - total[edges[:-1]]
-        return shifts + np.einsum("sj,sje->se", self._rows, before[self._owner]), added
-
-
-def _sums(values: np.ndarray) -> np.ndarray:
-    """(n + 1, ...): of the first rows."""
-    return np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
 
 
 def _powers(base: np.ndarray, count: int) -> np.ndarray:

@@ -206,9 +206,8 @@ class Excitation(Record):
         """(count + 1, k): exp(i k 2 pi t / T) at equal steps from 0 to T, both ends."""
         return np.exp(2j * np.pi * (np.arange(count + 1)[:, None] * self.orders % count) / count)
 
-    def response(self, reduction: ReducedModel, frequency: float) -> tuple[np.ndarray, np.ndarray]:
-        """Complex modal amplitudes of the linear steady state and their derivative with `frequency`, (k, m)
-        each.
+    def response(self, reduction: ReducedModel, frequency: float) -> np.ndarray:
+        """(k, m): complex modal amplitudes of the linear steady state.
 
         Raises
         ------
@@ -217,8 +216,7 @@ class Excitation(Record):
             start from.
         """
         r = reduction
-        unit = 2.0 * np.pi * self.orders[:, None] / self.periods
-        omega = unit * frequency
+        omega = 2.0 * np.pi * frequency * self.orders[:, None] / self.periods
         forces = _modal_loads(r, self.amplitudes, omega)
         dynamic = r.omega**2 - omega**2 + 2j * r.damping * r.omega * omega
         at_resonance = (np.abs(dynamic) <= RESONANCE * np.maximum(r.omega, omega) ** 2) & (
@@ -236,10 +234,7 @@ class Excitation(Record):
                 "at its own frequency, so that the linear response is infinite; give the model a damping "
                 "ratio or move the frequency"
             )
-        dynamic = np.where(np.abs(dynamic) == 0.0, 1.0, dynamic)
-        amplitude = forces / dynamic
-        slope = amplitude * (2.0 * omega - 2j * r.damping * r.omega) + 1j * _rate_loads(r, self.amplitudes)
-        return amplitude, slope / dynamic * unit
+        return forces / np.where(np.abs(dynamic) == 0.0, 1.0, dynamic)
 
 
 def _modal_loads(r: ReducedModel, amplitudes: np.ndarray, omega: np.ndarray) -> np.ndarray:

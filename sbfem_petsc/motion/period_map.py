@@ -1,4 +1,4 @@
-"""One period of a reduced model as a map, with its exact derivative.
+"""One period of a reduced model as a map, with its exact derivative along the state.
 
 The unknowns are the state x = (Omega q, q') at t = 0, whose norm is that of energy. The linear steady state
 is subtracted in closed form: what is integrated is the difference z, driven by contact alone, so that a
@@ -229,7 +229,6 @@ def _rubbing(steps: int, pairs: int, slips: int) -> dict[str, np.ndarray]:
         "kept": np.empty(slips),
         "landings": np.zeros((steps, slips, 3)),
         "told": np.zeros((steps, pairs), dtype=np.int8),
-        "aside": np.zeros((steps, pairs)),
     }
 
 
@@ -253,7 +252,7 @@ class DrivenPeriod:
         length = p.length(self.step)
         self.length, self.coefficients, self.constants = length, length.coefficients, length.constants
         self.excitation, self.loads, static = p.loaded(factor)
-        self.amplitudes, self._slopes = self.excitation.response(r, frequency)
+        self.amplitudes = self.excitation.response(r, frequency)
         self.speeds = 2j * np.pi * p.excitation.orders[:, None] / self.duration
         self.free_gap = p.over_time((self.amplitudes @ p.right) @ p.left.T) + static
         self._kept: tuple | None = None
@@ -332,55 +331,38 @@ class DrivenPeriod:
         self,
         motion: PeriodMotion,
         columns: np.ndarray,
-        frequency: bool = False,
         located: bool = False,
         rubbing: bool = False,
         rough: bool = False,
     ) -> np.ndarray:
-        """Derivative of x(T) along columns of x(0), (2 m + k, c), and behind them with the frequency, if that
-        is asked for, at fixed x(0).
+        """Derivative of x(T) along columns of x(0), (2 m + k, c).
 
         Exact for the steps as they are, but that slips which stay what they are over the whole period count
         as if they came to nothing: any others are as periodic. `located` moves closing and opening pairs to
         where they do so inside a step (see `located_switches`); where rows rub it does so with `rubbing`
-        alone, of periodic motions, also for what slips and sticks; without frequency. `rough` leaves out
-        what hardly counts where faces rub, which is half of the work: enough for Newton's method.
+        alone, of periodic motions, also for what slips and sticks. `rough` leaves out what hardly counts
+        where faces rub, which is half of the work: enough for Newton's method.
         """
-        p, m, further = self.period, self.period.modes, int(frequency)
-        gap_rates, shifts = np.zeros((p.steps + 1, p.pairs, further)), np.zeros((p.unknowns, further))
-        if frequency:
-            gap_rates[:, :, 0], shifts[: 2 * m, 0] = self._frequency_rates()
+        p, m = self.period, self.period.modes
         located &= rubbing or p.friction is None
-        rates = gap_rates, self._told_rates(motion, further)
-        derivative = self._derivative(motion, rates, located, rough, keep=columns.shape[1] < m)
-        columns = np.concatenate([columns, -shifts], axis=1)
+        derivative = self._derivative(motion, located, rough, keep=columns.shape[1] < m)
+        columns = columns.copy()
         columns[:m] /= p.weights[:, None]
         # slips that do not stick at t = 0 are forgotten there
         kept = columns[: 2 * m].any(axis=0)
         sticks = motion.rows[:, len(p.laws) :] == STICKS
         kept |= located | columns[2 * m :][sticks[:1].ravel()].any(axis=0)
-        kept[columns.shape[1] - further :] = True
         result = np.zeros_like(columns)
         if kept.any():
-            sources = functools.partial(self._sources, motion) if frequency else None
-            result[:, kept] = derivative(columns[:, kept], sources)
+            result[:, kept] = derivative(columns[:, kept])
         result[:m] *= p.weights[:, None]
         result[2 * m :][sticks.all(axis=0)] = 0.0
-        result[:, result.shape[1] - further :] += shifts
         return result
 
-    def _derivative(
-        self,
-        motion: PeriodMotion,
-        rates: tuple[np.ndarray, np.ndarray],
-        located: bool,
-        rough: bool,
-        keep: bool,
-    ) -> Derivative:
-        """The linearised motion; that along the state may be kept, for many products with it."""
-        p, gap_rates = self.period, rates[0]
-        key = (located, rough, motion)
-        if gap_rates.shape[2] == 0 and self._kept is not None and self._kept[0] == key:
+    def _derivative(self, motion: PeriodMotion, located: bool, rough: bool, keep: bool) -> Derivative:
+        """The linearised motion, which may be kept, for many products with it."""
+        p, key = self.period, (located, rough, motion)
+        if self._kept is not None and self._kept[0] == key:
             return self._kept[1]
 
         def gaps(instants: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -391,12 +373,12 @@ class DrivenPeriod:
         states, landings, told = self._held(motion)
         if not located:
             left_out = ROUGH if rough and p.friction is not None else LEAST
-            contacts = step_contacts(self.constants, (states, landings, told), p.slip_units, rates, left_out)
+            contacts = step_contacts(self.constants, (states, landings, told), p.slip_units, left_out)
         else:
             history = states, motion.forces, landings
             contacts = located_contacts(self.constants, history, gaps, p.slip_units, p.sets)
         result = Derivative(p.length(self.step).propagation, contacts, p.steps)
-        if gap_rates.shape[2] == 0 and keep:
+        if keep:
             self._kept = key, result
         return result
 
@@ -413,44 +395,6 @@ class DrivenPeriod:
         """
         rubbing |= self.period.pairs <= FEW
         return self.carried(motion, np.eye(self.period.unknowns), located=True, rubbing=rubbing)
-
-    def _frequency_rates(self) -> tuple[np.ndarray, np.ndarray]:
-        """Rates of the free gaps and of the linear state with the frequency."""
-        p = self.period
-        gaps = p.over_time((self._slopes @ p.right) @ p.left.T)
-        linear = self._state(
-            self._slopes.sum(axis=0).real,
-            (self.speeds * (self._slopes + self.amplitudes / self.frequency)).sum(axis=0).real,
-        )
-        return gaps, linear
-
-    def _told_rates(self, motion: PeriodMotion, further: int) -> np.ndarray:
-        """How much more gaps and slips change where it is told where rows land, (n, pairs, e): with the
-        steps' length, for their speeds differ from those at the steps' ends.
-        """
-        p, told = self.period, motion.told
-        result = np.zeros((*told.shape, further))
-        if told.size and further:
-            forces = (motion.aside - motion.forces[1:]) @ p.left @ (p.right.T * self.coefficients[9])
-            rate = -self.step / self.frequency
-            result[:, :, 0] = rate * (forces @ p.right) @ p.left.T
-        return result
-
-    def _sources(self, motion: PeriodMotion, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """What a change of the steps' length adds to q and v over moves from `starts` to `ends`, (n, 2 m, 1):
-        a move takes several steps only where no contact acts between its ends nor at its start.
-        """
-        p, r = self.period, self.period.reduced
-        rate = -self.step / self.frequency
-        q, v = motion.states[ends], motion.velocities[ends]
-        before, after = (motion.forces[n] @ p.left @ p.right.T for n in (starts, ends))
-        _, _, _, _, cq, _, _, _, _, cv = self.coefficients
-        # the state follows the equation of motion in the length of each step; contact at the end acts in the
-        # last step alone
-        count = (ends - starts)[:, None]
-        total_q, total_v = count * q - (count - 1) * cq * after, count * v - (count - 1) * cv * after
-        pulled = 0.5 * (before + after) - r.omega**2 * total_q - 2.0 * r.damping * r.omega * total_v
-        return rate * np.concatenate([total_v, pulled], axis=1)[:, :, None]
 
     def linear_resolvent(self, vectors: np.ndarray) -> np.ndarray:
         """(Phi - 1)^-1 of motions without contact, and of slips that are forgotten, on vectors like states:

@@ -29,8 +29,8 @@ class PeriodMotion:
         To friction in each step, J; empty where nothing rubs.
     landings : (n, k, 3) array
         Where tangential rows land in each step, see `contact.held_rows.Sets`; empty where nothing rubs.
-    told, aside : (n, pairs) int8 and float arrays
-        States and forces of the rows from which it is told where they land.
+    told : (n, pairs) int8 array
+        States of the rows from which it is told where they land.
     """
 
     residual: np.ndarray
@@ -42,7 +42,6 @@ class PeriodMotion:
     lost: np.ndarray = field(default_factory=lambda: np.empty(0))
     landings: np.ndarray = field(default_factory=lambda: np.empty((0, 0, 3)))
     told: np.ndarray = field(default_factory=lambda: np.empty((0, 0), dtype=np.int8))
-    aside: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
 
     def stays(self, count: int) -> np.ndarray:
         """(k,): the slips, behind `count` normal rows, that stick throughout the period."""

@@ -115,10 +115,7 @@ def test_derivative_with_state_and_memory(chain_motion):
 def test_no_more_directions_than_rows(chain_motion):
     """Where nothing changes and nothing is written contact has no more directions than rows are held."""
     driven, _, motion = chain_motion
-    rates = tuple(
-        np.zeros((steps, motion.rows.shape[1], 0)) for steps in (len(motion.rows), len(motion.told))
-    )
-    found = driven._derivative(motion, rates, located=False, rough=False, keep=False).contacts
+    found = driven._derivative(motion, located=False, rough=False, keep=False).contacts
     changes = (np.diff(motion.rows, axis=0) != 0).any(axis=1)
     quiet = (found.instants > 0) & (found.instants < len(changes) - 1)
     quiet[quiet] = ~(changes[found.instants[quiet] - 1] | changes[found.instants[quiet]])
@@ -138,15 +135,6 @@ def test_located_switches_of_several_rows():
         for matrix in (driven.carried(motion, unit), driven.monodromy(motion, rubbing=True))
     )
     assert other == pytest.approx(one, rel=0.01)
-
-
-def test_derivative_with_the_frequency(chain_motion):
-    driven, state, motion = chain_motion
-    exact = driven.carried(motion, np.zeros((len(state), 0)), frequency=True)[:, 0]
-    step, period = 1e-6, driven.period
-    one, other = (period.at(driven.frequency * (1.0 + sign * step)).run(state) for sign in (1.0, -1.0))
-    expected = (one.residual - other.residual) / (2.0 * step * driven.frequency)
-    assert exact == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
 
 
 @pytest.mark.long

@@ -80,7 +80,7 @@ def test_two_stops_at_one_mass():
         driven = Period(reduced, Excitation.of(signals, 0.09, None, 8), 256).at(0.09)
         motion = driven.run(driven.linear_state)
         assert 0 < (motion.forces > 0).any(axis=1).sum() < 256
-        found.append(driven.carried(motion, np.eye(8), frequency=True))
+        found.append(driven.carried(motion, np.eye(8)))
     assert found[0] == pytest.approx(found[1], abs=1e-8 * np.abs(found[1]).max())
 
 
@@ -103,29 +103,6 @@ def test_derivative_with_the_state(chain_motion):
             (end(driven, ahead) - end(driven, behind)) / (2 * step),
             atol=1e-8 * np.linalg.norm(exact, 2),
         )
-
-
-def test_derivative_with_the_frequency(chain_motion):
-    """At fixed x(0), the step's length and the linear state that is subtracted included; central differences
-    have errors of 1e-10 here.
-    """
-    period, driven, state, motion = chain_motion
-    exact = driven.carried(motion, np.zeros((len(state), 0)), frequency=True)[:, 0]
-    step = 1e-6
-
-    def at(sign):
-        other = period.at(driven.frequency * (1 + sign * step))
-        assert same_sets(motion, other.run(state))
-        return end(other, state)
-
-    difference = (at(1) - at(-1)) / (2 * step * driven.frequency)
-    assert np.linalg.norm(exact - difference) < 1e-7 * np.linalg.norm(difference)
-    # it stands behind the columns of the state
-    both = driven.carried(motion, np.eye(len(state)), frequency=True)
-    np.testing.assert_allclose(both[:, -1], exact, atol=1e-13 * np.abs(both).max())
-    np.testing.assert_allclose(
-        both[:, : len(state)], driven.carried(motion, np.eye(len(state))), atol=1e-13 * np.abs(both).max()
-    )
 
 
 def test_overdamped_modes():
@@ -169,20 +146,17 @@ def test_overdamped_modes():
 
 
 def test_frames_change_nothing(chain_motion, monkeypatch):
-    """The free motion inverted or moved on step by step: the same derivative, with the frequency, too."""
+    """The free motion inverted or moved on step by step: the same derivative."""
     period, driven, state, motion = chain_motion
-    frames = driven.carried(motion, np.eye(len(state)), frequency=True)
+    frames = driven.carried(motion, np.eye(len(state)))
     assert period.length(driven.step).propagation.reach > 8
     monkeypatch.setattr(Propagation, "_reach", lambda *_: 0)
     period = Period(period.reduced, period.excitation, period.steps)
     alone = period.at(driven.frequency)
     assert period.length(driven.step).propagation.reach == 0
-    found = alone.carried(alone.run(state), np.eye(len(state)), frequency=True)
+    found = alone.carried(alone.run(state), np.eye(len(state)))
     # frames may lose six digits: the condition `WORST`
-    for columns in (np.s_[: len(state)], np.s_[-1]):
-        np.testing.assert_allclose(
-            found[:, columns], frames[:, columns], atol=1e-10 * np.abs(found[:, columns]).max()
-        )
+    np.testing.assert_allclose(found, frames, atol=1e-10 * np.abs(found).max())
 
 
 @pytest.mark.parametrize(

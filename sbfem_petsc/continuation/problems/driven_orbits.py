@@ -120,10 +120,10 @@ class Family:
         self, driven: DrivenPeriod, motion: PeriodMotion, state: np.ndarray, value: float
     ) -> np.ndarray:
         """dx(T) along x(0), the frequency and the second parameter, (2 m, 2 m + 2)."""
-        identity = np.eye(len(state))
-        step = DIFFERENCE * max(abs(value), LEAST)
-        rate = (self.at(driven.frequency, value + step).run(state).residual - motion.residual) / step
-        return np.column_stack([driven.carried(motion, identity, frequency=True), rate])
+        frequency, steps = driven.frequency, DIFFERENCE * np.array([driven.frequency, max(abs(value), LEAST)])
+        ahead = self.at(frequency + steps[0], value), self.at(frequency, value + steps[1])
+        rates = [(other.run(state).residual - motion.residual) / step for other, step in zip(ahead, steps)]
+        return np.column_stack([driven.carried(motion, np.eye(len(state))), *rates])
 
 
 class OpenRowFamily(Family):
@@ -342,9 +342,7 @@ class OrbitState(FixedPoint):
 
     @functools.cached_property
     def rate(self) -> np.ndarray:
-        """dx(T) along the parameter, (2 m,), as a difference of two periods: a third of the work of its exact
-        derivative.
-        """
+        """dx(T) along the parameter, (2 m,), as a difference of two periods."""
         step = DIFFERENCE * max(abs(self.value), self.problem.smallest)
         return (self.problem.driven(self.value + step).run(self.state).residual - self.residual) / step
 
@@ -352,9 +350,8 @@ class OrbitState(FixedPoint):
         """See `problem.State`."""
         if smooth:
             return self._smooth
-        exact, unit = self.problem.parameter.name == "frequency", np.eye(len(self.state))
-        along = self.driven.carried(self.motion, unit, frequency=exact, rough=True)
-        return self._less_start(along if exact else np.column_stack([along, self.rate]))
+        along = self.driven.carried(self.motion, np.eye(len(self.state)), rough=True)
+        return self._less_start(np.column_stack([along, self.rate]))
 
     def begin(self, derivative: np.ndarray) -> None:
         """Take dx(T) / dx(0) to be about this, for smooth linearised equations to begin with."""

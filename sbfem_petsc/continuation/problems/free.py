@@ -28,8 +28,8 @@ from ..problem import Linear, Lost, Metric, Point, Problem
 from .driven_orbits import OrbitState
 
 # Difference of xi, relative to the frequency in rad/s, by which a motion's rate with it is found: the map is
-# piecewise linear in the state and smooth in xi.
-DIFFERENCE = 1e-5
+# piecewise linear in the state and smooth in xi. The same of the frequency's logarithm.
+DIFFERENCE, FASTER = 1e-5, 1e-7
 # Arc length: change of the state relative to its size and SPAN times the relative change of the frequency.
 SPAN = 10.0
 # Logarithm of the frequency beyond which it has no meaning.
@@ -370,8 +370,9 @@ class FreeState(OrbitState):
             matrix[:size, :size] = self.monodromy
             matrix[:size, size] = -self.moving / self.frequency
         else:
-            matrix[:size, : size + 1] = self.driven.carried(self.motion, np.eye(size), frequency=True)
-            matrix[:size, size] *= self.frequency
+            matrix[:size, :size] = self.driven.carried(self.motion, np.eye(size))
+            faster = self.system.at(self.frequency * math.exp(FASTER), self.excitation).run(self.state)
+            matrix[:size, size] = (faster.residual - self.closing) / FASTER
         matrix[range(size), range(size)] -= 1.0
         matrix[:size, size + 1] = self.rate
         matrix[size, self.phase] = 1.0

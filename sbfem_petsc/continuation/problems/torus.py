@@ -73,7 +73,7 @@ class Torus(InvariantCurves):
         self.rotation = frequencies[1] / frequencies[0]
         # what the second tone adds to the gaps, without its phase
         second = drives[1]
-        self.pumped, _ = second.response(reduction, frequencies[1])
+        self.pumped = second.response(reduction, frequencies[1])
         turns = self.rotation * np.arange(steps + 1)[:, None] / steps * second.orders
         self.turning = np.exp(2j * np.pi * turns)
         p = self.period
