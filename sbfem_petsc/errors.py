@@ -6,7 +6,7 @@ import contextvars
 import warnings
 from collections.abc import Iterable
 
-from meshing.warnings import OptionWarning, caller_level
+from meshing.warnings import MeshWarning, OptionWarning, caller_level
 
 from .checks import shown
 
@@ -67,6 +67,11 @@ def failed_solve(sentence: str) -> Exception:
 def warn(sentence: str, kind: type[Warning]) -> None:
     """Warn the line outside of this package that has led here."""
     warnings.warn(sentence, kind, stacklevel=caller_level())
+
+
+def warn_of_mesh(sentence: str) -> None:
+    """Warn of a mesh, or of what makes a body doubtful, likewise."""
+    warn(sentence, MeshWarning)
 
 
 def warn_of_options(options: str, sentence: str) -> None:

@@ -10,13 +10,13 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from meshing.warnings import MeshWarning, RoundOffWarning, StepWarning
+from meshing.warnings import RoundOffWarning, StepWarning
 
 from ..checks import instance
 from ..contact.complementarity import Complementarity
 from ..contact.friction import STICKS, Memory
 from ..contact.law import FREE
-from ..errors import failed_solve, listed, warn
+from ..errors import failed_solve, listed, warn, warn_of_mesh
 from ..loads import as_loads, separate
 from ..motion.loading import loading
 from ..motion.rest import Rest
@@ -241,11 +241,10 @@ def _warn_of_contact(found: Static) -> None:
     name = max(missed, key=lambda tip: abs(missed[tip]))
     total = sum(missed.values())
     off = f"misses about {total:.4g} N" if total >= 0.0 else f"is too large by about {-total:.4g} N"
-    warn(
+    warn_of_mesh(
         f"static: next to the tip of {name} the faces touch over less than its S-element resolves: the "
         f"contact resultant of {found.contact_resultant:.4g} N {off}, "
-        "see unresolved_contact; give a smaller tip_size",
-        MeshWarning,
+        "see unresolved_contact; give a smaller tip_size"
     )
 
 

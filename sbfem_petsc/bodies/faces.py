@@ -10,11 +10,10 @@ import scipy  # whose rooms are loaded where they are needed
 from scipy import sparse
 
 from meshing.input_checks import values_at
-from meshing.warnings import MeshWarning
 
 from ..checks import real, real_array, shown
 from ..contact.law import ContactLaw, Unilateral
-from ..errors import warn
+from ..errors import warn_of_mesh
 from .cells import corners
 from .rows import Contact
 
@@ -128,7 +127,7 @@ def between(
             said = f"contact: {some.sum()} of {count} left nodes, node {label} say, lie {what}"
             if not paired.any():
                 raise ValueError(f"{said}; do these faces meet along this normal?")
-            warn(f"{said}; are both sets right?", MeshWarning)
+            warn_of_mesh(f"{said}; are both sets right?")
     return means
 
 

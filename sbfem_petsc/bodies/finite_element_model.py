@@ -10,11 +10,10 @@ import numpy as np
 from scipy import sparse
 
 from meshing.input_checks import LARGEST
-from meshing.warnings import MeshWarning
 
 from ..checks import Bounds, choice, flag, instance, integer, names_of, numbers_of, real, real_array, shown
 from ..contact.law import ContactLaw, Unilateral, check_without_layer
-from ..errors import UnknownName, at_point, warn
+from ..errors import UnknownName, at_point, warn_of_mesh
 from .cells import KINDS, corners, outer_faces
 from .faces import APART, ROUNDING, between, given_gap, moved, moving_pairs, normal_of, partners
 from .plausibility import OWNER, UNITS, si_matrix, warn_of_mass, warn_of_order, warn_of_rounding, whole
@@ -318,10 +317,9 @@ class FiniteElementModel:
     def _warn_of_corners(self, nodes: np.ndarray) -> None:
         """Warn of corners of eight-node faces, as far as elements are known."""
         if at := {k for face in self._faces(nodes) if len(face) == 8 for k in face[:4]}:
-            warn(
+            warn_of_mesh(
                 f"contact: {len(at)} nodes are corners of eight-node faces, which carry a negative share of "
-                "a pressure: pairs open where faces press; take tetrahedra, first order, or leave them out",
-                MeshWarning,
+                "a pressure: pairs open where faces press; take tetrahedra, first order, or leave them out"
             )
 
     def summary(self) -> str:

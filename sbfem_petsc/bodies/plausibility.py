@@ -10,10 +10,10 @@ import numpy as np
 import scipy  # whose rooms are loaded where they are needed
 from scipy import sparse
 
-from meshing.warnings import MeshWarning, UnitWarning
+from meshing.warnings import UnitWarning
 
 from ..checks import real_array, require_symmetric, shown
-from ..errors import warn
+from ..errors import warn, warn_of_mesh
 from .cells import KINDS
 from .rows import HELD
 
@@ -80,7 +80,7 @@ def warn_of_mass(body: Any, units: str, weight: float) -> None:
         warn(f"{OWNER}: {why}; are units = {units!r} those of the matrices and nodes?", UnitWarning)
     light = np.count_nonzero(moves & (heavy == 0.0))
     if body.mass.count_nonzero() > np.count_nonzero(heavy) and light > LIGHT * moves.sum():
-        warn(f"{OWNER}: mass couples unknowns, but {light} displacements have none; is it cut?", MeshWarning)
+        warn_of_mesh(f"{OWNER}: mass couples unknowns, but {light} displacements have none; is it cut?")
 
 
 def warn_of_order(body: Any) -> None:
@@ -100,10 +100,9 @@ def warn_of_order(body: Any) -> None:
     far = moves & ~beside[:, None]
     forced = np.abs(_forces(body.stiffness, rigid))[body.columns[far]] > FORCED
     if len(forced) >= (SMALL if solid else FEW) and forced.mean() > NEARLY:
-        warn(
+        warn_of_mesh(
             f"{OWNER}: turned as a whole, the body meets forces at {forced.sum()} of {len(forced)} "
-            "unknowns away from supports; are unknowns and nodes those of the matrices' rows, in order?",
-            MeshWarning,
+            "unknowns away from supports; are unknowns and nodes those of the matrices' rows, in order?"
         )
 
 
@@ -126,10 +125,9 @@ def warn_of_rounding(given: sparse.spmatrix, stiffness: sparse.csr_matrix, direc
     left = np.median(np.abs(forces))
     told = all_alike or (forces < 0.0).mean() > BACKWARDS
     if told and len(directions) >= SMALL and left > EXACT:
-        warn(
+        warn_of_mesh(
             f"{OWNER}: entries of stiffness are rounded, as in single precision: moved as a whole, the body "
-            f"meets forces of {left:.2g} of their parts, low frequencies are further off; write all digits",
-            MeshWarning,
+            f"meets forces of {left:.2g} of their parts, low frequencies are further off; write all digits"
         )
 
 

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from meshing.gll import gll_nodes, lagrange_values
-from meshing.warnings import MeshWarning
 
-from ...errors import listed, warn
+from ...errors import listed, warn_of_mesh
 from ...selement.coefficients import edge_nodes
 from ...selement.leading_unknowns import reduced_fraction
 from ...selement.sectors import Sectors
@@ -121,11 +120,10 @@ def warn_of_band(owner: str, found: Modal, ratios: np.ndarray, highest: float) -
         return
     statics, top = found.model.statics, float(found.frequencies[-1])
     if top < 2.0 * highest:
-        warn(
+        warn_of_mesh(
             f"{owner}: the load has frequencies up to {highest:.4g} Hz, and the highest of the "
             f"{len(found.frequencies)} modes is at {top:.4g} Hz, less than twice as high: what the others do "
-            f"at {highest:.4g} Hz is missing; ask for more modes, or smaller cells, which have more",
-            MeshWarning,
+            f"at {highest:.4g} Hz is missing; ask for more modes, or smaller cells, which have more"
         )
     near = np.flatnonzero(found.frequencies <= 1.2 * highest)[-LOOKED_AT:]
     if not len(near) or not needs_look(statics.elements, 2.0 * float(found.frequencies[near[-1]])):
@@ -161,12 +159,11 @@ def warn_of_jumps(
     statics, most = found.model.statics, shares.max(axis=0, initial=0.0)
     missing = 1.0 - shares.sum(axis=1).min(initial=1.0)
     if missing > WARNED_MISSING and not whole:
-        warn(
+        warn_of_mesh(
             f"{owner}: a load jumps, or has no known highest frequency, and {missing:.1g} of the "
             f"displacement under it is that of modes above the {len(most)} computed ones, which end at "
             f"{found.frequencies[-1]:.4g} Hz: it follows the load at once instead of swinging; ask for more "
-            "modes",
-            MeshWarning,
+            "modes"
         )
     moved = np.flatnonzero(most > WARNED_AMPLITUDE)
     if not len(moved) or not needs_look(statics.elements, 2.0 * float(found.frequencies[moved[-1]])):
@@ -204,11 +201,10 @@ def warn_of_tips(owner: str, tips: Tips, states: Sequence[dict[str, tuple[float,
     if errors[worst] <= WARNED_FACTOR:
         return
     order = tips.layout.order
-    warn(
+    warn_of_mesh(
         f"{owner}: around the tip {carried.names[worst]} the stresses change too fast for edges of "
         f"order {order}: K_I and K_II are off by about {errors[worst]:.1g} of themselves, stresses next to "
-        f"the tip by more; take a higher order (order={order + 2} or more in mesh), or accuracy= of static",
-        MeshWarning,
+        f"the tip by more; take a higher order (order={order + 2} or more in mesh), or accuracy= of static"
     )
 
 
@@ -253,7 +249,7 @@ def _warn_of_worst(
             f". Supports on single points ({listed(points)}) may be the reason as well: a body gives way to "
             "a point without limit as cells shrink; hold short edges instead"
         )
-    warn(f"{what}: {why}", MeshWarning)
+    warn_of_mesh(f"{what}: {why}")
 
 
 def _kept_errors(found: Modal, modes: np.ndarray) -> np.ndarray:

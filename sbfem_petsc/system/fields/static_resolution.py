@@ -11,9 +11,8 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from meshing.gll import gll_nodes, tabulated
-from meshing.warnings import MeshWarning
 
-from ...errors import listed, warn
+from ...errors import listed, warn_of_mesh
 from ...loads import EdgeLoad, Loads, PointForce
 from ...selement.coefficients import edge_nodes
 from ...selement.solution import SElement
@@ -91,12 +90,11 @@ def warn_of_rest(model: Model, states: Sequence[AtRest]) -> None:
         return
     points = _single_forces(model.statics, worst.load)
     beside = f"; what forces on points ({listed(points)}) add next to these is not in it" if points else ""
-    warn(
+    warn_of_mesh(
         f"{worst.name}: the displacement under the loads is too small by about {error:.1g} of itself"
         f"{' or more' * (error > 0.1)}, or the forces of prescribed displacements too large: edges of order "
         f"{order} are too long for how they bend there; take a higher order (order={order + 2} or more in "
-        f"mesh), smaller cells (size), or both, or accuracy= of static{beside}",
-        MeshWarning,
+        f"mesh), smaller cells (size), or both, or accuracy= of static{beside}"
     )
 
 
