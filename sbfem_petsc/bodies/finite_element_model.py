@@ -368,22 +368,23 @@ class FiniteElementModel:
             raise ValueError(f"{owner}: {name} = {shown(given)} has no nodes")
         return np.array([*dict.fromkeys(rows.tolist())])
 
-    def require_known(self, nodes: np.ndarray, along: Any, owner: str, missed: str) -> None:
-        """Refuse nodes, by their rows, that neither move nor are held in some directions."""
-        if (lost := self.columns[nodes][:, along] == NONE).any():
-            k, d = np.argwhere(lost)[0]
-            label, axis = self.labels[nodes[k]], AXES[along[d]]
-            raise ValueError(f"{owner}: node {label} has no unknown along {axis} {missed}")
-
     def _along(self, vector: np.ndarray, shares: sparse.csr_matrix, nodes: np.ndarray) -> sparse.csr_matrix:
         """(k, n): displacements of nodes along a vector in (k, nodes) shares."""
         along = np.flatnonzero(np.abs(vector) > ROUNDING)
         missed = "and is not fixed; give it in fixed, or free it of its constraint"
-        self.require_known(nodes[np.unique(shares.indices)], along, OWNER, missed)
+        require_known(self, nodes[np.unique(shares.indices)], along, OWNER, missed)
         columns = self.columns[nodes][:, along]
         rows, d = np.nonzero(columns >= 0)
         entries = vector[along[d]], (rows, columns[rows, d])
         return shares @ sparse.csr_matrix(entries, (len(nodes), len(self.unknowns)))
+
+
+def require_known(body: FiniteElementModel, nodes: np.ndarray, along: Any, owner: str, missed: str) -> None:
+    """Refuse nodes, by their rows, that neither move nor are held in some directions."""
+    if (lost := body.columns[nodes][:, along] == NONE).any():
+        k, d = np.argwhere(lost)[0]
+        label, axis = body.labels[nodes[k]], AXES[along[d]]
+        raise ValueError(f"{owner}: node {label} has no unknown along {axis} {missed}")
 
 
 def join(*bodies: FiniteElementModel) -> FiniteElementModel:

@@ -19,7 +19,7 @@ from meshing.whole_file import read_whole, require_regular
 
 from ..checks import instance, path, shown
 from .cells import KINDS
-from .finite_element_model import FiniteElementModel
+from .finite_element_model import FiniteElementModel, require_known
 from .plausibility import whole
 
 JOB, FILES = "read_calculix", "read_matrices"
@@ -200,7 +200,7 @@ def _require_one_run(stem: str, body: FiniteElementModel) -> None:
     for cells in body.elements.values():
         named = body.labels[cells]
         near.append((count * named[:, :, None] + named[:, None]).ravel())
-        body.require_known(cells.ravel(), (0, 1, 2), JOB, f"{missed}; are they of one run?")
+        require_known(body, cells.ravel(), (0, 1, 2), JOB, f"{missed}; are they of one run?")
     (one, d), (other, e) = body.unknowns[np.array(body.mass.nonzero())].transpose(0, 2, 1)
     if (wrong := (d != e) | ~np.isin(count * one + other, np.concatenate(near))).any():
         k = wrong.argmax()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,11 +28,6 @@ class Coefficients:
     def of(self, rows: np.ndarray | None) -> Coefficients:
         """Those of some of many S-elements; None: of one, as of many."""
         return Coefficients(self.e0[rows], self.e1[rows], self.e2[rows], self.m0[rows], self.straight)
-
-    @functools.cached_property
-    def flexibility(self) -> np.ndarray:
-        """F = E0^-1: made once, and products with it, a third of the time of systems solved with E0."""
-        return np.linalg.inv(self.e0)
 
 
 def edge_nodes(nodes: int, order: int, closed: bool) -> np.ndarray:

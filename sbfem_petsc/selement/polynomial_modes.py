@@ -82,7 +82,8 @@ def polynomial_modes(
             triangles[rows][:, :count, :count],
         )
         # K u = E0 u,xi + E1^T u at xi = 1, and u,xi = k u
-        forces = (e0 @ (own * powers) + turned(e1) @ own) @ np.linalg.inv(triangle)
+        right = e0 @ (own * powers) + turned(e1) @ own
+        forces = turned(np.linalg.solve(turned(triangle), turned(right)))
         yield (
             rows,
             PolynomialModes(whole[rows][:, :, :count], whole[rows][:, :, count:], forces, triangle, powers),

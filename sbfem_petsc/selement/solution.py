@@ -209,7 +209,7 @@ def _solved_alone(sectors: Sectors, closed: bool, density: np.ndarray | None, me
     c = coefficient_matrices(coordinates, order, closed, elasticity, density=density)
     factor, motions = cholesky(c.e0, _E0), rigid_motions(coordinates)
     stiffness, asymmetry = static_stiffness(c, method)
-    cholesky(_shifted(stiffness[None])[0], "stiffness")
+    cholesky(_shifted(stiffness), "stiffness")
     residual = (stiffness - c.e1) @ cholesky_solve(factor, stiffness - c.e1.T) - c.e2
     riccati = largest(residual) / max(largest(c.e2), largest(stiffness))
     rigid = largest(stiffness @ motions) / largest(stiffness)
@@ -227,10 +227,10 @@ def _solved_alone(sectors: Sectors, closed: bool, density: np.ndarray | None, me
 
 
 def _shifted(stiffness: np.ndarray) -> np.ndarray:
-    """(b, n, n): K is singular for rigid-body motions alone: a shift at round-off's level makes it definite,
-    or something is wrong.
+    """K is singular for rigid-body motions alone: a shift at round-off's level makes it definite, or
+    something is wrong.
     """
-    return stiffness + TOLERANCE * largest_of_each(stiffness)[:, None, None] * np.eye(stiffness.shape[1])
+    return stiffness + TOLERANCE * largest(stiffness) * np.eye(len(stiffness))
 
 
 def solve_stack(stack: Sectors) -> list[SElement | None]:
@@ -248,18 +248,16 @@ def solve_stack(stack: Sectors) -> list[SElement | None]:
         if found is None:
             return [None] * len(rows)
         stiffness, asymmetry, good = found
-        radial = c.flexibility @ (stiffness - turned(c.e1))
+        radial = np.linalg.solve(c.e0, stiffness - turned(c.e1))
         riccati = largest_of_each((stiffness - c.e1) @ radial - c.e2)
         riccati /= np.maximum(largest_of_each(c.e2), largest_of_each(stiffness))
         rigid = largest_of_each(stiffness @ rigid_motions(shapes[rows])) / largest_of_each(stiffness)
         good &= (riccati <= ACCEPTED) & (asymmetry < TOLERANCE) & (rigid < TOLERANCE)
         return [
             SElement(shapes[row], order, True, elasticity, k, float(r), float(a), float(m))
-            if fine and is_definite(e0) and is_definite(shifted)
+            if fine and is_definite(e0) and is_definite(_shifted(k))
             else None
-            for row, k, r, a, m, fine, e0, shifted in zip(
-                rows, stiffness, riccati, asymmetry, rigid, good, c.e0, _shifted(stiffness)
-            )
+            for row, k, r, a, m, fine, e0 in zip(rows, stiffness, riccati, asymmetry, rigid, good, c.e0)
         ]
 
     return _each(stack, solve)
