@@ -26,7 +26,7 @@ Physical Point("P") = Point In BoundingBox{120 - e, 40 - e, -e, 120 + e, 40 + e,
 """
 
 
-def save(folder, order, *endings, nodes=1):
+def save(folder, order, *endings, nodes=1, incomplete=1):
     """Write the plate's mesh, as triangles or, of order 2, as quadrilaterals of eight nodes."""
     gmsh = pytest.importorskip("gmsh")
     (folder / "plate.geo").write_text(PLATE)
@@ -35,7 +35,7 @@ def save(folder, order, *endings, nodes=1):
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("Mesh.SaveElementTagType", 2)  # Nastran's properties are the groups' numbers
         gmsh.option.setNumber("Mesh.SaveGroupsOfNodes", nodes)
-        gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 1)
+        gmsh.option.setNumber("Mesh.SecondOrderIncomplete", incomplete)
         gmsh.option.setNumber("Mesh.RecombineAll", order - 1)
         gmsh.merge(str(folder / "plate.geo"))
         gmsh.model.mesh.generate(2)
@@ -49,6 +49,13 @@ def save(folder, order, *endings, nodes=1):
 def places(mesh):
     """Nodes in an order of their own, mm."""
     return np.array(sorted(np.round(mesh.nodes * 1e3, 3).tolist()))
+
+
+@pytest.mark.parametrize("ending", [".unv", ".med"])
+def test_quadrilaterals_of_nine_nodes_are_told_the_way_out(tmp_path, ending):
+    save(tmp_path, 2, ending, incomplete=0)
+    with pytest.raises(ValueError, match=r"3, 4, 6 or 8\s+nodes.*by gmsh as \.msh"):
+        read_gmsh(tmp_path / f"plate{ending}", order=2, scale=1e-3)
 
 
 LONG = pytest.mark.long

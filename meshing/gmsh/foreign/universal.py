@@ -102,7 +102,8 @@ def _elements(lines: list[str]) -> dict[int, tuple[int, list[int]]]:
         elif kind not in _IGNORED:
             raise Refusal(
                 f"element {label} is of the kind {kind} with {count} nodes; a plane mesh of triangles and "
-                "quadrilaterals (41 to 95) with lines (11 to 24) was expected."
+                "quadrilaterals (41 to 95) of 3, 4, 6 or 8 nodes with lines (11 to 24) was expected; "
+                "export it with these, or by gmsh as .msh."
             )
     return found
 

@@ -57,7 +57,11 @@ def read_by_meshio(file: str, others: tuple[str, ...]) -> tuple[Any, dict[int, l
     try:
         mesh = meshio.read(file)
     except (Exception, SystemExit) as error:  # meshio's readers raise what they like
-        raise Refusal(f"meshio cannot read it ({' '.join(str(error).split())}); mend the file.") from error
+        why = " ".join(str(error).split())
+        raise Refusal(
+            f"meshio cannot read it ({why}); mend the file, or export it with triangles and quadrilaterals "
+            "of 3, 4, 6 or 8 nodes, or by gmsh as .msh."
+        ) from error
     for block in mesh.cells:
         if block.type not in (*PLANE, *others):
             raise Refusal(
