@@ -206,7 +206,7 @@ def test_starter_cases_run(kind, tmp_path):
     sbfem("new", kind, path)
     text = starter_text(f"{kind}.toml")
     if kind != "gmsh":
-        text = text.replace("[model]", "[mesh]\norder = 3\n[model]").replace(
+        text = text.replace("[model]", "[mesh]\norder = 4\n[model]").replace(
             "pairs = 3", "pairs = 3\nmodes = 24"
         )
     path.write_text(text + "\n[output]\npictures = false\n")
