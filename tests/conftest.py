@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import pathlib
+import signal
 import sys
 
 import pytest
@@ -24,6 +25,10 @@ sys.dont_write_bytecode = False
 
 # Nothing is thrown away while tests are found, and what has been found stays to the end.
 gc.disable()
+
+# Tests raise interrupts, which a shell lets those that it starts in the background ignore.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # A process without a launcher needs no daemon of Open MPI's, which would outlive it where it is killed.
 os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")

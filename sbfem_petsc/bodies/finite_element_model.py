@@ -255,12 +255,7 @@ class FiniteElementModel:
         self._require_outward(one, normal)
         slip = self._slip_direction(law, nodes, normal) if law.rubs else np.zeros(3)
         if right is None and gap is None:
-            if (off := np.ptp(x @ normal)) > LEVEL * self._sides.max():
-                raise ValueError(
-                    f"contact: left nodes lie up to {off:g} m behind each other along the normal, and where "
-                    "the wall is, is not known; give gap, 0.0 if it touches all of them"
-                )
-            gap = 0.0
+            gap = self._gap_of_wall(x @ normal)
         elif right is not None and matching:
             means = partners(self.labels[one], x, y, normal)
         elif right is not None:
@@ -278,6 +273,15 @@ class FiniteElementModel:
                 "interference=True if they are to press on each other at rest"
             )
         return moving_pairs(self.labels[one], law, Contact(rows, distance, (), slips))
+
+    def _gap_of_wall(self, heights: np.ndarray) -> float:
+        """That of nodes in a plane, which a wall touches; others are refused."""
+        if (off := np.ptp(heights)) > LEVEL * self._sides.max():
+            raise ValueError(
+                f"contact: left nodes lie up to {off:g} m behind each other along the normal, and where "
+                "the wall is, is not known; give gap, 0.0 if it touches all of them"
+            )
+        return 0.0
 
     def _require_outward(self, face: np.ndarray, normal: np.ndarray) -> None:
         """Refuse a normal towards which all elements of a face lie, as far as they are known."""
