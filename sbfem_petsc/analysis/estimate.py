@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from meshing.warnings import LargeDisplacementWarning, MeshWarning, UnitWarning, caller_level
+from meshing.warnings import LargeDisplacementWarning, MeshWarning, UnitWarning
 
 from ..checks import shown
-from ..errors import failed_solve, wrong_input
+from ..errors import failed_solve, warn_of_mesh, wrong_input
 from ..ranks.parallel import agree
 from ..record.record import Record, derived, described, quantity
 from ..system.model import Model
@@ -303,12 +303,10 @@ def refined(
         tuple(done),
     )
     if not found.converged:
-        warnings.warn(
+        warn_of_mesh(
             f"{owner}: {levels} levels reach a relative error of about {error:.2g}, not {accuracy:.2g}; a "
             "quantity without a limit, such as a stress at a corner or a displacement under a point force, "
-            "has none",
-            MeshWarning,
-            stacklevel=caller_level(),
+            "has none"
         )
     return model, result, found
 

@@ -26,9 +26,9 @@ from ..record.record import Record, derived, described, of_each, quantity
 from ..reduction.reduced_model import SYSTEM, ReducedModel
 from ..signals.signal import Signal
 from ..system.fields.places import checked_line
-from ..system.fields.resolution import warn_of_tips
 from ..system.fields.static_resolution import warn_of_rest
 from ..system.fields.tip_facts import together
+from ..system.fields.tips import warn_of_tips
 from ..system.model import Model
 from .analysis import analysis
 from .options import LoadHistoryOptions

@@ -26,9 +26,9 @@ from ..ranks.parallel import collective
 from ..reduction.reduced_model import SYSTEM, ReducedModel, require_rows
 from ..signals.signal import Constant
 from ..system.fields.fracture import contact_nodal_forces, energy_release_rates, notes, t_stresses
-from ..system.fields.resolution import warn_of_tips
 from ..system.fields.sampling import Field
 from ..system.fields.static_resolution import AtRest, warn_of_rest
+from ..system.fields.tips import warn_of_tips
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
 from ..system.solve.equilibrium import Equilibrium

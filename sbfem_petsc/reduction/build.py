@@ -20,7 +20,7 @@ from ..errors import warn
 from ..loads import Load, SupportMotion, separate
 from ..petsc import MPI, summed
 from ..ranks.parallel import agreed, checked_communicator, collective
-from ..system.fields.resolution import warn_of_tips
+from ..system.fields.tips import warn_of_tips
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model, count_below, has_modes
 from ..system.solve.modal_result import Modal

@@ -25,7 +25,7 @@ from ...damping import DampingTable
 from ...loads import Load
 from ...petsc import stage
 from ...signals.rate import rate_of
-from ...system.fields.resolution import warn_of_tips
+from ...system.fields.tips import warn_of_tips
 from ...system.model import Model
 from ...system.solve.demand import require_steps
 from ...system.solve.modes import lowest_modes

@@ -20,7 +20,6 @@ from ..elements.shapes import Group
 from ..solve.modal_result import Modal
 from ..solve.modes import lowest_scale
 from ..solve.stiffness import Stiffness
-from .tips import Tips
 
 # Orders and terms that the estimate looks beyond those of the model.
 MORE_ORDERS, MORE_TERMS = 2, 1
@@ -36,11 +35,6 @@ WARNED_AMPLITUDE, LEAST_DAMPING = 3e-3, 1e-3
 # Share of the displacement under a load that jumps in modes that are not computed beyond which the user is
 # warned: on a cantilever under tension peaks were off by an eighth of it.
 WARNED_MISSING = 0.03
-# Errors of stress intensity factors in units of those of their exact singular modes, which others add to, and
-# the error beyond which the user is warned. Edge and inclined cracks in plates and beams, isotropic ones
-# up to nu = .4999 and of E_1 / E_2 = 3, 14 and 40 at 0, 30 and 75 degrees, orders 2 to 7, from 14 % to 5e-8:
-# .3 to 4 of it is told of nine in ten. Order 1: .2 (beams) to 10 (where two errors all but cancel).
-OTHERS, WARNED_FACTOR = 2.0, 1e-3
 # Size of the largest cell times omega / c_s (c_s: shear waves) below which no mode was off by 5e-4, for
 # orders 0, 1, 2, ...: on the same cantilevers, in which waves of bending are the shortest, 1e-3 is passed at
 # 0.05, 0.41, 1.2, 2.3 and 4 with p = 2, 3, 4, 5 and 9.
@@ -178,34 +172,6 @@ def warn_of_jumps(
         "changes what it moves by {}"
     )
     _warn_of_worst(found, moved, errors, WARNED_AMPLITUDE, told)
-
-
-def warn_of_tips(owner: str, tips: Tips, states: Sequence[dict[str, tuple[float, float]]] = ()) -> None:
-    """Warn if edges around a tip do not carry its singular stresses, by more than `WARNED_FACTOR`, as in
-    a low order, an anisotropic material or one that all but keeps its volume. Collective.
-
-    Parameters
-    ----------
-    states : sequence of dict of str to (float, float)
-        K_I and K_II of each tip, Pa m^(1/2); none: any.
-    """
-    carried, errors = tips.intensities, OTHERS * tips.intensities.errors
-    if errors.max(initial=0.0) <= WARNED_FACTOR:
-        return
-    shares = np.eye(2)[:, None]
-    if states:
-        factors = np.nan_to_num([list(state.values()) for state in states])
-        shares = factors / np.maximum(np.linalg.norm(factors, axis=2, keepdims=True), np.finfo(float).tiny)
-    errors = np.minimum(np.linalg.norm(errors * shares, axis=2).max(axis=0), 1.0)
-    worst = int(np.argmax(errors))
-    if errors[worst] <= WARNED_FACTOR:
-        return
-    order = tips.layout.order
-    warn_of_mesh(
-        f"{owner}: around the tip {carried.names[worst]} the stresses change too fast for edges of "
-        f"order {order}: K_I and K_II are off by about {errors[worst]:.1g} of themselves, stresses next to "
-        f"the tip by more; take a higher order (order={order + 2} or more in mesh), or accuracy= of static"
-    )
 
 
 def needs_look(elements: Elements, frequency: float) -> bool:
