@@ -38,9 +38,11 @@ def corners(face: Sized) -> int:
 
 
 def outer_faces(cells: Mapping[str, np.ndarray]) -> list[list[int]]:
-    """Rows of nodes, corners first, of the faces that one element alone has."""
+    """Rows of nodes, corners first, of the faces that one element alone has; quadrilaterals of collapsed
+    elements, which have a node twice, are triangles, or none.
+    """
     each = ((elements, own) for kind, elements in cells.items() for own in KINDS[kind][1])
     faces = [face for elements, own in each for face in elements[:, own].tolist()]
     ends = [frozenset(face[: corners(face)]) for face in faces]
     count = Counter(ends)
-    return [face for face, own in zip(faces, ends) if count[own] == 1]
+    return [[*dict.fromkeys(face)] for face, own in zip(faces, ends) if count[own] == 1 and len(own) > 2]

@@ -187,6 +187,10 @@ def _shapes(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
     if len(nodes) == 1:
         return np.ones((len(points), 1))
     points, nodes = points - nodes[0], nodes - nodes[0]
+    # where the map may be singular, as with nodes at quarters of sides at a crack's front, or several there
+    apart = np.linalg.norm(points[:, None] - nodes, axis=2)
+    at = apart.min(axis=1) < ROUNDING * np.ptp(nodes, axis=0).max()
+    points[at] = nodes[: corners(nodes)].mean(axis=0)
     terms = TERMS[: len(nodes)]
     base = np.linalg.inv((REFERENCE[corners(nodes)][: len(nodes), None] ** terms).prod(axis=2))
     lower, r = np.maximum(terms - np.eye(2, dtype=int)[:, None], 0), np.full(points.shape, 1.0 / 3.0)
@@ -198,9 +202,6 @@ def _shapes(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
         if np.abs(change).max() < LITTLE:
             break
     found = (r[:, None] ** terms).prod(axis=2) @ base
-    # where nodes at quarters of sides make the map singular, r is known to the root of rounding
-    apart = np.linalg.norm(points[:, None] - nodes, axis=2)
-    at = apart.min(axis=1) < ROUNDING * np.ptp(nodes, axis=0).max()
     found[at] = np.eye(len(nodes))[apart[at].argmin(axis=1)]
     return found
 

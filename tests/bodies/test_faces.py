@@ -432,6 +432,44 @@ def test_round_faces_of_different_meshes():
         assert np.abs(rows @ moved).max() < 1e-12
 
 
+def test_faces_of_collapsed_elements():
+    """Quadrilaterals that have a node twice, as those of collapsed hexahedra, are triangles (shares of right
+    nodes had been .74 to .92, for 1, or a raw error of NumPy's where nodes meet); three nodes may be in one
+    place, as about a crack's front, with a left one before them (the same error).
+    """
+    left = {1: (0.0, 0.0, 0.0), 2: (0.0, 0.9, 0.1), 3: (0.0, 1.0, 1.0), 4: (0.0, 0.1, 0.9)}
+    square = {11: (1e-3, 0.0, 0.0), 12: (1e-3, 1.0, 0.0), 13: (1e-3, 1.0, 1.0), 14: (1e-3, 0.0, 1.0)}
+    # behind each corner another one: two wedges, written as hexahedra
+    below = {20 + k: (1.0, *place[1:]) for k, place in enumerate(square.values())}
+    solids = [[11, 12, 13, 13, 20, 21, 22, 22], [13, 14, 11, 11, 22, 23, 20, 20]]
+    front = {**square, 15: square[11], 16: square[11]} | {17: (1e-3, 0.25, 0.0), 18: (1e-3, 0.5, 0.5)}
+    front |= {19: (1e-3, 0.0, 0.25), 20: (1e-3, 1.0, 0.5), 21: (1e-3, 0.5, 1.0)}
+    halves = [[11, 12, 13], [13, 14, 11]]
+    found = []
+    for right, elements in (
+        (square, {"triangle": halves}),
+        (square, {"quad": [[11, 12, 13, 13], [13, 14, 11, 11]]}),
+        (square, {"quad": [[11, 11, 12, 13], [13, 14, 14, 11]]}),
+        (square, {"quad8": [[11, 12, 13, 13, 17, 20, 13, 18], [13, 14, 11, 11, 21, 19, 11, 18]]}),
+        (square | below, {"hexahedron": solids}),
+        (front, {"quad8": [[11, 16, 12, 14, 15, 17, 18, 19]], "triangle6": [[12, 13, 14, 20, 21, 18]]}),
+    ):
+        more = {k: front[k] for k in (17, 18, 19, 20, 21)} if "quad8" in elements else {}
+        nodes = left | more | right
+        eye, labels = scipy.sparse.identity(len(nodes)), list(nodes)
+        mesh = {"triangle": [[1, 2, 3], [1, 3, 4], *elements.pop("triangle", [])]} | elements
+        body = sb.FiniteElementModel(eye, 1e9 * eye, [(n, 0) for n in labels], nodes, elements=mesh)
+        face = [n for n in nodes if n > 10 and nodes[n][0] == 1e-3]
+        crack = body.contact(list(left), face, normal="x", matching=False)
+        rows = crack.rows.toarray()
+        assert crack.gap == pytest.approx(np.full(4, 1e-3), rel=1e-12)
+        assert rows[:, 4:].sum(axis=1) == pytest.approx(np.ones(4), rel=1e-12)
+        assert np.abs(rows @ np.array([nodes[n] for n in labels])[:, 1:]).max() < 1e-12
+        found.append(rows[:, [labels.index(n) for n in square]])
+    for same in (found[1], found[2], found[4]):
+        assert same == pytest.approx(found[0], abs=1e-14)
+
+
 def triangles_of(across: int, up: int) -> tuple[np.ndarray, list[list[int]]]:
     """Places in a square, those of one column after those of another, and triangles between them."""
     places = [[i / across, j / up, 0.0] for i in range(across + 1) for j in range(up + 1)]
