@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -398,8 +399,8 @@ def join(*bodies: FiniteElementModel) -> FiniteElementModel:
     ----------
     *bodies : FiniteElementModel
         Labels of nodes of the first one stay; those of a further one that are in use are moved up by a power
-        of ten. A set's name that is in use gets the body's number: "LEFT" is "LEFT.2" of the second, and
-        "LEFT.2.2" where that is in use, too.
+        of ten, as often as it takes: by 100, and by 200 the next time. A set's name that is in use gets the
+        body's number: "LEFT" is "LEFT.2" of the second, and "LEFT.2.2" where that is in use, too.
 
     Returns
     -------
@@ -418,7 +419,8 @@ def join(*bodies: FiniteElementModel) -> FiniteElementModel:
     for number, body in enumerate(bodies, 1):
         instance("join", f"body {number}", body, FiniteElementModel, "a FiniteElementModel")
         own = body.labels.tolist()
-        up = 10 ** len(str(max(*nodes, *own) - min(0, *own))) if {*own} & {*nodes} else 0
+        step = 10 ** len(str(max(own) - min(0, *own)))
+        up = next(up for up in count(0, step) if nodes.keys().isdisjoint(label + up for label in own))
         nodes |= {label + up: place for label, place in zip(own, body.places)}
         for name, labels in body.sets.items():
             while name in sets:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import warnings
 from pathlib import Path
@@ -289,6 +290,10 @@ def test_join_beside_dense(parts, body):
     assert both.inertia[:n] == pytest.approx(body.inertia)
     three = sb.join(both, body)  # no set is lost, nor a label, of whatever sign
     assert three.sets["LEFT.2"] == both.sets["LEFT.2"] and len(three.sets) == 3 * len(body.sets)
+    row = sb.join(*[body] * 20)  # labels had been ten times as large with each, and at last none of any array
+    assert row.labels.reshape(20, -1).tolist() == (body.labels + 100 * np.arange(20)[:, None]).tolist()
+    again = functools.reduce(sb.join, [body] * 20)
+    assert again.labels.tolist() == row.labels.tolist() and again.inertia.tolist() == row.inertia.tolist()
     below = sb.FiniteElementModel(
         *(body.mass, body.stiffness, body.unknowns - [16, 0]),
         {label - 16: place for label, place in zip(body.labels.tolist(), body.places)},
