@@ -87,6 +87,9 @@ class FiniteElementModel:
             raise ValueError(f"{OWNER}: nodes has places {far:g} m off; give them in units = {units!r}")
         self._node = {label: k for k, label in enumerate(self.labels.tolist())}
         rows = self._pairs("unknowns", unknowns, self.mass.shape[0])
+        turns = np.where(rows[:, 1] > 2, length, 1.0)  # of forces that are moments
+        for part in (self.mass, self.stiffness):
+            part.data *= turns[part.indices] * np.repeat(turns, np.diff(part.indptr))
         found, sides = np.unique(rows[:, 1]).tolist(), np.ptp(self.places[rows[:, 0]], axis=0)
         sides = sides > TOGETHER * sides.max()
         if found == [1, 2, 3] and sides[0]:

@@ -416,6 +416,42 @@ def test_unknowns_in_another_order(body):
         sb.FiniteElementModel(both.mass, both.stiffness, both.unknowns, given[0], **given[1])
 
 
+@pytest.mark.filterwarnings("error")
+def test_rotations_in_millimetres():
+    """Beams of unequal lengths, aslant in their plane, by the book, in m and in mm, where moments are N mm:
+    they are one body in N m, of which no warning is right (of another order, in mm).
+    """
+    lengths, (c, s) = np.random.default_rng(0).uniform(0.5, 1.5, 71), (0.6, 0.8)
+    turn, bodies = np.kron(np.eye(2), [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]), []
+    for units, size, force, inert in (
+        ("SI", 1.0, 1.0, 1.0),
+        ("mm-N-t", 1e3, 1.0, 1e-3),
+        ("mm-kg-mN", 1e3, 1e3, 1.0),
+    ):
+        mass, stiffness, along = np.zeros((216, 216)), np.zeros((216, 216)), size * np.cumsum(lengths)
+        for e, own in enumerate(size * lengths):
+            k = np.zeros((6, 6))
+            k[np.ix_([0, 3], [0, 3])] = 2e8 * force / own * np.array([[1, -1], [-1, 1]])
+            bending = [[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]]
+            arms = np.array([1.0, own, 1.0, own])
+            k[np.ix_([1, 2, 4, 5], [1, 2, 4, 5])] = (
+                1e6 * force * size**2 / own**3 * np.outer(arms, arms) * bending
+            )
+            stiffness[3 * e : 3 * e + 6, 3 * e : 3 * e + 6] += turn.T @ k @ turn
+            mass[3 * e : 3 * e + 6, 3 * e : 3 * e + 6] += (
+                50.0 * inert * own / size * np.diag([1, 1, 0, 1, 1, 0])
+            )
+        at = np.append(0.0, along)
+        nodes = {k: (c * x, s * x, 0.0) for k, x in enumerate(at)}
+        unknowns = [(k, d) for k in nodes for d in (0, 1, 5)]
+        matrices = map(scipy.sparse.csr_matrix, (mass, stiffness))
+        bodies.append(sb.FiniteElementModel(*matrices, unknowns, nodes, units=units))
+    for other in bodies[1:]:
+        for name in ("mass", "stiffness"):
+            one, two = (getattr(body, name).toarray() for body in (bodies[0], other))
+            assert two == pytest.approx(one, rel=1e-12, abs=1e-12 * np.abs(one).max())
+
+
 def test_few_unknowns_in_another_order(parts):
     """Of a body of solid elements 50 unknowns away from supports are enough; such a one may be written
     by hand without elements.
