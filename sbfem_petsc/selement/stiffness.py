@@ -23,10 +23,10 @@ from .dense import ADVICE, growing_subspace, largest, solve, symmetric, turned
 from .polynomial_modes import PolynomialModes
 from .rigid_motions import translations
 
-# Doubling converges quadratically: an increment below this is followed by one below round-off. From 1 to 400
-# unknowns it takes 4 to 14 steps; its residual is 1e-15 to 1e-13, and beyond ACCEPTED the Schur form is
-# asked.
-_INCREMENT, _STEPS, ACCEPTED = 1e-9, 30, 1e-12
+# Doubling converges quadratically: two increments tell the next one, which is not made where it is below this.
+# From 1 to 400 unknowns it takes 4 to 14 steps; its residual is 1e-15 to 1e-13, and beyond ACCEPTED the Schur
+# form is asked.
+_INCREMENT, _STEPS, ACCEPTED = 1e-15, 30, 1e-12
 
 
 def static_stiffness(coefficients: Coefficients, method: str | None = None) -> tuple[np.ndarray, float]:
@@ -122,14 +122,16 @@ def _doubled(a: np.ndarray, g: np.ndarray, q: np.ndarray, high: bool) -> tuple[n
     step, twice = identity + 2.0 * shift * other, 2.0 * shift
     dual = symmetric(twice * (gain @ other))
     x = symmetric(twice * (other @ (q @ inverse)))
-    going, done = np.arange(count), np.zeros(count, dtype=bool)
+    going, done, former = np.arange(count), np.zeros(count, dtype=bool), np.ones(count)
     for _ in range(_STEPS):
         matrix = x[going] @ dual + identity
         solved = np.linalg.solve(turned(matrix), turned(np.concatenate([step, dual], axis=1)))
         half, rest = turned(solved[:, :, :m]), solved[:, :, m:]
         increment = (step @ x[going]) @ turned(half)
         x[going] += increment
-        small = _norms(increment) <= _INCREMENT * _norms(x[going])
+        share = _norms(increment) / _norms(x[going])
+        small = share * np.maximum(share, (share / former[going]) ** 2) <= _INCREMENT
+        former[going] = share
         done[going[small]] = True
         if small.all():
             break
