@@ -23,9 +23,9 @@ from .dense import ADVICE, growing_subspace, largest, solve, symmetric, turned
 from .polynomial_modes import PolynomialModes
 from .rigid_motions import translations
 
-# Doubling converges quadratically: two increments tell the next one, which is not made where it is below this.
-# From 1 to 400 unknowns it takes 4 to 14 steps; its residual is 1e-15 to 1e-13, and beyond ACCEPTED the Schur
-# form is asked.
+# Doubling converges quadratically: two increments tell the next one, which is not made where it is below
+# this. From 1 to 400 unknowns it takes 4 to 14 steps; its residual is 1e-15 to 1e-13, and beyond ACCEPTED
+# the Schur form is asked.
 _INCREMENT, _STEPS, ACCEPTED = 1e-15, 30, 1e-12
 
 

@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate
 from meshing.warnings import RoundOffWarning
 from sbfem_petsc.selement.rigid_motions import rigid_body_basis, rigid_motions
 from sbfem_petsc.system.contact import bordered_contact
-from sbfem_petsc.system.elements.element_stiffness import without_motions
+from sbfem_petsc.system.elements.element_stiffness import ROUND_OFF, without_motions
 from tests.parallel import alone, answer, on_ranks
 from tests.systems import ALUMINIUM
 
@@ -53,6 +54,19 @@ def test_tip_displacement(ratio):
     expected = length**3 / (3 * YOUNG * HEIGHT**3 / 12) + length / (5 / 6 * YOUNG / 2 * HEIGHT)
     found = sb.static(cantilever(ratio), sb.PointForce("A", fy=1.0))
     assert found.displacement("A")[1] == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.filterwarnings(*SIZES)
+@pytest.mark.parametrize("ratio", [100, 40_000, 50_000, 60_000])
+def test_cells_beyond_round_off(ratio):
+    """Digits that cells lose by SciPy's eigenvalues, which have the round-off that is told, are told; those
+    of usual cells, far below what is warned of, are not solved for.
+    """
+    model = cantilever(ratio)
+    values = [scipy.linalg.eigvalsh(group.solution.stiffness) for group in model.cells.groups]
+    lost = 4.0 * np.finfo(float).eps * max(own[-1] / own[3] for own in values)
+    told = model.statics.refinement.cell_error
+    assert told == (0.0 if lost < 1e-4 * ROUND_OFF else pytest.approx(lost, rel=lost))
 
 
 @pytest.mark.slow

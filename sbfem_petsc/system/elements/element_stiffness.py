@@ -18,6 +18,7 @@ from meshing.warnings import RoundOffWarning
 
 from ...errors import failed_solve, warn
 from ...petsc import MPI, PETSc, summed
+from ...selement.dense import is_definite
 from ...selement.rigid_motions import rigid_body_basis
 from .elements import Elements
 from .shapes import Group
@@ -146,11 +147,17 @@ class Refinement:
     @functools.cached_property
     def cell_error(self) -> float:
         """What the round-off inside S-elements leaves of the digits, relative: that of the stiffest
-        S-element's softest deformation, which cells of very small height meet. Collective.
+        S-element's softest deformation, which cells of very small height meet; 0 where factors tell
+        that it stays below `ROUND_OFF`. Collective.
         """
         ratios = [0.0]
         for group in self._elements.groups:
-            values = np.linalg.eigvalsh(group.solution.stiffness)
+            stiffness = group.solution.stiffness
+            # without three of the unknowns the lowest eigenvalue is no higher than the fourth of all
+            least = _SOFTEST * np.finfo(float).eps / ROUND_OFF * np.trace(stiffness)
+            if is_definite(stiffness[3:, 3:] - least * np.eye(len(stiffness) - 3)):
+                continue
+            values = np.linalg.eigvalsh(stiffness)
             ratios.append(values[-1] / max(values[3], np.finfo(float).eps * values[-1]))
         return _SOFTEST * np.finfo(float).eps * self._comm.allreduce(max(ratios), MPI.MAX)
 
@@ -173,7 +180,11 @@ class Refinement:
         warn(text, RoundOffWarning)
 
     def refine(
-        self, right: np.ndarray, solution: np.ndarray, solve: Callable[[np.ndarray], np.ndarray]
+        self,
+        right: np.ndarray,
+        solution: np.ndarray,
+        solve: Callable[[np.ndarray], np.ndarray],
+        enough: float = _ENOUGH,
     ) -> np.ndarray:
         """Corrected solutions (owned,) or (owned, c) of `solve(right)`, by conjugate gradients with the solve
         as preconditioner: two or three steps, more where round-off leaves little of the solve. Collective.
@@ -192,7 +203,7 @@ class Refinement:
                 self._dot(solution, solution), np.finfo(float).tiny
             )
             self.correction = float(np.sqrt(np.max(sizes, initial=0.0)))
-            if self.correction <= _ENOUGH:
+            if self.correction <= enough:
                 solution += direction  # so small that its length does not matter
                 break
             product = self.operator(direction)
@@ -201,7 +212,7 @@ class Refinement:
             solution += length * direction
             residual = residual - length * product
             self.correction = float(np.sqrt(np.max(length**2 * sizes, initial=0.0)))
-            if self.correction <= _ENOUGH or (self.correction <= _SETTLED and self.correction >= before):
+            if self.correction <= enough or (self.correction <= _SETTLED and self.correction >= before):
                 break
             before = self.correction
         return solution

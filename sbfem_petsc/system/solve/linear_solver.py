@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
-from ...petsc import MPI, PETSc, block_solve, check_ksp, dense_columns, freeing, judge_ksp, set_up
+from ...petsc import MPI, PETSc, block_solve, check_ksp, chosen, dense_columns, freeing, judge_ksp, set_up
 from ..elements.element_stiffness import Refinement
 from ..layout.rows import Rows
 
@@ -36,7 +36,7 @@ class LinearSolver:
         self.direct = ksp.getType() == "preonly" and ksp.getPC().getType() in ("cholesky", "lu")
         self.factorised, self.most = True, 0
         self._comm = self.matrix.comm.tompi4py()
-        self._checked = False
+        self._checked, self._told = False, chosen(ksp.getOptionsPrefix())
 
     def solve(self, right: PETSc.Vec, solution: PETSc.Vec, what: str) -> None:
         """Solve for one vector; `what` names the solve in its error."""
@@ -71,6 +71,11 @@ class LinearSolver:
             found = block_solve(self.ksp, PETSc.Mat().createTranspose(given))
         return found if self.refinement is None else self._refined(rows.columns(chosen), found, what)
 
+    def nearer(self, right: np.ndarray, near: np.ndarray, what: str, enough: float) -> np.ndarray:
+        """Solutions (owned, k) refined from what is near to them, until corrections are so small."""
+        assert self.refinement is not None
+        return self.refinement.refine(right, near, lambda residual: self._columns(residual, what), enough)
+
     def _solve(self, right: PETSc.Vec, solution: PETSc.Vec, what: str) -> None:
         """Without refinement."""
         if not self.factorised:
@@ -78,7 +83,8 @@ class LinearSolver:
             self.factorised = True
         self.ksp.solve(right, solution)
         check_ksp(self.ksp, what)
-        judge_ksp(self.ksp)
+        if self._told:
+            judge_ksp(self.ksp)
         self._checked = True
         self.most = max(self.most, self.ksp.getIterationNumber())
 

@@ -32,6 +32,8 @@ from .stiffness import Stiffness
 # Residual ||K x - w2 M x|| / ||w2 M x|| that a returned pair may have at most. Round-off leaves about
 # 1e-16 cond(K)^(1/2) in the lowest modes of a slender beam; 1e-5 in a residual is 1e-10 in a frequency.
 RESIDUAL_LIMIT = 1e-5
+# Share of it that the change of slender modes by an inverse iteration is solved to.
+SEEN = 1e-4
 # How many times larger residuals of refined modes may be where both are round-off: 1.3 was measured.
 WORSE = 3.0
 # So many modes take far longer than to count whether they lie in the band that is estimated for them.
@@ -270,7 +272,7 @@ def _collect(model: Structure, eps: SLEPc.EPS, solve: CondensedSolve, count: int
     if len(slender):
         # the forces of rounded displacements hide the residual; the change by an inverse iteration does not
         shapes = array[:, slender]
-        change = solve.columns(values[slender] * mx[:, slender]) - shapes
+        change = solve.nearer(values[slender] * mx[:, slender], shapes, SEEN * RESIDUAL_LIMIT) - shapes
         residuals[slender] = np.sqrt(_inner(comm, change, change) / _inner(comm, shapes, shapes))
     # what round-off in K x alone may leave: a slender or softly held structure's lowest modes meet this limit
     # first

@@ -391,10 +391,12 @@ class CondensedSolve:
         target[:owned] = self.left.array_r
         target[owned:] = scaled
 
-    def columns(self, right: np.ndarray) -> np.ndarray:
-        """K^-1 of columns (local unknowns, k), where there is no shift. Collective."""
+    def nearer(self, right: np.ndarray, near: np.ndarray, enough: float) -> np.ndarray:
+        """K^-1 of columns (local unknowns, k), where there is no shift, refined from what is near to it
+        until corrections are so small. Collective.
+        """
         owned = self.pencil.owned
-        upper = self._solver.columns(right[:owned], self.what)
+        upper = self._solver.nearer(right[:owned], near[:owned], self.what, enough)
         return np.concatenate([upper, right[owned:] / self.diagonal[:, None]])
 
     def of_rows(self, rows: Rows, chosen: slice) -> np.ndarray:
