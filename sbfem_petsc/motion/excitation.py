@@ -20,7 +20,7 @@ from ..signals.waves import Chirp, Harmonic, Step, ToneBurst
 
 # Lines up to which motions over time are products with their waves; of more, Fourier transforms.
 LINES = 64
-# Harmonics of a load below this share of its largest one are rounding.
+# Harmonics of a load below this share of its own largest one are rounding.
 ROUND_OFF = 1e-12
 # Relative distance of a tone from a harmonic of the base frequency that rounding explains.
 SAME = 1e-9
@@ -97,7 +97,7 @@ class Excitation(Record):
 
     def _audible(self) -> Excitation:
         """Without lines that are rounding."""
-        noise = ROUND_OFF * np.abs(self.amplitudes).max(initial=0.0)
+        noise = ROUND_OFF * np.abs(self.amplitudes).max(axis=0, initial=0.0)  # units differ
 
         def above(found: np.ndarray) -> np.ndarray:
             return np.where(np.abs(found) > noise, found, 0.0)

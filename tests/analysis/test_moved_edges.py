@@ -98,6 +98,23 @@ def test_steady_state_of_a_rod(asked, foundation, nearness, balance):
         assert abs(found - force) < balance * abs(HEIGHT * stress * MOVE)
 
 
+def test_a_nanometre_beside_a_load_in_pascals():
+    """A transducer moves the left end of a rod that is pressed at the right one: the wave equation, beside
+    the static shortening. Metres and pascals are 17 orders apart.
+    """
+    b, frequency, move, pressure = 1e-6, 9000.0, 1e-9, 1e8
+    omega = 2.0 * np.pi * frequency
+    wave = omega / (SPEED * np.sqrt(1.0 + 1j * omega * b))
+    with rod(False, rayleigh=(0.0, b)) as model:
+        motion = sb.EdgeMotion(LEFT, ux=sb.Harmonic(move, frequency))
+        load = motion + sb.EdgeLoad(RIGHT, pressure=sb.Constant(pressure))
+        orbit = sb.periodic(model, load, frequency, modes=60, steps=64)
+    end = orbit.displacement("end")[:, 0]
+    assert end.mean() == pytest.approx(-pressure * LENGTH / ROD.young, rel=1e-6)
+    # as near as `test_steady_state_of_a_rod`
+    assert abs(amplitude(orbit, end) - move / np.cos(wave * LENGTH)) < 1e-4 * move
+
+
 @pytest.mark.long
 def test_pulse_in_a_rod():
     """An end that moves to and fro: the wave goes out, comes back from the free end with the same sign, and
