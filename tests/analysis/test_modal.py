@@ -140,6 +140,25 @@ def test_mode_shapes_are_mass_normalised():
     assert abs(found.displacement("A")[0, 1]) == pytest.approx(2.0 / np.sqrt(2700 * 0.4 * 0.005), rel=0.02)
 
 
+def test_displacements_anywhere(tmp_path):
+    """Longitudinal modes of a rod that does not contract are sines; a file keeps no model for them."""
+    length, height, steel = 1.0, 0.3, sb.Material(206e9, 0.0, 7850)
+    found = sb.modal(sb.Model(Beam(length, height).mesh(order=5, size=0.1), steel), 12)
+    x = np.array([0.0, 0.137, 0.52, 0.777, 1.0])
+    shapes = np.array([found.displacement((place, 0.11)) for place in x])
+    for k, tolerance in enumerate([1e-6, 1e-5, 1e-4]):  # 6e-8, 2e-6 and 1e-5 of a mesh of order 5
+        frequency = (2 * k + 1) * np.sqrt(206e9 / 7850) / (4.0 * length)
+        mode = shapes[:, np.abs(found.frequencies - frequency).argmin()]
+        sine = np.sin((2 * k + 1) * np.pi * x / (2.0 * length)) * np.sqrt(2.0 / (7850 * length * height))
+        mode *= np.sign(mode[-1, 0] * sine[-1])
+        np.testing.assert_allclose(mode, np.stack([sine, 0.0 * x], axis=1), atol=tolerance * sine.max())
+    sb.save(tmp_path / "modes.h5", found)
+    with pytest.raises(sb.SolveError, match="solve them again"):
+        sb.read(tmp_path / "modes.h5").displacement((0.5, 0.1))
+    with pytest.raises(TypeError, match="name of a point or coordinates"):
+        found.displacement((0.5, 0.1, 0.0))
+
+
 @pytest.mark.parametrize(
     "arguments, sentence",
     [

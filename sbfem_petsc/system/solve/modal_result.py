@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from ...checks import integer, shown
-from ...errors import at_point
+from ...errors import SolveError, at_point
 from ...ranks.parallel import agreed, whole
 from ...record.record import Record, described, quantity
+from ..fields.places import Point, checked_place
 from ..structure import Structure
 
 
@@ -65,9 +66,23 @@ class Modal(Record):
         """What tells it from others, the same on all ranks."""
         return self.model, self.frequencies, self.point_shapes
 
-    def displacement(self, point: str) -> np.ndarray:
-        """(n, 2): displacement of a named point in each mode."""
-        return at_point(self.point_shapes, point)
+    def displacement(self, point: Point) -> np.ndarray:
+        """(n, 2): displacement of a named point, or of any point (x, y) in m, in each mode. Collective for
+        (x, y).
+        """
+        if isinstance(point, str):
+            return at_point(self.point_shapes, point)
+        return self._displacement_at(checked_place("displacement", point))
+
+    @agreed()
+    def _displacement_at(self, place: tuple[float, float]) -> np.ndarray:
+        """(n, 2): displacement at a place in each mode. Collective."""
+        if self.model is None:
+            raise SolveError(
+                "modes that were read from a file know their named points and nodes alone; solve them again"
+            )
+        forms = self.model.places([place], inertia=True).displacement
+        return forms.modes(self.shapes, 2.0 * np.pi * self.frequencies).T
 
     @agreed()
     def nodal(self, mode: int) -> np.ndarray:
