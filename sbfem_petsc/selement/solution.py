@@ -10,6 +10,7 @@ or very flat outlines, is None, and left to `solve_selement`, which says why whe
 
 from __future__ import annotations
 
+import contextlib
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -233,13 +234,31 @@ def _shifted(stiffness: np.ndarray) -> np.ndarray:
     return stiffness + TOLERANCE * largest(stiffness) * np.eye(len(stiffness))
 
 
-def solve_stack(stack: Sectors) -> list[SElement | None]:
+# Rows of S-elements of a stack, their coefficient matrices and their polynomial modes.
+Begun = list[tuple[np.ndarray, Coefficients, PolynomialModes]]
+
+
+def begun(stack: Sectors) -> Begun:
+    """What stiffness and inertia of a stack both begin with: of those whose polynomial modes are known."""
+    shapes, order, elasticity = stack
+    straight = np.flatnonzero(straight_edges(shapes, order, edge_nodes(shapes.shape[1], order, True)))
+    try:
+        c = coefficient_matrices(shapes[straight], order, True, elasticity)
+        found = polynomial_modes(shapes[straight], order, elasticity, c)
+        return [(straight[some], c.of(some), known) for some, known in found]
+    except (SElementError, np.linalg.LinAlgError):  # of one of them
+        return []
+
+
+def solve_stack(stack: Sectors, start: Begun | None = None) -> list[SElement | None]:
     """The stiffness of each.
 
     Parameters
     ----------
     stack : Sectors
         With (b, nodes, 2) shapes, one elasticity, and closed outlines.
+    start : Begun, optional
+        `begun` of it, where that is there.
     """
     shapes, order, elasticity = stack
 
@@ -260,12 +279,15 @@ def solve_stack(stack: Sectors) -> list[SElement | None]:
             for row, k, r, a, m, fine, e0 in zip(rows, stiffness, riccati, asymmetry, rigid, good, c.e0)
         ]
 
-    return _each(stack, solve)
+    return _each(len(stack.shape), begun(stack) if start is None else start, solve)
 
 
-def inertia_of_stack(elements: list[SElement], terms: int) -> list[Inertia | Moments | None]:
+def inertia_of_stack(
+    elements: list[SElement], terms: int, start: Begun | None = None
+) -> list[Inertia | Moments | None]:
     """The mass of each, and the moments where the continued fraction has `terms` = 1, of S-elements that
     agree in all but their outlines; of more terms, and of open ones or several materials, none is solved.
+    `start`: `begun` of them, where that is there.
     """
     first = elements[0]
     if terms > 1 or not first.closed or first.elasticity.ndim != 2 or first.density is not None:
@@ -284,19 +306,14 @@ def inertia_of_stack(elements: list[SElement], terms: int) -> list[Inertia | Mom
             for mass, second, third, fine in zip(*found)
         ]
 
-    return _each(stack, solve)
+    return _each(len(stack.shape), begun(stack) if start is None else start, solve)
 
 
-def _each(stack: Sectors, solve: Callable[[np.ndarray, Coefficients, PolynomialModes], list]) -> list:
-    """What `solve` finds of those whose polynomial modes are known, None of the others."""
-    shapes, order, elasticity = stack
-    found: list = [None] * len(shapes)
-    straight = np.flatnonzero(straight_edges(shapes, order, edge_nodes(shapes.shape[1], order, True)))
-    try:
-        c = coefficient_matrices(shapes[straight], order, True, elasticity)
-        for some, known in polynomial_modes(shapes[straight], order, elasticity, c):
-            for row, one in zip(straight[some], solve(straight[some], c.of(some), known)):
+def _each(count: int, start: Begun, solve: Callable[..., list]) -> list:
+    """What `solve` finds of those of so many whose polynomial modes are known, None of the others."""
+    found: list = [None] * count
+    for rows, c, known in start:
+        with contextlib.suppress(SElementError, np.linalg.LinAlgError):  # of one of them
+            for row, one in zip(rows, solve(rows, c, known)):
                 found[row] = one
-    except (SElementError, np.linalg.LinAlgError):  # of one of them
-        pass
     return found

@@ -6,8 +6,9 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Hole, Plate
 from sbfem_petsc.material import Material, OrthotropicMaterial
+from sbfem_petsc.selement import solution
 from sbfem_petsc.selement.sectors import Sectors
-from sbfem_petsc.selement.solution import inertia_of_stack, solve_selement, solve_stack
+from sbfem_petsc.selement.solution import begun, inertia_of_stack, solve_selement, solve_stack
 from sbfem_petsc.system.elements import shapes
 from tests.selement.test_solution import polygon
 
@@ -67,6 +68,34 @@ def test_companions_change_nothing():
     assert inertia_of_stack(solve_stack(Sectors(polygon(FLAT, 5)[None], 5, elasticity)), 1) == [None]
 
 
+def test_what_both_begin_with_changes_nothing():
+    """Bitwise, whether inertia begins anew or with what the stiffness has begun with."""
+    stack = Sectors(outlines(4, 5), 5, MATERIALS[0].elasticity)
+    start, anew = begun(stack), solve_stack(stack)
+    found = solve_stack(stack, start)
+    assert all((a.stiffness == b.stiffness).all() for a, b in zip(found, anew))
+    for one, other in zip(inertia_of_stack(found, 1, start), inertia_of_stack(anew, 1)):
+        for name in ("mass", "second", "third"):
+            assert (getattr(one, name) == getattr(other, name)).all()
+
+
+def test_model_begins_with_what_its_stiffness_has_begun_with(monkeypatch):
+    """Cells are begun with once; of so many shapes that it would take memory, again for their inertia."""
+    mesh = Plate([(0, 0), (1, 0), (1, 0.7), (0, 0.7)], holes=[Hole(0.4, 0.3, 0.2)]).mesh(order=3, size=0.2)
+    steel, stacks = sb.Material(206e9, 0.3, 7850), []
+    monkeypatch.setattr(shapes, "begun", lambda stack: stacks.append(begun(stack)) or stacks[-1])
+    monkeypatch.setattr(solution, "begun", lambda stack: stacks.append(begun(stack)) or stacks[-1])
+    found = {}
+    for most in (1, 1000):
+        monkeypatch.setattr(shapes, "STACK", most)
+        model = sb.Model(mesh, steel, clamped="edge1")
+        once = len(stacks)
+        found[most] = [group.solution.mass for group in model.cells.moving]
+        assert (len(stacks) == once) == (most > 1)
+        stacks.clear()
+    assert all((one == other).all() for one, other in zip(found[1], found[1000]))
+
+
 def test_modes_by_moments(monkeypatch):
     """Frequencies of a plate with a hole, whose cells are straight, curved and small, by the moments are
     those by the whole continued fraction of each cell: what is kept of either is the same space.
@@ -80,7 +109,7 @@ def test_modes_by_moments(monkeypatch):
             return found.frequencies, found.unknowns
 
     expected, unknowns = frequencies()
-    monkeypatch.setattr(shapes, "inertia_of_stack", lambda elements, terms: [None] * len(elements))
+    monkeypatch.setattr(shapes, "inertia_of_stack", lambda elements, *_: [None] * len(elements))
     found, as_many = frequencies()
     assert as_many == unknowns > 0
     np.testing.assert_allclose(expected, found, rtol=1e-11)

@@ -25,7 +25,7 @@ from .shapes import Group
 
 # Round-off of the assembled stiffness, relative to the load, beyond which solves are refined; corrections
 # that end it at once, and once they fall no more; and how many are made at most (62 at L/h = 1e5).
-NEEDED, _ENOUGH, _SETTLED, _MOST = 1e-9, 1e-13, 1e-9, 100
+NEEDED, ENOUGH, _SETTLED, _MOST = 1e-9, 1e-13, 1e-9, 100
 # Errors beyond which the user is warned, and a result is refused; what the softest deformation's round-off
 # was measured to do to slender cantilevers.
 ROUND_OFF, REFUSED, _SOFTEST = 1e-5, 1e-2, 4.0
@@ -35,6 +35,8 @@ _COLUMNS = 16
 
 # Forces that springs take up, (m, 2, k), of displacements (m, 2, k) of this rank's nodes.
 Springs = Callable[[np.ndarray], np.ndarray]
+# Solutions of right-hand sides, (owned, k) both.
+Solve = Callable[[np.ndarray], np.ndarray]
 
 
 class ElementStiffness:
@@ -180,11 +182,7 @@ class Refinement:
         warn(text, RoundOffWarning)
 
     def refine(
-        self,
-        right: np.ndarray,
-        solution: np.ndarray,
-        solve: Callable[[np.ndarray], np.ndarray],
-        enough: float = _ENOUGH,
+        self, right: np.ndarray, solution: np.ndarray, solve: Solve, enough: float = ENOUGH
     ) -> np.ndarray:
         """Corrected solutions (owned,) or (owned, c) of `solve(right)`, by conjugate gradients with the solve
         as preconditioner: two or three steps, more where round-off leaves little of the solve. Collective.

@@ -17,7 +17,7 @@ from ...selement.coefficients import SElementError
 from ...selement.congruence import placements, same_shape, shape_key
 from ...selement.inertia import Inertia, Moments
 from ...selement.sectors import Sectors
-from ...selement.solution import STACK, SElement, inertia_of_stack, solve_selement, solve_stack
+from ...selement.solution import STACK, Begun, SElement, begun, inertia_of_stack, solve_selement, solve_stack
 from ..layout.partition import Part
 
 _Given = TypeVar("_Given")
@@ -229,6 +229,7 @@ class Solutions:
         # the different shapes that this rank solves, and which of them each rank has asked for
         self._shapes: list[_Request] = []
         self._solved: list[SElement] = []
+        self._begun: list[Begun] = []
         self._known: dict[bytes, list[int]] = {}
         self._asked = [[self._number(request) for request in batch] for batch in incoming]
         self.count = comm.allreduce(len(self._shapes))
@@ -258,7 +259,11 @@ class Solutions:
         def solve_all(requests: list[_Request]) -> list[SElement | None]:
             material = self.materials[requests[0].material]
             shapes = np.stack([request.shape for request in requests])
-            return solve_stack(Sectors(shapes, self.order, material.elasticity))
+            stack = Sectors(shapes, self.order, material.elasticity)
+            start = begun(stack)
+            if len(self._shapes) <= STACK:  # of more it would take several times their stiffness' memory
+                self._begun.append(start)
+            return solve_stack(stack, start)
 
         self._solved = self._of_each(self._shapes, solve_all, solve)
         return self._sent_back(self._solved)
@@ -267,14 +272,15 @@ class Solutions:
     def inertia(self, terms: int) -> list[Inertia | Moments]:
         """Mass and continued fraction of each of this rank's requests. Collective."""
 
+        def solve_all(solved: list[SElement]) -> list[Inertia | Moments | None]:
+            return inertia_of_stack(solved, terms, self._begun.pop(0) if self._begun else None)
+
         def solve(solved: SElement) -> Inertia | Moments:
             dynamics = solved.with_inertia(terms).dynamics
             assert dynamics is not None  # `with_inertia` has just made them
             return dynamics
 
-        return self._sent_back(
-            self._of_each(self._solved, lambda solved: inertia_of_stack(solved, terms), solve)
-        )
+        return self._sent_back(self._of_each(self._solved, solve_all, solve))
 
     def _of_each(
         self,

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import sparse
 
 from ...petsc import MPI, PETSc, block_solve, check_ksp, chosen, dense_columns, freeing, judge_ksp, set_up
-from ..elements.element_stiffness import Refinement
+from ..elements.element_stiffness import ENOUGH, Refinement
 from ..layout.rows import Rows
 
 
@@ -42,9 +42,7 @@ class LinearSolver:
         """Solve for one vector; `what` names the solve in its error."""
         self._solve(right, solution, what)
         if self.refinement is not None and self.refinement.needed(right.norm(), solution.norm()):
-            given, found = right.array_r[:, None], solution.array_r[:, None]
-            again = self.refinement.refine(given, found, lambda left: self._columns(left, what))
-            solution.array = again[:, 0]
+            solution.array = self.nearer(right.array_r[:, None], solution.array_r[:, None], what)[:, 0]
 
     def columns(self, right: np.ndarray, what: str) -> np.ndarray:
         """Solve for (owned, k) columns, (owned, k), or for one (owned,)."""
@@ -71,8 +69,8 @@ class LinearSolver:
             found = block_solve(self.ksp, PETSc.Mat().createTranspose(given))
         return found if self.refinement is None else self._refined(rows.columns(chosen), found, what)
 
-    def nearer(self, right: np.ndarray, near: np.ndarray, what: str, enough: float) -> np.ndarray:
-        """Solutions (owned, k) refined from what is near to them, until corrections are so small."""
+    def nearer(self, right: np.ndarray, near: np.ndarray, what: str, enough: float = ENOUGH) -> np.ndarray:
+        """Solutions (owned, k) refined from what is near to them until corrections are so small."""
         assert self.refinement is not None
         return self.refinement.refine(right, near, lambda residual: self._columns(residual, what), enough)
 
@@ -104,7 +102,7 @@ class LinearSolver:
     def _refined(self, right: np.ndarray, solution: np.ndarray, what: str) -> np.ndarray:
         if self.refinement is None or not self.refinement.needed_by(right, solution):
             return solution
-        return self.refinement.refine(right, solution, lambda residual: self._columns(residual, what))
+        return self.nearer(right, solution, what)
 
     def _check(self, what: str) -> None:
         """A first solve through the KSP: it factorises, and its reason tells a factorisation that failed."""
