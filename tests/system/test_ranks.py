@@ -114,6 +114,10 @@ DIFFERENT = {
 RIGHT = [
     "model = structure(damping=0.01 * (1.0 + 1e-14 * rank)); print('fine')",
     "sb.static(structure(MPI.COMM_SELF, density=2700.0 + rank), push); world.barrier(); print('fine')",
+    # a place that one rank holds, of what has asked for no contact yet
+    "found = sb.modal(structure(), 2).displacement((0.08, 0.004)); alone = sb.modal(structure("
+    "MPI.COMM_SELF), 2).displacement((0.08, 0.004))\n"
+    "np.testing.assert_allclose(abs(found), abs(alone), rtol=1e-5); print('fine')",
     "half = world.Split(rank); f = sb.modal(structure(half, density=2700.0 + rank), 1); print('fine')",
     "sb.on_root(world, lambda: sb.modal(structure(MPI.COMM_SELF), 1)); sb.modal(structure(), 1); "
     "print('fine')",

@@ -184,14 +184,14 @@ def places(tips: Tips, points: Sequence[Point], inertia: bool = False, moved: bo
         On rank 0, if a point lies where the faces of a crack coincide.
     """
     elements, layout, comm = tips.elements, tips.layout, tips.layout.comm
-    held = _held(elements, points)
+    held, loaded = _held(elements, points), tips.faces
     _warn_of_faces(tips, points, held)
     every = np.arange(_ALL * len(points)).reshape(-1, _ALL)
     blocks, contact = list[Triples](), np.zeros((every.size, tips.count))
     face_forms: dict[int, np.ndarray] = {}
     for row, (numbers, located) in held.items():
         group = elements.one_of(elements.groups, row)
-        faces = next((f for f in tips.faces.values() if f.tip.element == layout.part.elements[row]), None)
+        faces = next((f for f in loaded.values() if f.tip.element == layout.part.elements[row]), None)
         forms = point_operators(
             group.solution.radial,
             Sectors(group.shape, group.order, elements.materials[group.material].elasticity),
@@ -267,11 +267,11 @@ def _held(elements: Elements, points: Sequence[Point]) -> Held:
 
 def _warn_of_faces(tips: Tips, points: Sequence[Any], held: Held) -> None:
     """Warn of coordinates where faces of a crack coincide, of which this rank holds some. Collective."""
-    mine = {}
+    mine, gaps = {}, tips.gaps  # of all ranks, which hold no place, too
     for row, (numbers, located) in held.items():
         for k, *place in zip(numbers, *located):
             if not isinstance(points[k], str):
-                mine[k] = _coinciding_faces(tips, row, Located(*place))
+                mine[k] = _coinciding_faces(tips, gaps, row, Located(*place))
     found = {
         k: crack
         for part in tips.layout.comm.allgather(mine)
@@ -291,7 +291,7 @@ def _warn_of_faces(tips: Tips, points: Sequence[Any], held: Held) -> None:
     )
 
 
-def _coinciding_faces(tips: Tips, row: int, located: Located) -> int | None:
+def _coinciding_faces(tips: Tips, tip_gaps: np.ndarray, row: int, located: Located) -> int | None:
     """Number of the crack of which an S-element's place is on two faces, that are at the same place."""
     group, (number, eta, level) = tips.elements.one_of(tips.elements.groups, row), located
     edges = edge_nodes(len(group.shape), group.order, group.closed)
@@ -303,7 +303,7 @@ def _coinciding_faces(tips: Tips, row: int, located: Located) -> int | None:
         if np.isin(nodes, pairs.nodes[closed]).all():
             return int(pairs.crack[closed.any(axis=1)][0])
     on_face = (number == 0 and begins) or (number == len(edges) - 1 and ends)
-    for tip, gaps in zip(tips.layout.tip_elements, tips.gaps):
+    for tip, gaps in zip(tips.layout.tip_elements, tip_gaps):
         inside = tip.element == tips.layout.part.elements[row] and on_face and level > 0.0
         if inside and not gaps.any():
             return int(tip.crack)
