@@ -48,6 +48,7 @@ def on_ranks(
         "OMPI_MCA_rmaps_base_oversubscribe": "1",
         "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
         "OMPI_MCA_mpi_yield_when_idle": "1",
+        "OMPI_MCA_btl": "^tcp",  # Open MPI 5 complains of machines without a network where it tries
         "OMP_NUM_THREADS": "1",
         **os.environ,
     }

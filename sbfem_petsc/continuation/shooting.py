@@ -96,8 +96,8 @@ def shoot(
     updated.near = None if near is None else near - np.eye(len(state))
     failed = list[SolveError]()
     found = attempt(functools.partial(updated.solve, state), SolveError, failed)
-    if found is None and updated.made >= len(updated.residuals) - 1:
-        raise failed[0]  # none was updated: the dense way is the same
+    if found is None and updated.made >= max(len(updated.residuals) - 1, 1):
+        raise failed[0]  # none was updated, nor of a motion nearby: the dense way is the same
     return found or shooting("dense").solve(state)
 
 
