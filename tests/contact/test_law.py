@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy import linalg, optimize
+from scipy import linalg, optimize, special
 
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate, VNotch
@@ -276,6 +276,48 @@ def test_mixed_problems_against_enumeration():
         for options in ({}, {"maximum": 1}, {"start": np.ones(7, dtype=np.int8)}):
             found = solve_complementarity(w, q, laws, **options)
             np.testing.assert_allclose(found.force, matches[0], atol=1e-10 * np.abs(matches[0]).max())
+
+
+def bridged(layer):
+    """K_I over that of the free crack, and the force in the layer, of a crack [-1, 1] with E' = 1 and a
+    stress of 1 around it: the integral equation of the opening, in Chebyshev's U times (1 - x^2)^(1/2).
+    """
+    x, weight = np.polynomial.legendre.leggauss(400)
+    even = np.arange(0, 200, 2)
+    opening = np.sqrt(1.0 - x**2)[:, None] * special.eval_chebyu(even, x[:, None])
+    crack = 0.25 * (even + 1) * special.eval_chebyu(even, x[:, None])
+    factors = np.linalg.lstsq(crack + opening / layer, np.ones(len(x)), rcond=None)[0]
+    return 0.25 * (even + 1) @ factors, weight @ opening @ factors / layer
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("layer", [3.0, 0.3, 0.03])
+def test_layer_on_a_crack_with_tips(layer):
+    """In a plate of 40 half-lengths, whose K is 6e-4 larger, across the faces and along them; K is too small
+    by .03 of the tip's S-element over the layer's length, as polynomials follow the root of r.
+    """
+    outline = [(-40.0, -40.0), (40.0, -40.0), (40.0, 40.0), (-40.0, 40.0)]
+    plate = Plate(outline, cracks=[CrackLine([(-1.0, 0.0), (1.0, 0.0)], name="c")])
+    mesh = plate.mesh(points={"O": outline[0], "X": outline[1]})
+    factor, force = bridged(layer)
+    nearness, unit = 8e-4 + 0.03 * 0.04 / layer, 1e6 * np.sqrt(np.pi)
+    sides = [f"edge{k}" for k in range(1, 5)]
+    pulled = [sb.EdgeLoad(side, pressure=-1e6) for side in sides]
+    pressed = [
+        sb.EdgeLoad(side, pressure=1e7, tx=1e6 * x, ty=1e6 * y)
+        for side, (x, y) in zip(sides, [(-1, 0), (0, 1), (1, 0), (0, -1)])
+    ]
+    for law, load, mode in (
+        (sb.Tied(layer / 70e9), pulled, 0),
+        (sb.Coulomb(1e3, tangential_compliance=layer / 70e9), pressed, 1),
+    ):
+        held = [sb.Support("O"), sb.Support("X", x=False)]
+        model = sb.Model(mesh, ALUMINIUM, clamped=None, supports=held, contact_laws=law)
+        found = sb.static(model, load)
+        for own in found.stress_intensity.values():
+            assert abs(own[mode]) / unit == pytest.approx(factor, rel=nearness)
+        if mode == 0:
+            assert found.contact_resultant == pytest.approx(-1e6 * force, rel=1e-3)
 
 
 # ---------------------------------------------------------------------- motions of a chain
