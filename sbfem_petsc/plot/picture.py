@@ -79,7 +79,8 @@ def picture(
             found = work() if together else on_root(comm, work)
             return found if comm.rank == 0 else None  # type: ignore[return-value]
 
-        own = ("ax",) if gathers else tuple(name for name in names if name not in (*table, "comm"))
+        # `fields` are of each rank's nodes
+        own = ("ax", "fields") if gathers else tuple(name for name in names if name not in (*table, "comm"))
         return agreed(*own)(draw)
 
     return decorated

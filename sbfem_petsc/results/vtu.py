@@ -133,10 +133,12 @@ def _write(
         stem, suffix = os.path.splitext(os.fspath(path))
         stem = stem if suffix.lower() in (".vtu", ".pvtu") else stem + suffix
         piece = f"{stem}_{comm.rank}.vtu" if comm.size > 1 else f"{stem}.vtu"
-        if isinstance(model, FiniteElementModel):
-            _write_piece(piece, _of_body(model, fields, per))
-            return piece
-        if mesh := sampled_mesh(model, fields, subdivisions, stress, per):
+    if isinstance(model, FiniteElementModel):
+        mesh = _of_body(model, fields, per)
+    else:
+        mesh = sampled_mesh(model, fields, subdivisions, stress, per)
+    with collective(comm):
+        if mesh:
             _write_piece(piece, mesh)
         else:
             with contextlib.suppress(FileNotFoundError):
@@ -164,7 +166,7 @@ def sampled_mesh(
     model: Model, fields: Mapping[str, Any], subdivisions: int | None, stress: bool, per: str = ""
 ) -> dict[str, Any]:
     """Fields at the points of a rank's cells as the arguments of a meshio mesh, none where it has no cells:
-    quadrilaterals first, then the triangles at the scaling centres.
+    quadrilaterals first, then the triangles at the scaling centres. Collective.
     """
     points, offset = [], 0
     data: dict[str, list[np.ndarray]] = {}

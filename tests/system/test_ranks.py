@@ -118,6 +118,14 @@ RIGHT = [
     "found = sb.modal(structure(), 2).displacement((0.08, 0.004)); alone = sb.modal(structure("
     "MPI.COMM_SELF), 2).displacement((0.08, 0.004))\n"
     "np.testing.assert_allclose(abs(found), abs(alone), rtol=1e-5); print('fine')",
+    # a state on a model like its own that has asked for no contact yet, and its field, of each rank's nodes
+    "import tempfile; from sbfem_petsc.plot import plot_field\n"
+    "state = sb.static(structure(), push); path = world.bcast(tempfile.mkdtemp()) + '/other.vtu'\n"
+    "sb.write_vtu(path, structure(), {'u': state}); drawn = plot_field(structure(), {'u': state.interior})\n"
+    "own = structure(MPI.COMM_SELF); whole = plot_field(own, {'u': sb.static(own, push).interior})\n"
+    "shown = [np.sort(a[0].collections[0].get_array()) for a in (drawn, whole) if a]\n"
+    "assert len(shown) == 2 - rank; np.testing.assert_allclose(*shown[::-1][:2], rtol=1e-6, atol=1e-6) "
+    "if rank == 0 else None; print('fine')",
     "half = world.Split(rank); f = sb.modal(structure(half, density=2700.0 + rank), 1); print('fine')",
     "sb.on_root(world, lambda: sb.modal(structure(MPI.COMM_SELF), 1)); sb.modal(structure(), 1); "
     "print('fine')",

@@ -13,6 +13,7 @@ from meshing.gll import shape_functions
 
 from ...checks import real_array
 from ...material import AnyMaterial, Material, SectorMaterials
+from ...ranks.parallel import collective
 from ...selement.coefficients import edge_nodes
 from ...selement.face_tractions import FaceTractions
 from ...selement.interior import Located, fields_at, in_own_frames, static_fields
@@ -20,6 +21,7 @@ from ...selement.sectors import Sectors
 from ..elements.shapes import Group
 from ..layout.layout import Layout
 from ..loads import LoadColumns
+from .tip_faces import TipFaces
 from .tips import Tips
 
 # xi of the innermost ring of points. The stress shown at the scaling centre is that at xi = CENTRE: at a
@@ -126,7 +128,7 @@ def sample(
     keep: np.ndarray | None = None,
     refine: int = 1,
 ) -> list[Patches]:
-    """Sample nodal displacement fields inside the S-elements of this rank.
+    """Sample nodal displacement fields inside the S-elements of this rank. Collective.
 
     Parameters
     ----------
@@ -142,15 +144,15 @@ def sample(
     refine : int
         Levels of open S-elements for each default one.
     """
-    elements, layout = tips.elements, tips.layout
-    states = {name: as_field(state, name) for name, state in fields.items()}
-    for name, state in states.items():
-        if state.nodal.shape != layout.part.coordinates.shape:
-            raise ValueError(
-                f"field {name!r} has shape {state.nodal.shape}; displacements of this rank's nodes have "
-                "shape "
-                f"{layout.part.coordinates.shape}"
-            )
+    elements, layout, loaded = tips.elements, tips.layout, tips.faces
+    with collective(layout.comm):
+        states = {name: as_field(state, name) for name, state in fields.items()}
+        for name, state in states.items():
+            if state.nodal.shape != layout.part.coordinates.shape:
+                raise ValueError(
+                    f"field {name!r} has shape {state.nodal.shape}; displacements of this rank's nodes have "
+                    f"shape {layout.part.coordinates.shape}"
+                )
     at = np.linspace(-1.0, 1.0, (layout.order if subdivisions is None else subdivisions) + 1)
     chosen = (
         group if keep is None else group.select(np.flatnonzero(keep[group.elements]))
@@ -179,7 +181,7 @@ def sample(
         positions += layout.part.centres[group.elements][:, None, None, None]
         displacements, stresses = {}, {}
         for name, state in states.items():
-            faces = None if group.closed else _loaded_faces(tips, group, state)
+            faces = None if group.closed else _loaded_faces(loaded, group, state)
             columns = np.einsum("kij,knj->nik", group.rotations, state.nodal[group.nodes])
             inside = static_fields(radial, columns.reshape(len(radial), -1), shown, near, faces)
             moved, plane = in_own_frames(
@@ -202,7 +204,9 @@ def sample(
     return patches
 
 
-def _loaded_faces(tips: Tips, group: Group, state: Field) -> tuple[FaceTractions, np.ndarray] | None:
+def _loaded_faces(
+    loaded: Mapping[int, TipFaces], group: Group, state: Field
+) -> tuple[FaceTractions, np.ndarray] | None:
     """Traction modes on the faces of open S-elements of one shape, and their forces (modes, k) over E and
     the thickness, m.
     """
@@ -210,7 +214,7 @@ def _loaded_faces(tips: Tips, group: Group, state: Field) -> tuple[FaceTractions
         return None
     rows = {int(element): k for k, element in enumerate(group.elements)}
     forces, tractions = None, None
-    for number, faces in tips.faces.items():
+    for number, faces in loaded.items():
         k = rows.get(int(faces.group.elements[faces.member]))
         if k is None or number not in state.tip_forces:
             continue
