@@ -341,6 +341,15 @@ def test_models_whose_size_hints_at_another_unit(tmp_path):
         read_gmsh(path, order=1, scale=1e-6)
 
 
+def test_what_meshio_says_is_told(tmp_path):
+    """meshio prints it, and ends with a number, or amid its words where it may load no more to print them."""
+    path = tmp_path / "model.vtk"
+    points, cell = "POINTS 3 double\n0 0 0\n1 0 0\n0 1 0\n", "CELLS 1 4\n3 0 1 2\nCELL_TYPES 1\n77\n"
+    path.write_text(f"# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\n{points}{cell}")
+    with pytest.raises(ValueError, match=r"cells that meshio cannot handle \(types 77\)"):
+        read_gmsh(path)
+
+
 @pytest.mark.parametrize("ending", ["vtu", "vtk"])
 def test_vtk(tmp_path, ending):
     meshio = pytest.importorskip("meshio")

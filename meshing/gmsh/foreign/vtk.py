@@ -6,6 +6,8 @@ They know no names: cells are put into materials by whole-numbered cell data cal
 
 from __future__ import annotations
 
+import contextlib
+import io
 from typing import Any
 
 import numpy as np
@@ -54,10 +56,12 @@ def read_by_meshio(file: str, others: tuple[str, ...]) -> tuple[Any, dict[int, l
     """
     import meshio
 
+    printed = io.StringIO()
     try:
-        mesh = meshio.read(file)
+        with contextlib.redirect_stdout(printed):  # where meshio says what it does not understand
+            mesh = meshio.read(file)
     except (Exception, SystemExit) as error:  # meshio's readers raise what they like
-        why = " ".join(str(error).split())
+        why = " ".join((printed.getvalue().strip() or str(error)).split())
         raise Refusal(
             f"meshio cannot read it ({why}); mend the file, or export it with triangles and quadrilaterals "
             "of 3, 4, 6 or 8 nodes, or by gmsh as .msh."
