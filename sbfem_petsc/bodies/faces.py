@@ -37,6 +37,9 @@ REFERENCE = {
     4: 0.5 * np.array([[0, 0], [2, 0], [2, 2], [0, 2], [1, 0], [2, 1], [1, 2], [0, 1]]),
 }
 TERMS = np.array([[0, 0], [1, 0], [0, 1], [1, 1], [2, 0], [0, 2], [2, 1], [1, 2]])
+# Where a place in a face is sought from, in these coordinates: the nearest of these.
+STARTS = {4: np.stack(np.meshgrid(*2 * [np.linspace(0.1, 0.9, 5)]), axis=2).reshape(-1, 2)}
+STARTS[3] = STARTS[4][STARTS[4].sum(axis=1) < 1.0]
 Faces = list[list[int]]
 # Nodes of a hat, those of its face and of the other one, points of what is common to them, and weights.
 Common = tuple[list[int], list[int], list[int], np.ndarray, np.ndarray]
@@ -193,7 +196,9 @@ def _shapes(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
     points[at] = nodes[: corners(nodes)].mean(axis=0)
     terms = TERMS[: len(nodes)]
     base = np.linalg.inv((REFERENCE[corners(nodes)][: len(nodes), None] ** terms).prod(axis=2))
-    lower, r = np.maximum(terms - np.eye(2, dtype=int)[:, None], 0), np.full(points.shape, 1.0 / 3.0)
+    lower, begin = np.maximum(terms - np.eye(2, dtype=int)[:, None], 0), STARTS[corners(nodes)]
+    ahead = points[:, None] - (begin[:, None] ** terms).prod(axis=2) @ base @ nodes
+    r = begin[np.linalg.norm(ahead, axis=2).argmin(axis=1)]  # of curved sides, other roots lie near
     for _ in range(NEWTON):
         rates = [(terms[:, k] * (r[:, None] ** lower[k]).prod(axis=2)) @ base @ nodes for k in (0, 1)]
         missed = points - (r[:, None] ** terms).prod(axis=2) @ base @ nodes
@@ -238,7 +243,7 @@ def moving_pairs(labels: np.ndarray, law: ContactLaw, found: Contact) -> Contact
             "faces but slides: no contact force presses on it; free it, or leave it out"
         )
     laws = tuple(law if rubs or not law.rubs else Unilateral() for rubs in slides[moves])
-    return Contact(found.rows[moves], found.gap[moves], laws, found.slips[moves])
+    return Contact(found.rows[moves], found.gap[moves], laws, found.slips[moves], found.body)
 
 
 def given_gap(gap: Any, x: np.ndarray) -> np.ndarray:

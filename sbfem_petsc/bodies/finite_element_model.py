@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Callable, Iterable, Mapping
 from itertools import count
 from typing import Any
@@ -21,7 +22,7 @@ from .plausibility import OWNER, UNITS, si_matrix, warn_of_mass, warn_of_order, 
 from .rows import AXES, HELD, NONE, Contact, Row, told
 
 # Distance of nodes in sizes of the body that rounding explains, and off a plane, a normal of three digits.
-TOGETHER, LEVEL = 1e-10, 1e-3
+TOGETHER, LEVEL, FLAT = 1e-10, 1e-3, 1e-5
 
 
 class FiniteElementModel:
@@ -158,6 +159,7 @@ class FiniteElementModel:
         self.columns[tuple(unknowns[free].T)] = np.arange(free.sum())
         named = [np.column_stack([self.labels[rows], along]) for rows, along in (unknowns[free].T, held.T)]
         self.unknowns, self.fixed = named[0], frozenset(map(tuple, named[1].tolist()))
+        self.number = zlib.crc32(self.columns.tobytes() + self.places.tobytes())
 
     def nodal(self, unknowns: np.ndarray) -> np.ndarray:
         """(nodes, 3): displacements at all nodes in the order of `labels`, of (n,) values of the unknowns."""
@@ -185,7 +187,7 @@ class FiniteElementModel:
         weights = self._along(vector, mean, nodes)
         if not weights.nnz:
             raise ValueError(f"at: {shown(place)} is held along {shown(direction)}; choose one that moves")
-        return Row(weights, told(vector))
+        return Row(weights, told(vector), self.number)
 
     def contact(
         self,
@@ -259,7 +261,7 @@ class FiniteElementModel:
         self._require_outward(one, normal)
         slip = self._slip_direction(law, nodes, normal) if law.rubs else np.zeros(3)
         if right is None and gap is None:
-            gap = self._gap_of_wall(x @ normal)
+            gap = self._gap_of_wall(x, normal)
         elif right is not None and matching:
             means = partners(self.labels[one], x, y, normal)
         elif right is not None:
@@ -276,11 +278,15 @@ class FiniteElementModel:
                 f"contact: the faces overlap by {-least:g} m{why}; is the normal from left to right? Say "
                 "interference=True if they are to press on each other at rest"
             )
-        return moving_pairs(self.labels[one], law, Contact(rows, distance, (), slips))
+        return moving_pairs(self.labels[one], law, Contact(rows, distance, (), slips, self.number))
 
-    def _gap_of_wall(self, heights: np.ndarray) -> float:
-        """That of nodes in a plane, which a wall touches; others are refused."""
-        if (off := np.ptp(heights)) > LEVEL * self._sides.max():
+    def _gap_of_wall(self, x: np.ndarray, normal: np.ndarray) -> float:
+        """That of nodes in a plane, which a wall touches; others are refused, by more than a written normal's
+        or their own digits.
+        """
+        own = np.linalg.eigh(np.cov(x.T, bias=True))[1][:, 0]
+        off, bent = np.ptp(x @ normal), np.ptp(x @ own)
+        if max(off, LEVEL / FLAT * bent) > LEVEL * self._sides.max():
             raise ValueError(
                 f"contact: left nodes lie up to {off:g} m behind each other along the normal, and where "
                 "the wall is, is not known; give gap, 0.0 if it touches all of them"

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -130,7 +130,11 @@ def read_deck(owner: str, file: str) -> dict[str, Any]:
     """
     try:
         deck = _Solids([card for card in of_one_part(cards(_lines(owner, file))) if _counts(card)])
-        held = {pair for card in deck.of("BOUNDARY") for pair in _held(deck, card)}
+        boundaries = [*deck.of("BOUNDARY")]
+        for former, card in pairwise(boundaries):
+            if [one.given.get("OP", "").upper() == "NEW" for one in (former, card)] == [False, True]:
+                card.refuse("frees what those before it hold; leave these out of the deck")
+        held = {pair for card in boundaries for pair in _held(deck, card)}
     except Refusal as error:
         raise ValueError(f"{owner}: {str(error).removesuffix('.')}") from None
     if not deck.nodes:

@@ -36,14 +36,17 @@ class Row:
     weights : (1, n) sparse matrix
     direction : str
         "z", or the components of a unit vector; "" of a sum along several.
+    body : int or None
+        Tells the body whose row it is, by its nodes and unknowns; None of one made by hand.
     """
 
     weights: sparse.csr_matrix
     direction: str = ""
+    body: int | None = None
 
     def __add__(self, other: Row, factor: float = 1.0) -> Row:
         weights = sparse.csr_matrix(self.weights + factor * _same("row", self, other).weights)
-        return Row(weights, self.direction if self.direction == other.direction else "")
+        return Row(weights, self.direction if self.direction == other.direction else "", self.body)
 
     def __sub__(self, other: Row) -> Row:
         return self.__add__(other, -1.0)
@@ -51,7 +54,7 @@ class Row:
     def __mul__(self, factor: float) -> Row:
         factor = real("row", "factor", factor)
         turned = _opposite(self.direction) if factor < 0.0 else self.direction
-        return Row(sparse.csr_matrix(factor * self.weights), turned)
+        return Row(sparse.csr_matrix(factor * self.weights), turned, self.body)
 
     __rmul__ = __mul__
 
@@ -78,12 +81,15 @@ class Contact:
         Of the pairs.
     slips : (pairs, n) sparse matrix
         Slips are `slips` u; rows of zeros where nothing rubs.
+    body : int or None
+        As of a `Row`.
     """
 
     rows: sparse.csr_matrix
     gap: np.ndarray
     laws: tuple[ContactLaw, ...]
     slips: sparse.csr_matrix
+    body: int | None = None
 
     def __add__(self, other: Contact) -> Contact:
         both = (self.rows, _same("contact", self, other).rows), (self.slips, other.slips)
@@ -92,7 +98,7 @@ class Contact:
             first = min(map(two.index, again))
             raise ValueError(f"contact: pair {first} that is added is there already; leave its node out")
         rows, slips = (sparse.vstack(parts).tocsr() for parts in both)
-        return Contact(rows, np.append(self.gap, other.gap), self.laws + other.laws, slips)
+        return Contact(rows, np.append(self.gap, other.gap), self.laws + other.laws, slips, self.body)
 
     @property
     def size(self) -> int:
@@ -104,7 +110,12 @@ class Contact:
 
 
 def _same(what: str, one: Any, other: Any) -> Any:
-    """The other, of the same kind and size."""
-    if type(other) is not type(one) or other.size != one.size:
+    """The other, of the same kind and body."""
+    if type(other) is not type(one) or not of_body(other, one.size, one.body):
         raise TypeError(f"{what}: {shown(other)} does not add to {one}; give a {what} of the same body")
     return other
+
+
+def of_body(given: Row | Contact, size: int, body: int | None) -> bool:
+    """Whether it may be of a body of so many unknowns."""
+    return given.size == size and (None in (given.body, body) or given.body == body)

@@ -13,7 +13,7 @@ from scipy import sparse
 from meshing.warnings import BandWarning
 
 from ..bodies.finite_element_model import FiniteElementModel
-from ..bodies.rows import Contact, Row
+from ..bodies.rows import Contact, Row, of_body
 from ..checks import flag, instance, optional_integer, positive, real, shown
 from ..damping import DampingTable, ModalDamping, checked_damping, checked_rayleigh
 from ..errors import warn
@@ -150,7 +150,9 @@ def _reduced_body(
     none = sparse.csr_matrix((0, n))
     pairs = Contact(none, np.zeros(0), (), none)
     if contact is not None:
-        _of_body("contact", instance("reduce", "contact", contact, Contact, "a Contact, of body.contact"), n)
+        _of_body(
+            "contact", instance("reduce", "contact", contact, Contact, "a Contact, of body.contact"), body
+        )
         pairs = contact
     for name, given in zip(("loads", "points"), named, strict=True):
         if not isinstance(given, Mapping) or not given:
@@ -167,7 +169,7 @@ def _reduced_body(
                     raise ValueError(f"reduce: {item} = {row!r} moves nothing; give an acceleration, say 1.0")
                 continue
             known: Row = instance("reduce", item, row, Row, "a Row, of body.at")
-            _of_body(item, known, n)
+            _of_body(item, known, body)
             if not known.weights.count_nonzero():
                 raise ValueError(f"reduce: {item} = {row!r} is zero whatever moves; is it a row less itself?")
     loads, points = named
@@ -195,10 +197,11 @@ def _column(body: FiniteElementModel, load: Row | SupportMotion) -> sparse.spmat
     return sparse.csr_matrix(-body.inertia @ np.array([[load.ax], [load.ay], [load.az]], dtype=float))
 
 
-def _of_body(name: str, given: Row | Contact, count: int) -> None:
-    if given.size != count:
+def _of_body(name: str, given: Row | Contact, body: FiniteElementModel) -> None:
+    if not of_body(given, count := len(body.unknowns), body.number):
         raise ValueError(
-            f"reduce: {name} is of a body of {given.size} unknowns, {count} were expected; use one body"
+            f"reduce: {name} is of another body, of {given.size} unknowns for {count}, or of other nodes; "
+            "use one body"
         )
 
 

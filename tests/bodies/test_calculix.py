@@ -202,6 +202,12 @@ WRONG = [
     (
         "inp",
         r"\*STEP",
+        "*BOUNDARY, OP=NEW\n5, 1\n*STEP",
+        r"\*BOUNDARY in .*blocks.inp, line 20 frees what those before it hold",
+    ),
+    (
+        "inp",
+        r"\*STEP",
         "*EQUATION\n2\n3,1,1.,5,1,-1.\n*STEP",
         r"\*EQUATION in .*blocks.inp, line 20 changes what moves",
     ),

@@ -10,7 +10,7 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 import sbfem_petsc as sb
-from sbfem_petsc.bodies.faces import between
+from sbfem_petsc.bodies.faces import _shapes, between
 from sbfem_petsc.bodies.rows import Row
 
 # Corners of edges in VTK's order, by the corners of a solid.
@@ -410,6 +410,17 @@ def test_nodes_at_quarters_of_sides():
     assert np.abs(rows @ turned).max() < 1e-12
     gap, about = rows @ np.where(np.array(used) > 100, turned, 0.0), np.array([nodes[n][1] for n in left])
     assert gap.min() > 0.0 and np.abs(gap - about).max() < 1.0 / 12.0  # of the middles of hats
+
+
+def test_places_in_faces_of_curved_sides():
+    """Beside scikit-fem's shape functions: the map of these nodes has another root nearby, from which weights
+    of 56 had come.
+    """
+    skfem = pytest.importorskip("skfem")
+    nodes = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0.8, 0.2], [1.1, 0.4], [0.4, 1.0], [-0.1, 0.3]])
+    at = np.array([[0.1, 0.1, 0.9, 0.9, 0.5], [0.1, 0.9, 0.1, 0.9, 0.05]])
+    shapes = np.array([skfem.ElementQuadS2().lbasis(at, k)[0] for k in range(8)]).T
+    np.testing.assert_allclose(_shapes(nodes, shapes @ nodes), shapes, atol=1e-10)
 
 
 def test_round_faces_of_different_meshes():

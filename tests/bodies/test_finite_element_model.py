@@ -154,6 +154,19 @@ def test_labels_out_of_a_table_of_floats(parts, body):
     assert found.sets == body.sets and (found.at(5, "z").weights != body.at(5, "z").weights).nnz == 0
 
 
+def moved(body, to=lambda places: places + 1.0):
+    """A body elsewhere, with the same unknowns."""
+    nodes = dict(zip(body.labels.tolist(), to(body.places)))
+    return sb.FiniteElementModel(
+        body.mass, body.stiffness, body.unknowns, nodes, sets=body.sets, fixed=body.fixed
+    )
+
+
+def warped(body):
+    """Its cross sections, flat before, by less than what a normal of three digits makes of flat ones."""
+    return moved(body, lambda at: at + 0.3 * at[:, [1]] * at[:, [2]] * [1.0, 0.0, 0.0])
+
+
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
@@ -318,6 +331,11 @@ def test_directions_that_count_from_1(parts):
             lambda b: sb.reduce(b, loads={"F": b.at("LEFT", "x") - b.at("LEFT", "x")}, points={}),
             r"loads\['F'\] = Row.* is zero whatever moves",
         ),
+        (
+            lambda b: sb.reduce(b, loads={"F": moved(b).at("LEFT", "x")}, points={"P": b.at("LEFT", "x")}),
+            r"loads\['F'\] is of another body",
+        ),
+        (lambda b: b.at("LEFT", "x") - moved(b).at("LEFT", "x"), "give a row of the same body"),
         (lambda b: b.at("LEFT", "w"), "direction = 'w' must be one of 'x', 'y', 'z'"),
         (lambda b: b.at("LEFT", 2), "direction = 2 must be 'x', 'y', 'z' or three numbers that are not all"),
         (
@@ -346,6 +364,10 @@ def test_directions_that_count_from_1(parts):
         (
             lambda b: b.contact(b.labels, normal=(0, 0, -1)),
             "left nodes lie up to 0.01 m behind each other along the normal",
+        ),
+        (
+            lambda b: warped(b).contact(b.labels[b.places[:, 0] > 0.079], normal="x"),
+            "left nodes lie up to 3e-05 m behind each other along the normal",
         ),
         (lambda b: b.contact("LEFT", normal="x", gap=[1e-6]), r"gap has shape \(1,\), \(2,\) was expected"),
         (lambda b: b.contact("LEFT", normal="x", gap=-1e-6), "overlap"),
