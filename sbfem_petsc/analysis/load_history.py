@@ -19,7 +19,7 @@ from ..errors import at_point
 from ..loads import Loads
 from ..motion.history import Motion
 from ..motion.loading import loading
-from ..motion.states import ModalStates, Point
+from ..motion.states import ModalStates, Point, peak_of
 from ..ranks.capacity import require_memory
 from ..ranks.parallel import agreed, collective
 from ..record.record import Record, derived, described, of_each, quantity
@@ -138,7 +138,7 @@ class LoadHistory(Record):
     def __repr__(self) -> str:
         return (
             f"LoadHistory({len(self.time)} states from {self.time[0]:.6g} to {self.time[-1]:.6g} s, peak "
-            f"contact resultant {'; '.join([f'{self.contact_resultant.max():.6g} N', *self.notes])})"
+            f"contact resultant {'; '.join([f'{peak_of(self.contact_resultant):.6g} N', *self.notes])})"
         )
 
 
@@ -171,7 +171,7 @@ class ReducedLoadHistory(Motion):
     def __repr__(self) -> str:
         return (
             f"ReducedLoadHistory({len(self.time)} states from {self.time[0]:.6g} to {self.time[-1]:.6g} s, "
-            f"peak contact resultant {self.contact_resultant.max():.6g} N)"
+            f"peak contact resultant {peak_of(self.contact_resultant):.6g} N)"
         )
 
 

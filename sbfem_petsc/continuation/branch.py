@@ -56,7 +56,7 @@ class Branch(OfOrbits, OverParameter, ToldError):
         kinds="c",
         detail=True,
     )
-    contact_peak: np.ndarray = quantity("N", "largest contact resultant over the period", "point")
+    contact_peak: np.ndarray = quantity("N", "contact resultant of largest modulus over the period", "point")
     multiplier_error: np.ndarray = quantity(
         "1", "uncertainty of their largest modulus by the steps", "point", finite=False, detail=True
     )

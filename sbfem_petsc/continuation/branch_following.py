@@ -15,6 +15,7 @@ from ..errors import SolveError, on_all_ranks, warn, wrong_input
 from ..motion.contact_work import StepsTooLong, times_more, warn_of_contact_work
 from ..motion.excitation import one_sided
 from ..motion.period_map import Period
+from ..motion.states import peak_of
 from .bifurcations import Bifurcation, by_steps, locate, unlocated
 from .branch import Branch
 from .events import Way, insert, refine, turns_twice
@@ -259,7 +260,7 @@ def _tell(settings: BranchSettings, point: Point) -> None:
         "point_amplitudes": 0.5 * np.ptp(u[..., -1], axis=0),
         "multipliers": state.multipliers.values if settings.stability else np.zeros(0, dtype=complex),
         "point_subharmonics": spectrum[..., :periods],
-        "contact_peak": resultant.max(initial=0.0),
+        "contact_peak": peak_of(resultant),
         "iterations": point.iterations,
     }
 

@@ -16,7 +16,7 @@ from ..motion.excitation import one_sided
 from ..motion.history import Motion
 from ..motion.period_map import DrivenPeriod, FixedPoint
 from ..motion.period_motion import PeriodMotion
-from ..motion.states import ModalStates, Point
+from ..motion.states import ModalStates, Point, peak_of
 from ..record.record import Record, derived, described, quantity
 from ..reduction.reduced_model import OfReduced, ReducedModel
 from ..system.elements.plausibility import furthest_of_lines
@@ -224,7 +224,7 @@ class Orbit(Motion, ToldError):
             f"Orbit(at {self.frequency:.6g} Hz, {self.periods} forcing period{'s' * (self.periods > 1)}, "
             f"{len(self.time)} steps, {model}, {self.states.pairs} pairs, {self.iterations} Newton "
             f"iterations, {in_words(self.mode_error)}{verdict}, peak contact resultant "
-            f"{'; '.join([f'{self.contact_resultant.max(initial=0.0):.6g} N', *self._borne(), *self.notes])})"
+            f"{'; '.join([f'{peak_of(self.contact_resultant):.6g} N', *self._borne(), *self.notes])})"
         )
 
 

@@ -20,7 +20,7 @@ from ..system.fields.places import checked_line
 from ..system.fields.sampling import Field
 from ..system.model import Model
 from .energy import ROUND_OFF, Energy
-from .states import ModalStates, Point, Rows, SampledStates
+from .states import ModalStates, Point, Rows, SampledStates, peak_of
 
 # Supports whose forces are printed.
 SHOWN = 4
@@ -281,7 +281,7 @@ class History(Motion):
         return (
             f"History({len(self.time)} instants to {self.time[-1]:.6g} s, step {self.step:.3g} s, {kind}, "
             f"{self.states.pairs} pairs, {told}peak contact resultant "
-            f"{self.contact_resultant.max(initial=0.0):.6g} N, largest energy error "
+            f"{peak_of(self.contact_resultant):.6g} N, largest energy error "
             f"{'; '.join([f'{np.abs(self.energy.balance).max():.2e} J', *self._borne(), *self.notes])})"
         )
 

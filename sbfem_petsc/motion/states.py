@@ -31,6 +31,11 @@ NOT_KEPT = (
 )
 
 
+def peak_of(resultant: np.ndarray) -> float:
+    """Contact resultant (n,) of largest modulus, N: it is negative where laws hold faces back."""
+    return float(resultant[np.abs(resultant).argmax()])
+
+
 class States(Record):
     """Instants of a motion.
 

@@ -23,7 +23,7 @@ from ..system.fields.places import checked_place
 from .excitation import parts_of
 from .integration import Steps, chunks
 from .reduced_history import ReducedIntegrator
-from .states import Point
+from .states import Point, peak_of
 
 # Settling times between the means that are compared.
 APART = 3
@@ -80,7 +80,7 @@ class SweptLoads(Record):
         self, reduced: ReducedModel, outputs: LinearOutput, report: Callable[[float], None]
     ) -> tuple[np.ndarray, np.ndarray]:
         """(cycles, places, directions), m, and (cycles,), N: half the peak-to-peak of displacements in each
-        cycle, of rows the one that they have, and the largest contact resultant.
+        cycle, of rows the one that they have, and the contact resultant of largest modulus.
         """
         pairs = zip(self.constant.tolist(), self.swept.tolist())
         signals = [Constant(still) + Chirp(moved, *self.limits, self.duration) for still, moved in pairs]
@@ -94,7 +94,8 @@ class SweptLoads(Record):
             displacements[kept] = part[:, :, -displacements.shape[2] :]
             contact[kept, 0] = rows["contact_force"][:, : reduced.gaps].sum(axis=1)
         low, high = over_cycles(self.ends, plan.step, displacements)
-        return 0.5 * (high - low), over_cycles(self.ends, plan.step, contact)[1][:, 0]
+        least, most = over_cycles(self.ends, plan.step, contact)
+        return 0.5 * (high - low), np.where(-least > most, least, most)[:, 0]
 
 
 @described
@@ -116,7 +117,7 @@ class SweptResponse(OfReduced):
     point_amplitudes: np.ndarray = quantity(
         "m", "half the peak-to-peak of u_y in a cycle", "cycle place", called="amplitude", least=0.0
     )
-    contact_peak: np.ndarray = quantity("N", "largest contact resultant in a cycle", "cycle", least=0.0)
+    contact_peak: np.ndarray = quantity("N", "contact resultant of largest modulus in a cycle", "cycle")
     settling: int = quantity("1", "cycles in which a disturbance falls to 1/e", least=0)
     reduced: ReducedModel = quantity(text="the reduced model", part="ReducedModel", detail=True, repr=False)
     x_amplitudes: np.ndarray | None = quantity(
@@ -277,7 +278,7 @@ class SweptResponse(OfReduced):
         told = "" if math.isnan(self.mode_error) else f"error of harmonics {self.mode_error:.2g}, "
         return (
             f"SweptResponse({self.frequency[0]:.7g} to {self.frequency[-1]:.7g} Hz in {self.duration:.6g} s, "
-            f"{len(self.frequency)} cycles, {told}peak contact resultant {self.contact_peak.max():.6g} N)"
+            f"{len(self.frequency)} cycles, {told}peak contact resultant {peak_of(self.contact_peak):.6g} N)"
         )
 
 

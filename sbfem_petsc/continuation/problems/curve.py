@@ -19,6 +19,7 @@ from ...errors import SolveError
 from ...motion.excitation import Excitation
 from ...motion.period_map import DrivenPeriod, Period
 from ...motion.period_motion import PeriodMotion
+from ...motion.states import peak_of
 from ...petsc import MPI
 from ...ranks.parallel import collective
 from ...reduction.outputs import LinearOutput
@@ -232,10 +233,10 @@ class CurveState:
 
     @property
     def peak(self) -> float:
-        """Largest contact resultant, N. Collective."""
+        """Contact resultant of largest modulus, N. Collective."""
         rows = len(self.problem.period.laws)
-        mine = [motion.forces[:-1, :rows].sum(axis=1) for motion in self.motions.values()]
-        return self.problem.comm.allreduce(float(np.max(mine, initial=0.0)), MPI.MAX)
+        mine = [peak_of(motion.forces[:-1, :rows].sum(axis=1)) for motion in self.motions.values()]
+        return peak_of(np.concatenate(self.problem.comm.allgather(mine)))
 
     def told(self, growth: np.ndarray, frequency: float) -> dict[str, Any]:
         """What a result says of the curve beside its unknowns, by names of `QuasiPeriodic`: with so many

@@ -61,7 +61,7 @@ class QuasiPeriodic(ToldError, OfReduced):
         "1", "of Newton's method, relative to the linear response", "iterate"
     )
     exponents: np.ndarray = quantity("1/s", "largest Lyapunov exponents", "exponent", finite=False)
-    contact_peak: float = quantity("N", "largest contact resultant", least=0.0, row=True)
+    contact_peak: float = quantity("N", "contact resultant of largest modulus", row=True)
     lines: np.ndarray = quantity(
         "m",
         "amplitudes at multiples 0 to 20 of the faster tone plus those, about 0, of the slower one",

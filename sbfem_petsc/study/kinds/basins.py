@@ -11,6 +11,7 @@ import numpy as np
 import sbfem_petsc as sb
 
 from ...analysis.options import BasinsOptions
+from ...motion.states import peak_of
 from ...options import item
 from ...record.found import Found, column, labelled, of_points
 from ..case import objects
@@ -110,12 +111,12 @@ class Basins(BasinsOptions, Forced):
 def _orbit(result: Any, k: int, points: Sequence[str]) -> Found:
     """What is told of a steady state."""
     orbit = result.orbits[k]
-    largest, peak = complex(orbit.multipliers[0]), float(orbit.contact_resultant.max(initial=0.0))
+    largest, peak = complex(orbit.multipliers[0]), peak_of(orbit.contact_resultant)
     return Found(
         [
             labelled("periods", int(orbit.periods), text="forcing periods in its period"),
             labelled("largest_multiplier", largest, text="of largest modulus"),
-            labelled("contact_peak", peak, "N", "largest resultant"),
+            labelled("contact_peak", peak, "N", "contact resultant of largest modulus"),
             labelled("integrity", result.integrity(k), "J", "least energy that leads away"),
             of_points("amplitude", points, orbit.amplitude, "m", "half the peak-to-peak of u_y"),
         ]

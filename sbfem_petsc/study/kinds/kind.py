@@ -20,6 +20,7 @@ import sbfem_petsc as sb
 
 from ...analysis.options import OfEither, driven_at
 from ...indicators.detection import contact_duty
+from ...motion.states import peak_of
 from ...options import item, one_of
 from ...progress import Progress
 from ...record.about import Quantity
@@ -347,7 +348,7 @@ class Moved(Kind):
         histories are kept, the points' displacements.
         """
         values = super().row(result, wanted)
-        values["peak_contact_resultant"] = (float(result.contact_resultant.max(initial=0.0)), "N")
+        values["peak_contact_resultant"] = (peak_of(result.contact_resultant), "N")
         if self.moving and result.contact_force.shape[1]:
             values["contact_duty"] = (contact_duty(result.time, result.contact_force).any, "1")
         if result.reactions is not None:  # those of unreduced models are
