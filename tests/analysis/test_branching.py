@@ -180,7 +180,7 @@ def doublings(load, curve, tries=6):
         orbit = curve.orbit(int(k))
         direction = np.random.default_rng(0).standard_normal(len(orbit.state))
         direction *= np.linalg.norm(orbit.state) / np.linalg.norm(direction)
-        for share in (0.02, 0.1):
+        for share in (0.01, 0.02, 0.05, 0.1, 0.2):  # one of five leads there
             guess = replace(orbit, state=orbit.state + share * direction)
             options = {"periods": 2, "steps": len(orbit.time), "guess": guess}
             try:

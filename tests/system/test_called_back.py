@@ -121,7 +121,8 @@ def check(ranks, kinds, chosen):
     calls = [f"{call} {NAMES[kind]}" for kind in kinds for call in EXPECTED.splitlines()[slice(*chosen)]]
     told = done.stdout.replace("\033[0m", "").splitlines()
     assert told[: len(calls)] == calls, done.stderr
-    assert told[len(calls) :] == ["option PetscFailure", "option PetscFailure", "761.538"], done.stderr
+    after = told[len(calls) :][:3]  # newer PETSc tells of unused options behind it
+    assert after == ["option PetscFailure", "option PetscFailure", "761.538"], done.stderr
     assert "PETSC ERROR" not in done.stderr
 
 
