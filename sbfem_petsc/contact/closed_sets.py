@@ -17,7 +17,7 @@ from ..errors import SolveError, failed_solve
 from .friction import AGAINST, ALONG, STICKS, Rubbing
 from .law import FREE, rows_depend
 
-# Singular values of the gaps below this share of the largest are those of rounding.
+# Singular values of the gaps, each row by its own size, below this share of the largest are rounding.
 ROUND_OFF = 1e-12
 # Condition of sets of which rows are held twice, which share their forces.
 _TWICE = 1e13
@@ -36,10 +36,10 @@ def thin_factors(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     if rows.size == 0:
         return np.zeros((rows.shape[0], 0)), np.zeros((rows.shape[1], 0))
-    left, values, right = linalg.svd(rows, full_matrices=False)
+    sizes = np.abs(rows).max(axis=1, keepdims=True)  # of masses and units far apart
+    left, values, right = linalg.svd(rows / np.where(sizes > 0.0, sizes, 1.0), full_matrices=False)
     rank = int((values > ROUND_OFF * values[:1]).sum())
-    left[~rows.any(axis=1)] = 0.0
-    return np.ascontiguousarray(left[:, :rank] * values[:rank]), np.ascontiguousarray(right[:rank].T)
+    return np.ascontiguousarray(sizes * left[:, :rank] * values[:rank]), np.ascontiguousarray(right[:rank].T)
 
 
 class ClosedSet(NamedTuple):

@@ -226,3 +226,30 @@ def test_work_of_a_pressure_in_a_crack():
     compliance = beside.load_modes.T @ (beside.load_modes / beside.omega[:, None] ** 2)
     assert (compliance + beside.load_flexibility)[:2, :2].sum() == pytest.approx(2.0 * np.pi, rel=1e-3)
     assert 2.0 * sb.static(model, pressure).strain_energy == pytest.approx(2.0 * np.pi, rel=1e-3)
+
+
+@pytest.mark.parametrize("unit, mass", [(2.0**44, 1.0), (2.0**-44, 1.0), (1.0, 2.0**88)])
+def test_rows_of_units_and_masses_far_apart(unit, mass):
+    """Two oscillators that know nothing of each other, the gap of the second told in another unit, or its
+    mass, springs and load larger: both move as before, on their stops, to the rounding of powers of two.
+    """
+
+    def motions(unit, mass):
+        scale = np.diag([1.0, mass])
+        system = sb.reduce_matrices(
+            scale,
+            scale @ np.diag([1.0, 1.3]),
+            np.diag([1.0, unit]),
+            0.3 * np.array([1.0, unit]),
+            loads=scale,
+            sensors={"1": 0, "2": 1},
+            damping=0.05,
+            compliance=0.1 * np.array([1.0, unit**2 / mass]),
+        )
+        orbit = sb.periodic(system, [1.0, -0.8], 0.1, steps=256)
+        assert (orbit.contact_force != 0.0).any(axis=0).all()
+        return [orbit.displacement(name)[:, 1] for name in "12"]
+
+    for found, expected in zip(motions(unit, mass), motions(1.0, 1.0)):
+        # Newton's method ends at 1e-10
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
