@@ -20,7 +20,8 @@ from ..signals.waves import Chirp, Harmonic, Step, ToneBurst
 
 # Lines up to which motions over time are products with their waves; of more, Fourier transforms.
 LINES = 64
-# Harmonics of a load below this share of its own largest one are rounding.
+# Sampled harmonics of a load below this share of its own largest one are rounding, and what tones that cancel
+# each other leave of them.
 ROUND_OFF = 1e-12
 # Relative distance of a tone from a harmonic of the base frequency that rounding explains.
 SAME = 1e-9
@@ -87,22 +88,19 @@ class Excitation(Record):
             )
         if all(_known(part) for signal in signals for part in parts_of(signal)):
             orders, found = by_formula([parts_of(signal) for signal in signals], frequency, periods)
-            jumps = None
+            jumps, share = None, 0.0
         else:
+            share = ROUND_OFF
             least = 2 ** math.ceil(math.log2(instants))
             orders, found, jumps = _by_samples(signals, frequency, periods, least)
         if not np.isfinite(found).all():
             raise ValueError(f"{called()}: the loads leave the range of numbers; give them in N and Pa")
-        return cls(orders, found, periods, jumps)._audible()
+        return cls(orders, found, periods, jumps)._audible(share)
 
-    def _audible(self) -> Excitation:
-        """Without lines that are rounding."""
-        noise = ROUND_OFF * np.abs(self.amplitudes).max(axis=0, initial=0.0)  # units differ
-
-        def above(found: np.ndarray) -> np.ndarray:
-            return np.where(np.abs(found) > noise, found, 0.0)
-
-        result = replace(self, amplitudes=above(self.amplitudes.real) + 1j * above(self.amplitudes.imag))
+    def _audible(self, share: float = ROUND_OFF) -> Excitation:
+        """Without lines that are rounding: below so much of a load's largest one."""
+        noise = share * np.abs(self.amplitudes).max(axis=0, initial=0.0)  # units differ
+        result = replace(self, amplitudes=_above(self.amplitudes, noise))
         # a line that is none may be one beside the jumps
         further_values = np.abs(self.smooth) > noise
         return result._lines(((result.amplitudes != 0.0) | further_values).any(axis=1))
@@ -219,9 +217,10 @@ class Excitation(Record):
         omega = 2.0 * np.pi * frequency * self.orders[:, None] / self.periods
         forces = _modal_loads(r, self.amplitudes, omega)
         dynamic = r.omega**2 - omega**2 + 2j * r.damping * r.omega * omega
-        at_resonance = (np.abs(dynamic) <= RESONANCE * np.maximum(r.omega, omega) ** 2) & (
-            np.abs(forces) > ROUND_OFF * np.abs(forces).max(initial=0.0)
-        )
+        # of each line by itself: those of other loads may be far larger
+        noise = ROUND_OFF * np.abs(self.amplitudes) @ np.abs(r.load_modes).max(axis=0, initial=0.0)
+        at_resonance = np.abs(dynamic) <= RESONANCE * np.maximum(r.omega, omega) ** 2
+        at_resonance &= np.abs(forces) > noise[:, None]
         if at_resonance.any():
             order, mode = np.argwhere(at_resonance)[0]
             if r.omega[mode] == 0.0 and self.orders[order] == 0:
@@ -316,10 +315,17 @@ def by_formula(
             if isinstance(part, Harmonic) and round(periods * part.frequency / frequency):
                 order = round(periods * part.frequency / frequency)
                 value = -1j * part.amplitude * np.exp(1j * part.phase)
-            found.setdefault(order, np.zeros(len(loads), dtype=complex))[k] += value
+            line = found.setdefault(order, np.zeros(len(loads), dtype=complex))
+            line[k] = _above(line[k] + value, ROUND_OFF * abs(value))
     orders = sorted(found)
     amplitudes = np.array([found[order] for order in orders], dtype=complex)
     return np.array(orders, dtype=int), amplitudes.reshape(len(orders), len(loads))
+
+
+def _above(found: np.ndarray, noise: np.ndarray | float) -> np.ndarray:
+    """Complex numbers without real and imaginary parts that are rounding."""
+    real, imaginary = (np.where(np.abs(part) > noise, part, 0.0) for part in (found.real, found.imag))
+    return real + 1j * imaginary
 
 
 def one_sided(values: np.ndarray) -> np.ndarray:

@@ -301,3 +301,26 @@ def test_undamped_at_resonance():
     )
     with pytest.raises(ValueError, match="rigid-body motion of mode 1"):
         sb.periodic(free, [sb.Constant(1.0), 1.0], 0.5)
+
+
+def test_undamped_at_resonance_beside_a_preload():
+    """A load of 1e-14 of the preload is told as it is alone."""
+    r = pair_of_masses(damping=0.0, gap=1e30)
+    with pytest.raises(ValueError, match="mode 1 at .* Hz has no damping and is driven at its own frequency"):
+        sb.periodic(r, [sb.Constant(1e14), 1.0], r.frequencies[0])
+
+
+def test_a_tone_beside_its_own_preload():
+    """On one load, 1e13 apart: what float64 leaves of the tone's displacement is below 1e-3."""
+    load = sb.Constant(1e13) + sb.Harmonic(1.0, 0.5)
+    orbit = sb.periodic(pair_of_masses(gap=1e30), [load, 0.0], 0.5)
+    exact = receptance(0.5) @ [-1j, 0.0]
+    assert abs(orbit.harmonics("a")[1] - exact[0]) < 1e-3 * abs(exact[0])
+
+
+def test_tones_that_cancel_are_none():
+    """What rounding leaves of their sum is no line."""
+    parts = (
+        sb.Harmonic(0.1, 0.7) + sb.Harmonic(0.2, 0.7) + sb.Harmonic(0.3, 0.7, np.pi) + sb.Harmonic(1.0, 1.4)
+    )
+    assert Excitation.of([parts], 0.7, None, 8).orders.tolist() == [2]
