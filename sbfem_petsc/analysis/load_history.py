@@ -103,10 +103,10 @@ class LoadHistory(Record):
             m, m and Pa.
         """
         line, points = checked_line(start, end, count)
-        columns = [state.columns for state in self.states]
+        model, columns = self.states[0]._solved, [state.columns for state in self.states]
         inertia = any(c.acceleration.any() for c in columns)
         moved = any(c.lift is not None for c in columns)
-        places = self.states[0].model.places(points, inertia=inertia, moved=moved)
+        places = model.places(points, inertia=inertia, moved=moved)
         u, stress = zip(*(state.at_places(places) for state in self.states))
         return line, np.array(u), np.array(stress)
 

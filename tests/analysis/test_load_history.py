@@ -152,3 +152,11 @@ def test_bad_loads(model):
 
 def test_what_it_prints(history):
     assert repr(history).startswith("LoadHistory(6 states from 0 to 1 s, peak contact resultant ")
+
+
+def test_a_line_asked_of_a_file(history, tmp_path):
+    """Its states know no places any more, and say so."""
+    path = str(tmp_path / "history.h5")
+    sb.save(path, history)
+    with pytest.raises(sb.SolveError, match="that was read from a file knows its named points"):
+        sb.read(path).along((0.01, 0.001), (0.02, 0.001), 3)
