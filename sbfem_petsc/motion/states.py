@@ -362,9 +362,12 @@ class SampledStates(States):
             raise failed_solve(f"{what}: {NOT_KEPT}")
         return self.fields
 
-    def _at(self, table: np.ndarray, name: Point, kind: str = "point") -> np.ndarray:
+    def _at(self, table: np.ndarray, name: Any, kind: str = "point") -> np.ndarray:
         """(n, 2): what a table holds of a point or tip."""
-        if not isinstance(name, str):
-            raise failed_solve(f"{kind} {name!r}: {NOT_KEPT}")
+        if kind == "point" and not isinstance(name, str):
+            raise failed_solve(
+                f"point {name!r}: an unreduced model's motion keeps velocities and accelerations of named "
+                "points alone; name it in points of the mesh, or use the reduced model"
+            )
         names = self.points if kind == "point" else self.tips
         return table[:, at_point({own: k for k, own in enumerate(names)}, name, kind)]

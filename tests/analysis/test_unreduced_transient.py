@@ -436,6 +436,10 @@ def test_any_point(tmp_path):
         sb.SolveError, match="displacement: a motion of an unreduced model keeps its fields up to"
     ):
         sb.read(file).displacement(place)
+    with pytest.raises(sb.SolveError, match="keeps velocities and accelerations of named points"):
+        moving.velocity(place)
+    with pytest.raises(sb.UnknownName, match="crack tip 0 does not exist"):
+        moving.stress_intensity(0)
     with pytest.raises(ValueError, match="lies outside the structure"):
         moving.stress((1.0, 0.0))
     with pytest.raises(sb.UnknownName, match="point 'Z' does not exist"):
