@@ -154,6 +154,22 @@ def test_rounding_of_loads_moves_no_free_body(left, held):
             sb.transient(free, [sb.Constant(1.0)], 0.1, step=0.01, initial="equilibrium")
 
 
+@pytest.mark.parametrize("beside", [0.0, 1e14])
+def test_no_equilibrium_beside_a_large_load(beside):
+    """A free mass that is pushed by 1 N has none, whatever presses on another body."""
+    system = sb.reduce_matrices(
+        np.eye(2),
+        np.diag([0.0, 1.0]),
+        np.array([[0.0, 1.0]]),
+        np.array([1e30]),
+        loads=np.eye(2),
+        sensors={"1": 0},
+        compliance=np.ones(1),
+    )
+    with pytest.raises(sb.SolveError, match="rigid-body motion of mode 1, which nothing holds"):
+        sb.transient(system, [sb.Constant(1.0), sb.Constant(beside)], 1.0, step=0.01, initial="equilibrium")
+
+
 def test_two_tones_on_a_preload():
     """Lines of a quasi-periodic motion are the same."""
     tones = 0.16, 0.02 * np.sqrt(3.0)
