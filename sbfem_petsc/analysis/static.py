@@ -335,6 +335,7 @@ def _solved(model: Model, load, contact: bool, former: Static | None = None) -> 
         notes=notes(model.tips, found.force, columns.tip_forces) + _shared_forces(model, found.memory),
         tip_facts=model.tips.intensities.facts,
         pair_cracks=tuple(model.cracks[k].name for k in model.pairs.crack),
+        loads=tuple(map(repr, as_loads(load).parts)),
         **_rubbed(model, found),
     )
 

@@ -115,11 +115,7 @@ class Static(Record):
     friction_loss: float | None = quantity(
         "J", "lost to friction since the state before, or since rest", kinds="f", default=None
     )
-
-    @derived(text="loads", dims="load", detail=True)
-    def loads(self) -> tuple[str, ...] | None:
-        """Texts, for information."""
-        return None if self.load is None else tuple(map(repr, self.load.parts))
+    loads: tuple[str, ...] = quantity(text="loads", dims="load", detail=True, default=())
 
     @agreed()
     def _gathered(self) -> dict[str, Any]:

@@ -48,6 +48,8 @@ def test_what_is_saved_is_read_back(solved, saved):
     assert os.listdir(os.path.dirname(saved)) == ["results.h5"] and list(found) == ["modes", *LOADS]
     for name, result in {"modes": modes, **cases}.items():
         assert repr(found[name]) == repr(result)
+        if name in cases:
+            assert found[name].loads == result.loads == (repr(LOADS[name]),)
         same(result, found[name])
     np.testing.assert_array_equal(found["modes"].nodal(2), modes.nodal(2))
     with pytest.raises(sb.SolveError, match="read from a file knows its named points, pairs, tips and nodes"):
