@@ -59,14 +59,14 @@ def harmonic_error_estimates(fixed: FixedPoint) -> np.ndarray:
         errors[1] = 0.0
     elif period := attempt(lambda: finer(OWNER, p, 2), ValueError):  # there may be no memory for it
         if found := _nearby(period.at(*where), fixed.state, lambda: known_derivative(fixed)):
-            errors[1], best = SECOND * change(lowest(fixed), lowest(found)), found
+            errors[1], best = SECOND * change(lowest(fixed), lowest(found), driven), found
     # Where faces rub, motions in more modes are dear in twice the steps; elsewhere they ring in the own ones.
     base, other = (fixed, best) if p.friction is not None else (best, fixed)
     delay, late = p.reduced.delay, base
     if not delay:
         errors[2] = 0.0
     elif found := _nearby(delayed(base.driven, base), base.state, lambda: known_derivative(fixed)):
-        errors[2], late = change(lowest(base), lowest(found, delay)), found
+        errors[2], late = change(lowest(base), lowest(found, delay), driven), found
     factor = beyond(p.reduced, more)
     if np.isfinite(factor):
         errors[0] = factor * _change_in_more_modes(late, fixed, more, delay * (late is not base))
@@ -87,7 +87,7 @@ def _change_in_more_modes(
     beside = delayed(beside, motion) if delay else beside
     state = beside.linear_state + added(motion, wide)
     found = _nearby(beside, state, lambda: carried_derivative(fixed, beside, state))
-    return np.inf if found is None else change(lowest(motion, delay), lowest(found, delay))
+    return np.inf if found is None else change(lowest(motion, delay), lowest(found, delay), driven)
 
 
 def delayed(driven: DrivenPeriod, fixed: FixedPoint) -> DrivenPeriod:
@@ -206,13 +206,13 @@ def seen(fixed: FixedPoint, delay: float = 0.0) -> tuple[np.ndarray, np.ndarray]
     return u, forces[:, : r.gaps].sum(axis=1)
 
 
-def change(own: list[np.ndarray], other: list[np.ndarray]) -> np.ndarray:
+def change(own: list[np.ndarray], other: list[np.ndarray], driven: DrivenPeriod) -> np.ndarray:
     """(5,): the largest change of each harmonic, relative to what it comes to or the least that counts."""
-    found = np.zeros(LOWEST)
+    found, resting = np.zeros(LOWEST), RESTING if driven.oscillation == 0.0 else 0.0
     for one, two in zip(own, other):
         one, two = one.reshape(LOWEST, -1), two.reshape(LOWEST, -1)
         sizes = np.linalg.norm([one, two], axis=2)
-        least = max(FAINT * sizes[:, 1:].max(), RESTING * sizes[:, 0].max(), np.finfo(float).tiny)
+        least = max(FAINT * sizes[:, 1:].max(), resting * sizes[:, 0].max(), np.finfo(float).tiny)
         found = np.maximum(found, np.linalg.norm(one - two, axis=1) / np.maximum(sizes[1], least))
     return found
 

@@ -371,6 +371,17 @@ def test_a_body_at_rest_has_no_error():
         assert orbit.mode_error[1:].max() < 1e-6, orbit.mode_error
 
 
+@pytest.mark.parametrize("preload", [1e8, 1e10])
+def test_told_about_a_far_place_at_rest(preload):
+    """A linear vibration's error is the same whatever constant load it is beside, to the rounding of its
+    displacement.
+    """
+    tones = [sb.Harmonic(1.0, 0.9) + sb.Constant(load) for load in (0.0, preload)]
+    alone, beside = (sb.periodic(rod(8), [tone], 0.9, contact=False).mode_error[1] for tone in tones)
+    assert 1e-4 < alone < 1.0
+    assert beside == pytest.approx(alone, rel=1e-2)
+
+
 def test_free_motion_over_a_step():
     """Each mode by exp(lambda h), in whatever unit its coordinate is told; of what stands behind nothing."""
     omega, damping, step = np.array([3.0, 50.0]), np.array([0.02, 0.3]), 0.01
