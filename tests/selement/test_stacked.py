@@ -96,6 +96,27 @@ def test_model_begins_with_what_its_stiffness_has_begun_with(monkeypatch):
     assert all((one == other).all() for one, other in zip(found[1], found[1000]))
 
 
+def test_inertia_begins_anew_after_an_interruption(monkeypatch):
+    """What is stopped in its second stack, in a notebook say, has not left its beginnings to other stacks."""
+    mesh = Plate([(0, 0), (1, 0), (1, 0.7), (0, 0.7)], holes=[Hole(0.4, 0.3, 0.2)]).mesh(order=3, size=0.2)
+    steel, calls = sb.Material(206e9, 0.3, 7850), []
+    monkeypatch.setattr(shapes, "STACK", 1000)
+    expected = [group.solution.mass for group in sb.Model(mesh, steel, clamped="edge1").cells.moving]
+
+    def stopped(*given) -> list:
+        calls.append(given)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return inertia_of_stack(*given)
+
+    monkeypatch.setattr(shapes, "inertia_of_stack", stopped)
+    model = sb.Model(mesh, steel, clamped="edge1")
+    with pytest.raises(KeyboardInterrupt):
+        _ = model.cells.moving
+    found = [group.solution.mass for group in model.cells.moving]
+    assert all((one == other).all() for one, other in zip(found, expected))
+
+
 def test_modes_by_moments(monkeypatch):
     """Frequencies of a plate with a hole, whose cells are straight, curved and small, by the moments are
     those by the whole continued fraction of each cell: what is kept of either is the same space.

@@ -272,8 +272,10 @@ class Solutions:
     def inertia(self, terms: int) -> list[Inertia | Moments]:
         """Mass and continued fraction of each of this rank's requests. Collective."""
 
+        starts, self._begun = iter(self._begun), []  # all at once: what is interrupted is begun anew
+
         def solve_all(solved: list[SElement]) -> list[Inertia | Moments | None]:
-            return inertia_of_stack(solved, terms, self._begun.pop(0) if self._begun else None)
+            return inertia_of_stack(solved, terms, next(starts, None))
 
         def solve(solved: SElement) -> Inertia | Moments:
             dynamics = solved.with_inertia(terms).dynamics
