@@ -21,6 +21,8 @@ ROUND_OFF = 1e-9
 STEPS_A_PERIOD = 320
 # Relative to an instant: how far times that round-off has moved are from it at most.
 JUST = 1e-3 * ROUND_OFF
+# Of the larger one of two constants: what rounding leaves of them where they cancel each other.
+_CANCELLED = 1e-12
 
 
 class Signal:
@@ -242,10 +244,11 @@ class Sum(Signal):
 def _total(signals: tuple[Signal, ...]) -> Signal:
     """The sum, flat, with at most one constant and none that is zero."""
     parts = [part for signal in signals for part in (signal.parts if isinstance(signal, Sum) else (signal,))]
-    constant = sum(part.value for part in parts if isinstance(part, Constant))
-    parts = [part for part in parts if not isinstance(part, Constant)]
-    if constant != 0.0 or not parts:
-        parts.insert(0, Constant(constant))
+    constants = [part.value for part in parts if isinstance(part, Constant)]
+    constant, parts = sum(constants), [part for part in parts if not isinstance(part, Constant)]
+    rounding = abs(constant) <= _CANCELLED * max(map(abs, constants), default=0.0)
+    if not (rounding and parts):
+        parts.insert(0, Constant(0.0 if rounding else constant))
     return parts[0] if len(parts) == 1 else Sum(tuple(parts))
 
 

@@ -324,3 +324,14 @@ def test_tones_that_cancel_are_none():
         sb.Harmonic(0.1, 0.7) + sb.Harmonic(0.2, 0.7) + sb.Harmonic(0.3, 0.7, np.pi) + sb.Harmonic(1.0, 1.4)
     )
     assert Excitation.of([parts], 0.7, None, 8).orders.tolist() == [2]
+
+
+def test_constants_that_cancel_push_no_free_body():
+    """What rounding leaves of their sum, 6e-17 of a tone, is no constant load."""
+    none, spring = np.zeros((0, 2)), np.array([[1.0, -1.0], [-1.0, 1.0]])
+    free = reduce_matrices(np.eye(2), spring, none, np.zeros(0), loads=np.eye(2), sensors={"a": 0})
+    tone = sb.Harmonic(1.0, 0.5)
+    load = tone + sb.Constant(0.1) + sb.Constant(0.2) + sb.Constant(-0.3)
+    exact = np.linalg.solve(spring - np.pi**2 * np.eye(2), [-1j, 0.0])
+    assert sb.periodic(free, [load, 0.0], 0.5).harmonics("a")[1] == pytest.approx(exact[0], rel=1e-9)
+    assert load == tone and sb.Constant(0.5) - sb.Constant(0.5) == sb.Constant(0.0)
