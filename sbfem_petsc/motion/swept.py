@@ -23,7 +23,7 @@ from ..system.fields.places import checked_place
 from .excitation import parts_of
 from .integration import Steps, chunks
 from .reduced_history import ReducedIntegrator
-from .states import Point, peak_of
+from .states import Point, peak_of, peaks_of
 
 # Settling times between the means that are compared.
 APART = 3
@@ -94,8 +94,7 @@ class SweptLoads(Record):
             displacements[kept] = part[:, :, -displacements.shape[2] :]
             contact[kept, 0] = rows["contact_force"][:, : reduced.gaps].sum(axis=1)
         low, high = over_cycles(self.ends, plan.step, displacements)
-        least, most = over_cycles(self.ends, plan.step, contact)
-        return 0.5 * (high - low), np.where(-least > most, least, most)[:, 0]
+        return 0.5 * (high - low), peaks_of(*over_cycles(self.ends, plan.step, contact))[:, 0]
 
 
 @described

@@ -53,3 +53,17 @@ def test_peaks_are_tension(model, kind, tmp_path):
     path = str(tmp_path / "found.h5")
     sb.save(path, found)
     assert np.array_equal(np.ravel(getattr(sb.read(path), "contact_peak", told)), peaks)
+
+
+def test_peaks_of_both_signs_do_not_change_between_them():
+    """Faces that are tied carry as much tension as pressure where a load has no mean: rounding decided which
+    one a point of a curve told.
+    """
+    stiffness = 100.0 * np.array([[2.0, -1.0], [-1.0, 2.0]])
+    tied = {"compliance": np.array([1e-3]), "contact_laws": sb.Tied()}
+    pair = sb.reduce_matrices(
+        np.eye(2), stiffness, [[1.0, -1.0]], [0.0], loads=np.eye(2), sensors={"a": 0}, damping=0.05, **tied
+    )
+    peaks = sb.frequency_response(pair, [1.0, 0.0], 1.0, 2.0, stability=False).contact_peak
+    assert len(peaks) > 4 and (peaks > 0.0).all()
+    assert sb.swept_response(pair, [1.0, 0.0], 1.0, 2.0, duration=60.0).contact_peak.min() > 0.0
