@@ -159,7 +159,7 @@ class FiniteElementModel:
         self.columns[tuple(unknowns[free].T)] = np.arange(free.sum())
         named = [np.column_stack([self.labels[rows], along]) for rows, along in (unknowns[free].T, held.T)]
         self.unknowns, self.fixed = named[0], frozenset(map(tuple, named[1].tolist()))
-        self.number = zlib.crc32(self.columns.tobytes() + self.places.tobytes())
+        self.number = zlib.crc32(self.columns.tobytes() + (self.places + 0.0).tobytes())  # not -0.0
 
     def nodal(self, unknowns: np.ndarray) -> np.ndarray:
         """(nodes, 3): displacements at all nodes in the order of `labels`, of (n,) values of the unknowns."""

@@ -46,7 +46,8 @@ class Row:
 
     def __add__(self, other: Row, factor: float = 1.0) -> Row:
         weights = sparse.csr_matrix(self.weights + factor * _same("row", self, other).weights)
-        return Row(weights, self.direction if self.direction == other.direction else "", self.body)
+        along = self.direction if self.direction == other.direction else ""
+        return Row(weights, along, other.body if self.body is None else self.body)
 
     def __sub__(self, other: Row) -> Row:
         return self.__add__(other, -1.0)
@@ -98,7 +99,8 @@ class Contact:
             first = min(map(two.index, again))
             raise ValueError(f"contact: pair {first} that is added is there already; leave its node out")
         rows, slips = (sparse.vstack(parts).tocsr() for parts in both)
-        return Contact(rows, np.append(self.gap, other.gap), self.laws + other.laws, slips, self.body)
+        body = other.body if self.body is None else self.body
+        return Contact(rows, np.append(self.gap, other.gap), self.laws + other.laws, slips, body)
 
     @property
     def size(self) -> int:

@@ -14,6 +14,7 @@ import scipy.spatial
 
 import sbfem_petsc as sb
 from sbfem_petsc import plot
+from sbfem_petsc.bodies.rows import Row
 
 
 def test_rows_and_contact_beside_dense(parts, body):
@@ -648,3 +649,17 @@ def test_normals_that_look_into_the_body(body):
             body.contact(left, normal=normal, gap=1e-6)
     crack = body.contact("RIGHT", "LEFT", normal=(-1, 0, 0), gap=0.0)
     assert crack.rows.shape[0] == len(body.sets["LEFT"])
+
+
+def test_bodies_of_rows_made_by_hand_and_of_zeros_of_either_sign():
+    """A row by hand, put before that of another body, leaves it known; -0.0 is the same place as 0.0."""
+
+    def body(x=0.0):
+        places, unit = {1: (x, 0.0, 0.0), 2: (0.1, 0.0, 0.0)}, scipy.sparse.identity(6, format="csr")
+        return sb.FiniteElementModel(unit, 1e6 * unit, [(n, k) for n in (1, 2) for k in range(3)], places)
+
+    own, by_hand = body(), Row(scipy.sparse.csr_matrix(np.eye(6)[[5]]))
+    given = {"modes": 2, "points": {"P": own.at(2, "z")}}
+    assert sb.reduce(body(-0.0), loads={"F": by_hand + own.at(2, "z")}, **given).load_modes.shape == (2, 1)
+    with pytest.raises(ValueError, match="is of another body"):
+        sb.reduce(own, loads={"F": by_hand + body(0.05).at(2, "z")}, **given)
