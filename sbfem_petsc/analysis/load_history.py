@@ -15,11 +15,12 @@ from typing import ClassVar, overload
 import numpy as np
 
 from ..checks import instance, real_array
+from ..contact.law import peak_of
 from ..errors import at_point
 from ..loads import Loads
 from ..motion.history import Motion
 from ..motion.loading import loading
-from ..motion.states import ModalStates, Point, peak_of
+from ..motion.states import ModalStates, Point
 from ..ranks.capacity import require_memory
 from ..ranks.parallel import agreed, collective
 from ..record.record import Record, derived, described, of_each, quantity

@@ -34,6 +34,8 @@ from ..record.record import Record, derived, described
 
 # Rounding of a gap, relative to the sum of its terms' moduli.
 ROUND_OFF = 1e-14
+# Ratio of two peaks' moduli that steps explain: of 100 a period they miss 5e-4 of a tone's peak.
+ALIKE = 1.001
 # States of a row; those that are not free hold its gap.
 FREE, PRESSED, PULLED = range(3)
 
@@ -397,3 +399,15 @@ def rows_depend() -> Exception:
         "contact: rows that are closed depend on each other; is a pair given twice, or what moves it held, "
         "or do kept modes leave it no flexibility? Keep fewer modes, or give the rows compliance"
     )
+
+
+def peaks_of(least: np.ndarray, most: np.ndarray) -> np.ndarray:
+    """The ones of larger modulus, of least and largest contact resultants: negative where laws hold faces
+    back, positive where steps alone tell the moduli apart.
+    """
+    return np.where(-least > ALIKE * most, least, most)
+
+
+def peak_of(resultant: np.ndarray) -> float:
+    """The same of one contact resultant (n,), N."""
+    return float(peaks_of(resultant.min(), resultant.max()))

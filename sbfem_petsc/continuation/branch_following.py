@@ -11,11 +11,11 @@ import numpy as np
 
 from meshing.warnings import BranchWarning
 
+from ..contact.law import peak_of
 from ..errors import SolveError, on_all_ranks, warn, wrong_input
 from ..motion.contact_work import StepsTooLong, times_more, warn_of_contact_work
 from ..motion.excitation import one_sided
 from ..motion.period_map import Period
-from ..motion.states import peak_of
 from .bifurcations import Bifurcation, by_steps, locate, unlocated
 from .branch import Branch
 from .events import Way, insert, refine, turns_twice

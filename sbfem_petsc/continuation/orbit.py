@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from ..checks import choice, instance
+from ..contact.law import peak_of
 from ..errors import SolveError, called, failed_solve, wrong_input
 from ..motion.excitation import one_sided
 from ..motion.history import Motion
 from ..motion.period_map import DrivenPeriod, FixedPoint
 from ..motion.period_motion import PeriodMotion
-from ..motion.states import ModalStates, Point, peak_of
+from ..motion.states import ModalStates, Point
 from ..record.record import Record, derived, described, quantity
 from ..reduction.reduced_model import OfReduced, ReducedModel
 from ..system.elements.plausibility import furthest_of_lines

@@ -12,6 +12,7 @@ from meshing.warnings import IncompleteHistory
 
 from ..bodies.finite_element_model import FiniteElementModel
 from ..checks import Bounds, real, shown
+from ..contact.law import peak_of
 from ..errors import UnknownName, at_point, failed_solve, warn, wrong_input
 from ..ranks.parallel import agreed
 from ..record.record import Record, derived, described, quantity
@@ -20,7 +21,7 @@ from ..system.fields.places import checked_line
 from ..system.fields.sampling import Field
 from ..system.model import Model
 from .energy import ROUND_OFF, Energy
-from .states import ModalStates, Point, Rows, SampledStates, peak_of
+from .states import ModalStates, Point, Rows, SampledStates
 
 # Supports whose forces are printed.
 SHOWN = 4

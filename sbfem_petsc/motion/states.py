@@ -30,21 +30,6 @@ NOT_KEPT = (
     "goes on from one; name further points, keep fewer steps (decimation), or use the reduced model"
 )
 
-# Ratio of two peaks' moduli that steps explain: of 100 a period they miss 5e-4 of a tone's peak.
-ALIKE = 1.001
-
-
-def peaks_of(least: np.ndarray, most: np.ndarray) -> np.ndarray:
-    """The ones of larger modulus, of least and largest contact resultants: negative where laws hold faces
-    back, positive where steps alone tell the moduli apart.
-    """
-    return np.where(-least > ALIKE * most, least, most)
-
-
-def peak_of(resultant: np.ndarray) -> float:
-    """The same of one contact resultant (n,), N."""
-    return float(peaks_of(resultant.min(), resultant.max()))
-
 
 class States(Record):
     """Instants of a motion.

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import wofz
 
 from ..checks import choice, positive
+from ..contact.law import peak_of, peaks_of
 from ..errors import SolveError
 from ..progress import silent
 from ..record.record import Record, derived, described, quantity
@@ -23,7 +24,7 @@ from ..system.fields.places import checked_place
 from .excitation import parts_of
 from .integration import Steps, chunks
 from .reduced_history import ReducedIntegrator
-from .states import Point, peak_of, peaks_of
+from .states import Point
 
 # Settling times between the means that are compared.
 APART = 3

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from ...contact.law import peak_of
 from ...errors import SolveError
 from ...motion.excitation import Excitation
 from ...motion.period_map import DrivenPeriod, Period
 from ...motion.period_motion import PeriodMotion
-from ...motion.states import peak_of
 from ...petsc import MPI
 from ...ranks.parallel import collective
 from ...reduction.outputs import LinearOutput

@@ -11,7 +11,7 @@ import numpy as np
 import sbfem_petsc as sb
 
 from ...analysis.options import BasinsOptions
-from ...motion.states import peak_of
+from ...contact.law import peak_of
 from ...options import item
 from ...record.found import Found, column, labelled, of_points
 from ..case import objects

@@ -19,8 +19,8 @@ import numpy as np
 import sbfem_petsc as sb
 
 from ...analysis.options import OfEither, driven_at
+from ...contact.law import peak_of
 from ...indicators.detection import contact_duty
-from ...motion.states import peak_of
 from ...options import item, one_of
 from ...progress import Progress
 from ...record.about import Quantity
